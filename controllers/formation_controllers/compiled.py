@@ -1,0 +1,34 @@
+"""How the compiled parts are compiled: one way for all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _sources() -> str:
+    """Hash all sources of this package."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+
+
+_SOURCES = _sources()
+
+
+def compiled(function: F) -> F:
+    """Compile a function with Numba, strictly (no fast-math), and keep the result on disk.
+
+    With ``NUMBA_DISABLE_JIT=1`` the function stays the plain Python it is.
+    """
+    dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        # Numba renews a cached function only when that function's own file changes, and would go on with an
+        # old formula inlined from another file. Let all of our sources be the stamp.
+        dispatcher._cache._cache_file._source_stamp = _SOURCES
+    return dispatcher  # type: ignore[no-any-return]

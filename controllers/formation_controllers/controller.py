@@ -1,0 +1,277 @@
+"""The base class of all controllers."""
+
+from __future__ import annotations
+
+import copy
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from formation_controllers.errors import ControllerError, GainError
+from formation_controllers.finite import all_finite, finite
+from formation_controllers.gains import Gains
+from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
+
+G = TypeVar("G", bound=Gains)
+
+
+class Controller(ABC, Generic[G]):
+    """A controller of a team of followers of one kind of vehicle.
+
+    The legal order of calls:
+
+    1. ``Controller(team, gains)``
+    2. `start`, with the poses at time zero
+    3. `step`, once a tick, the first with the same poses as `start`
+    4. `telemetry`, `get_state`, `to_bytes`, any time after `start`
+    5. `reset` leads back to 1; `set_state` and `from_bytes` stand in for `start`
+
+    `copy` is legal at any time. A law is decentralised: row i of what comes out depends on row i of what goes
+    in, and on the leader.
+
+    To write one, state the class variables and the three abstract methods, keep every number that changes in
+    ``self._state``, and write the signals into ``self._telemetry``: both are structured arrays with one
+    record a robot and one field for each name.
+
+    Parameters
+    ----------
+    team
+        The followers.
+    gains
+        The gains, of the class's `gains_type`; its defaults if left out.
+
+    Raises
+    ------
+    ControllerError
+        If the controller does not serve this kind of vehicle.
+    GainError
+        If the gains are another law's.
+    """
+
+    interface: ClassVar[str]
+    """Version of the interface that the class speaks."""
+    vehicles: ClassVar[tuple[str, ...]]
+    """Kinds of vehicles that it serves."""
+    gains_type: type[G]
+    """Its gains."""
+    signals: ClassVar[tuple[Signal, ...]]
+    """Its telemetry."""
+
+    def __init__(self, team: Team, gains: G | None = None) -> None:
+        gains = self.gains_type() if gains is None else gains
+        name = type(self).__name__
+        if team.vehicle.kind not in self.vehicles:
+            raise ControllerError(
+                f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}"
+            )
+        if not isinstance(gains, self.gains_type):
+            raise GainError(
+                f"{name} takes gains of {self.gains_type.__name__}, not of {type(gains).__name__}"
+            )
+        self.team = team
+        self.gains = gains
+        states = [(state, float, shape) for state, shape in self.state_shapes().items()]
+        signals = [(s.name, float, (len(s.components),) if s.components else ()) for s in self.signals]
+        self._state = np.zeros(team.size, dtype=np.dtype(states))
+        self._telemetry = np.full(team.size, np.nan, dtype=np.dtype(signals))
+        self._started = False
+
+    @abstractmethod
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state of the law."""
+
+    @abstractmethod
+    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
+        """Set those states that do not start at zero. The arguments are checked arrays."""
+
+    @abstractmethod
+    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
+        """Return the torques (N, 2) of this tick, then advance every state by one period. Checked arrays."""
+
+    def start(self, pose: ArrayLike, leader: Leader, desired: Desired) -> None:
+        """Set every state to its value at time zero.
+
+        Parameters
+        ----------
+        pose
+            Poses (N, 4) of the followers [m, m, rad, rad].
+        leader
+            The virtual leader.
+        desired
+            Desired range and bearing.
+
+        Raises
+        ------
+        ControllerError
+            If a shape does not fit the team or a number is not finite; names robot and component.
+        """
+        inputs = self._checked(pose, leader, desired)
+        self._clear()
+        self.on_start(*inputs)
+        self._started = True
+
+    def step(self, pose: ArrayLike, leader: Leader, desired: Desired) -> Floats:
+        """Return the torques of this tick, unsaturated, and advance every state by one period.
+
+        Parameters
+        ----------
+        pose
+            Poses (N, 4) of the followers [m, m, rad, rad].
+        leader
+            The virtual leader.
+        desired
+            Desired range and bearing.
+
+        Returns
+        -------
+        ndarray
+            Torques (N, 2) [N.m].
+
+        Raises
+        ------
+        ControllerError
+            Before `start`; if a shape does not fit the team or a number is not finite, naming robot and
+            component (the controller is then as it was before the call); or if a torque is not finite (it is
+            then of no use until the next `start`).
+        """
+        self._require_start("a step")
+        torque = self.on_step(*self._checked(pose, leader, desired))
+        torque = _array("the torque", torque, (self.team.size, 2))
+        if not finite(torque):
+            robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
+            values = ", ".join(f"{s.name} = {self._telemetry[s.name][robot]} {s.unit}" for s in self.signals)
+            raise ControllerError(f"the torque is not finite, at {values}", robot=robot)
+        return torque
+
+    def telemetry(self) -> dict[str, Floats]:
+        """Return every signal at the last step, from which its torques came; NaN before the first step."""
+        return {signal.name: self._telemetry[signal.name].copy() for signal in self.signals}
+
+    def reset(self) -> None:
+        """Go back to before `start`."""
+        self._clear()
+        self._started = False
+
+    def copy(self) -> Self:
+        """Return an independent controller in the same state."""
+        return copy.deepcopy(self)
+
+    def get_state(self) -> dict[str, Floats]:
+        """Return every state, each an array with one row a robot.
+
+        Raises
+        ------
+        ControllerError
+            Before `start`.
+        """
+        self._require_start("a state")
+        return {name: self._state[name].copy() for name in self._names()}
+
+    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Go on from a state that a controller with the same team and gains had.
+
+        Raises
+        ------
+        ControllerError
+            If a state is missing, unknown or of another shape.
+        """
+        if set(state) != set(self._names()):
+            raise ControllerError(f"the states are {sorted(state)}: expected {sorted(self._names())}")
+        arrays = {
+            name: _array(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()
+        }
+        self._clear()
+        for name, array in arrays.items():
+            self._state[name] = array
+        self._started = True
+
+    def to_bytes(self) -> bytes:
+        """Return the state as bytes (NumPy's ``npy`` format).
+
+        Raises
+        ------
+        ControllerError
+            Before `start`.
+        """
+        self._require_start("a state")
+        buffer = io.BytesIO()
+        np.save(buffer, self._state, allow_pickle=False)
+        return buffer.getvalue()
+
+    def from_bytes(self, data: bytes) -> None:
+        """Go on from the bytes of a state, as `set_state` does.
+
+        Raises
+        ------
+        ControllerError
+            If the bytes are not a state of such a controller.
+        """
+        try:
+            state = np.load(io.BytesIO(data), allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            raise ControllerError(f"the bytes are not a controller's state: {error}") from None
+        self.set_state({name: state[name] for name in state.dtype.names or ()})
+
+    def _names(self) -> tuple[str, ...]:
+        return self._state.dtype.names or ()
+
+    def _clear(self) -> None:
+        self._state[...] = np.zeros((), self._state.dtype)
+        self._telemetry[...] = np.full((), np.nan, self._telemetry.dtype)
+
+    def _require_start(self, what: str) -> None:
+        if not self._started:
+            raise ControllerError(
+                f"{what} was asked for before the controller was started: call start() first"
+            )
+
+    def _checked(self, pose: ArrayLike, leader: Leader, desired: Desired) -> tuple[Floats, Leader, Desired]:
+        """Return the inputs as arrays of the right shape with finite numbers, or refuse them by name."""
+        n = self.team.size
+        poses = _array("pose", pose, (n, 4))
+        told = Leader(
+            _array("the leader's pose", leader.pose, (4,)),
+            _array("the leader's velocity", leader.velocity, (2,)),
+            None
+            if leader.acceleration is None
+            else _array("the leader's acceleration", leader.acceleration, (2,)),
+        )
+        wanted = Desired(
+            _array("the desired q", desired.q, (n, 2)),
+            _array("the desired q_dot", desired.q_dot, (n, 2)),
+            _array("the desired q_ddot", desired.q_ddot, (n, 2)),
+        )
+        if not all_finite(poses, told.pose, told.velocity, *wanted):
+            components = self.team.vehicle.pose_components
+            _refuse_non_finite("pose", poses, components)
+            _refuse_non_finite("the leader's pose", told.pose, components)
+            _refuse_non_finite("the leader's velocity", told.velocity, ("v", "omega"))
+            for name, array in zip(("q", "q_dot", "q_ddot"), wanted, strict=True):
+                _refuse_non_finite(f"desired {name}", array, ("range", "bearing"))
+        return poses, told, wanted
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return a value as an array of floats of this shape, laid out as compiled code expects it."""
+    try:
+        array = np.asarray(value, dtype=float, order="C")
+    except (TypeError, ValueError):
+        raise ControllerError(f"{name} is not an array of numbers") from None
+    if array.shape != shape:
+        raise ControllerError(f"{name} has shape {array.shape}: expected {shape}")
+    return array if array.flags.writeable else array.copy()
+
+
+def _refuse_non_finite(what: str, value: ArrayLike, components: tuple[str, ...]) -> None:
+    """Raise an error that names robot and component of the first number that is not finite, if any."""
+    array = np.asarray(value)
+    for index in np.argwhere(~np.isfinite(array)):
+        robot = int(index[0]) if array.ndim == 2 else None
+        message = (
+            f"{what} component {components[index[-1]]} is {array[tuple(index)]}: expected a finite number"
+        )
+        raise ControllerError(message, robot=robot)

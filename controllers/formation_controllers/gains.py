@@ -1,0 +1,121 @@
+"""Gains: frozen dataclasses whose fields know their symbol, unit and bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation_controllers.errors import GainError, unknown
+
+
+@dataclass(frozen=True)
+class GainInfo:
+    """What is known about one gain.
+
+    Attributes
+    ----------
+    symbol : str
+        The symbol in the paper.
+    unit : str
+        Unit of the range's component; the bearing's has rad for m and N.m for N.
+    description : str
+        What it does.
+    size : int or None
+        1: a number; 2: a diagonal matrix, given as a number or as a pair (range, bearing); None: any length.
+    above, at_least : float or None
+        Lower bound, excluded or included.
+    reason : str
+        Why the bound is there.
+    """
+
+    symbol: str
+    unit: str
+    description: str
+    size: int | None = 1
+    above: float | None = None
+    at_least: float | None = None
+    reason: str = ""
+
+
+def gain(default: float | tuple[float, ...], symbol: str, unit: str, description: str, **rest: Any) -> Any:
+    """State one gain: a dataclass field with a `GainInfo` as its metadata under the key ``"gain"``."""
+    return field(default=default, metadata={"gain": GainInfo(symbol, unit, description, **rest)})
+
+
+def gain_info(gains_type: type[Gains]) -> dict[str, GainInfo]:
+    """Return name and `GainInfo` of every gain of a gains class, in the order they are stated."""
+    return {f.name: f.metadata["gain"] for f in fields(gains_type)}
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Base of all gains; checks every field when made.
+
+    Numbers become floats; diagonal matrices and vectors become tuples of floats. A sequence of length 1
+    counts as a number, and a number given for a diagonal matrix as both of its entries.
+
+    Raises
+    ------
+    GainError
+        If a value is no number, is not finite, has the wrong length or breaks a bound.
+    """
+
+    def __post_init__(self) -> None:
+        for name, info in gain_info(type(self)).items():
+            object.__setattr__(self, name, _checked(name, getattr(self, name), info))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, float | Sequence[float]]) -> Self:
+        """Make gains from names and values; gains not named keep their default.
+
+        Raises
+        ------
+        GainError
+            If a name is not a gain of this class, or a value is refused.
+        """
+        for name in values:
+            if name not in gain_info(cls):
+                raise GainError(unknown("gain", name, gain_info(cls)))
+        return cls(**values)
+
+
+def gain_records(gains: Sequence[Gains]) -> NDArray[np.void]:
+    """Lay out gains as a structured array, one record a robot, for compiled code."""
+    values = [tuple(getattr(g, name) for name in gain_info(type(g))) for g in gains]
+    layout = [
+        (name, float, np.shape(value))
+        for name, value in zip(gain_info(type(gains[0])), values[0], strict=True)
+    ]
+    return np.array(values, dtype=np.dtype(layout))
+
+
+def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, ...]:
+    """Return a gain in its normal form, or refuse it."""
+    entries = (
+        tuple(value) if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) else (value,)
+    )
+    allowed = {1: "one number", 2: "one number or a pair (range, bearing)", None: "one or more numbers"}[
+        info.size
+    ]
+    try:
+        numbers = tuple(float(entry) for entry in entries if not isinstance(entry, str | bool))
+    except (TypeError, ValueError):
+        numbers = ()
+    if not numbers or len(numbers) != len(entries) or (info.size and len(numbers) not in (1, info.size)):
+        raise GainError(f"gain {name!r} is {value!r}: expected {allowed}")
+    for number in numbers:
+        if not math.isfinite(number):
+            raise GainError(f"gain {name!r} is {number}: expected a finite number")
+        because = f" ({info.reason})" if info.reason else ""
+        if info.above is not None and not number > info.above:
+            raise GainError(f"gain {name!r} is {number:g}: must be greater than {info.above:g}{because}")
+        if info.at_least is not None and not number >= info.at_least:
+            raise GainError(f"gain {name!r} is {number:g}: must be at least {info.at_least:g}{because}")
+    if info.size == 1:
+        return numbers[0]
+    return numbers * 2 if info.size == 2 and len(numbers) == 1 else numbers

@@ -1,0 +1,79 @@
+"""What passes between a controller and whoever runs it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation_controllers.errors import ControllerError
+from formation_controllers.vehicles import Vehicle
+
+Floats: TypeAlias = NDArray[np.float64]
+
+INTERFACE_VERSION: Final = "1.0"
+"""Version of the interface: of the types below and of `formation_controllers.controller.Controller`.
+
+It is not the package's. The minor number grows when something is added that older controllers need not know,
+the major number when they must be rewritten: a controller can be used if it speaks the same major and no
+later minor number.
+"""
+
+
+@dataclass(frozen=True)
+class Team:
+    """What a controller is told once.
+
+    Parameters
+    ----------
+    vehicle
+        The vehicle that every follower is.
+    size
+        Number N of followers.
+    period
+        Time between two ticks [s].
+
+    Raises
+    ------
+    ControllerError
+        If size or period is not positive.
+    """
+
+    vehicle: Vehicle
+    size: int
+    period: float
+
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise ControllerError(f"the team has {self.size} followers: it needs at least one")
+        if not (math.isfinite(self.period) and self.period > 0):
+            raise ControllerError(f"the period is {self.period} s: it must be a positive time")
+
+
+class Leader(NamedTuple):
+    """The virtual leader at this tick: pose (4,), velocity (v, omega) (2,), acceleration (2,) if known."""
+
+    pose: Floats
+    velocity: Floats
+    acceleration: Floats | None = None
+
+
+class Desired(NamedTuple):
+    """Desired range [m] and bearing [rad] of every follower at this tick and two derivatives, each (N, 2)."""
+
+    q: Floats
+    q_dot: Floats
+    q_ddot: Floats
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One telemetry signal: an array of shape (N,), or (N, len(components)) if it has components."""
+
+    name: str
+    unit: str
+    description: str
+    components: tuple[str, ...] = ()
