@@ -1,0 +1,111 @@
+"""The command line ``formation``.
+
+Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 the simulation itself failed;
+130 interrupted. What a command needs is imported when it runs, so that the others start at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from cosim.cli.console import err, report
+from cosim.errors import FormationError
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        return _COMMANDS[options.command](options)
+    except FormationError as error:
+        report(error)
+        return error.exit_status
+    except KeyboardInterrupt:
+        err().print("interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone, as in `formation list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from cosim.cli.run import run
+
+    return run(options)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from cosim.cli.check import check
+
+    return check(options)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from cosim.cli.build import build
+
+    return build(options)
+
+
+def _list(options: argparse.Namespace) -> int:
+    from cosim.cli.inventory import inventory
+
+    return inventory(options)
+
+
+_COMMANDS = {"run": _run, "check": _check, "build": _build, "list": _list}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="formation", description="Co-simulation test bench for formations of wheeled robots."
+    )
+    parser.add_argument("--version", action="version", version=f"formation-cosim {version('formation-cosim')}")
+    commands = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
+
+    about = "run scenarios and write results, summary and figure to DIR/NAME/"
+    run = commands.add_parser("run", help=about, description=about.capitalize() + ".")
+    _add_scenarios(run)
+    run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
+    run.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
+    run.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
+    run.add_argument(
+        "--controller",
+        action="append",
+        default=[],
+        metavar="ID=NAME",
+        help="another control law for a controller, at that law's default gains",
+    )
+    run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
+    run.add_argument("--timing", action="store_true", help="print what the time was spent on")
+
+    about = "read and validate scenarios, and run nothing"
+    check = commands.add_parser("check", help=about, description=about.capitalize() + ".")
+    _add_scenarios(check)
+
+    about = "build FMUs of the built-in models"
+    build = commands.add_parser("build", help=about, description=about.capitalize() + ".")
+    build.add_argument("models", nargs="*", metavar="MODEL", help="which (all)")
+    build.add_argument("--fmi", choices=["2"], default="2", help="version of FMI (2)")
+    build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
+
+    about = "list plants, controllers and scenarios"
+    commands.add_parser("list", help=about, description=about.capitalize() + ".")
+    return parser
+
+
+def _add_scenarios(command: argparse.ArgumentParser) -> None:
+    command.add_argument("scenarios", nargs="+", type=Path, metavar="SCENARIO.xml")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="XPATH=VALUE",
+        help="set what an XPath selects in the scenario, as in '//gain[@name=\"gamma_w\"]/@value=0.1'",
+    )

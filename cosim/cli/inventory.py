@@ -1,0 +1,45 @@
+"""``formation list``: what there is to run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import formation_controllers
+
+import plants
+from cosim.cli.console import out, table
+from cosim.errors import InputError
+from cosim.scenario import read_scenario
+
+_FOLDER = Path("scenarios")
+
+
+def inventory(_: argparse.Namespace) -> int:
+    """Print built-in plants, installed controllers and the scenarios in ./scenarios."""
+    console = out()
+    listed = table("Plants")
+    listed.add_column("model")
+    listed.add_column("what it is")
+    for name, description in plants.models().items():
+        listed.add_row(name, description)
+    console.print(listed)
+
+    listed = table("Controllers")
+    for heading in ("name", "package", "version"):
+        listed.add_column(heading)
+    for name, found in sorted(formation_controllers.installed().items()):
+        listed.add_row(name, found.package, found.version)
+    console.print(listed)
+
+    listed = table(f"Scenarios in {_FOLDER}/")
+    listed.add_column("file", no_wrap=True)
+    listed.add_column("title")
+    for path in sorted(_FOLDER.glob("*.xml")):
+        try:
+            title = read_scenario(path).title
+        except InputError as error:
+            title = f"not a scenario: {error.message}"
+        listed.add_row(str(path), title)
+    console.print(listed)
+    return 0

@@ -1,0 +1,78 @@
+"""What can go wrong, as the user is told it; each kind has its exit status of the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+
+@dataclass(frozen=True, order=True)
+class Location:
+    """A place in a file that a person wrote: line from 1, column from 1; 0 where unknown."""
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        """Return ``file``, ``file:line`` or ``file:line:column``, as editors and compilers read it."""
+        return ":".join([self.file, *(str(n) for n in (self.line, self.column) if n)])
+
+
+class FormationError(Exception):
+    """Base of all errors that a user sees: a sentence on what is wrong and what would be right."""
+
+    exit_status: ClassVar[int] = 2
+
+
+class InputError(FormationError):
+    """Something that the user gave is wrong: a file, an option, a value."""
+
+    def __init__(self, message: str, where: Location | None = None) -> None:
+        self.message = message
+        self.where = where
+        super().__init__(f"{where}: {message}" if where else message)
+
+
+class OutputError(FormationError):
+    """A result could not be written."""
+
+
+class SimulationError(FormationError):
+    """A plant or a controller failed in the course of a run, or the motion diverged.
+
+    Attributes
+    ----------
+    robot : str
+        Which robot.
+    time : float
+        Communication point [s] at which it was noticed.
+    result : xarray.Dataset or None
+        Everything recorded up to then; set by the master.
+    """
+
+    exit_status = 3
+
+    def __init__(self, robot: str, time: float, message: str) -> None:
+        self.robot = robot
+        self.time = time
+        self.result: Any = None
+        super().__init__(f"{robot} at t = {time:.6g} s: {message}")
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """The user stopped the run (Ctrl-C); `result` holds everything recorded up to then."""
+
+    def __init__(self, time: float, result: Any) -> None:
+        self.time = time
+        self.result = result
+        super().__init__(f"interrupted at t = {time:.6g} s")
+
+
+def nearest(name: str, known: list[str]) -> str:
+    """Return a sentence that helps with a mistyped name: the nearest known one, and all of them."""
+    import difflib
+
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}Known: {', '.join(sorted(known)) or 'none'}."

@@ -1,0 +1,120 @@
+"""An FMU as a file: opened with care, described by FMPy, unpacked for as long as it is needed."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+
+from cosim.contract import Binding, bind
+from cosim.errors import InputError, Location
+
+MAX_UNPACKED_BYTES = 2 * 1024**3
+MAX_DESCRIPTION_BYTES = 64 * 1024**2
+
+
+@dataclass(frozen=True)
+class Fmu:
+    """An unpacked FMU that satisfies a vehicle contract.
+
+    Attributes
+    ----------
+    path, sha256
+        The file and its checksum.
+    description : fmpy.model_description.ModelDescription
+        What it says of itself.
+    binding : Binding
+        Which variable plays which role.
+    directory : Path
+        Where it is unpacked, until `close`.
+    """
+
+    path: Path
+    sha256: str
+    description: Any
+    binding: Binding
+    directory: Path
+
+    def close(self) -> None:
+        """Remove what was unpacked."""
+        shutil.rmtree(self.directory, ignore_errors=True)
+
+
+def open_fmu(path: Path, where: Location | None = None) -> Fmu:
+    """Check an FMU, match it with a vehicle contract and unpack it.
+
+    Raises
+    ------
+    InputError
+        The file is not an FMU that can be used here: why, and which file; `where` is the place that asks for it.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
+    _check_archive(path, where)
+    try:
+        description = fmpy.read_model_description(str(path))
+    except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
+        raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
+    _check_interface(path, description, where)
+    binding = bind(description, str(path), where)
+    directory = Path(tempfile.mkdtemp(prefix="formation-fmu-"))
+    try:
+        fmpy.extract(str(path), str(directory))
+    except Exception as error:
+        shutil.rmtree(directory, ignore_errors=True)
+        raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
+    return Fmu(path, hashlib.sha256(data).hexdigest(), description, binding, directory)
+
+
+def _check_archive(path: Path, where: Location | None) -> None:
+    """Refuse what is no archive, points outside of it, or is larger than any FMU."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            names = {entry.filename for entry in entries}
+            if "modelDescription.xml" not in names:
+                raise InputError(f"{path} is not an FMU: it holds no modelDescription.xml", where)
+            for entry in entries:
+                if ".." in Path(entry.filename).parts or Path(entry.filename).is_absolute():
+                    raise InputError(f"the FMU {path} has the entry {entry.filename!r}, outside of itself", where)
+            unpacked = sum(entry.file_size for entry in entries)
+            if unpacked > MAX_UNPACKED_BYTES:
+                raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
+            if archive.getinfo("modelDescription.xml").file_size > MAX_DESCRIPTION_BYTES:
+                raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
+            if b"<!DOCTYPE" in archive.read("modelDescription.xml"):
+                raise InputError(f"the FMU {path} declares a document type in its modelDescription.xml", where)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+        raise InputError(f"{path} is not an FMU: {error}", where) from None
+
+
+def _check_interface(path: Path, description: Any, where: Location | None) -> None:
+    if description.fmiVersion != "2.0" or description.coSimulation is None:
+        kinds = [
+            name
+            for name, interface in (
+                ("Co-Simulation", description.coSimulation),
+                ("Model Exchange", description.modelExchange),
+            )
+            if interface is not None
+        ]
+        raise InputError(
+            f"the FMU {path} is FMI {description.fmiVersion} {' and '.join(kinds) or 'of another kind'}; "
+            "expected is FMI 2.0 Co-Simulation",
+            where,
+        )
+    platforms = fmpy.supported_platforms(str(path))
+    if fmpy.platform not in platforms:
+        raise InputError(
+            f"the FMU {path} has no binary for this machine ({fmpy.platform}), only for: "
+            f"{', '.join(sorted(platforms)) or 'none'}",
+            where,
+        )

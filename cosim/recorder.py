@@ -1,0 +1,47 @@
+"""What is kept of a run: one preallocated array a signal, filled row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A recorded signal: its name, dimensions after ``time``, and how a reader is told what it is."""
+
+    name: str
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+class Recorder:
+    """Arrays of all channels over the samples of a run; a sample that was never recorded stays out of the result.
+
+    Parameters
+    ----------
+    samples
+        How many samples the whole run has.
+    channels, shapes
+        The signals, and the shape of one sample of each.
+    """
+
+    def __init__(self, samples: int, channels: Sequence[Channel], shapes: Sequence[tuple[int, ...]]) -> None:
+        self.channels = {channel.name: channel for channel in channels}
+        self._arrays = {
+            channel.name: np.full((samples, *shape), np.nan) for channel, shape in zip(channels, shapes, strict=True)
+        }
+        self.recorded = 0
+
+    def row(self, name: str, sample: int) -> NDArray[np.float64]:
+        """Return the place of one sample of a channel, to write into."""
+        place: NDArray[np.float64] = self._arrays[name][sample]
+        return place
+
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded part of every channel, by name."""
+        return {name: array[: self.recorded] for name, array in self._arrays.items()}

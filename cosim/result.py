@@ -1,0 +1,160 @@
+"""The result of a run: an xarray dataset with units and provenance, written as NetCDF."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from formation_controllers import CarLike
+from formation_controllers.geometry import range_bearing
+from numpy.typing import NDArray
+
+from cosim.contract import Contract
+from cosim.errors import OutputError
+from cosim.fmu import Fmu
+from cosim.recorder import Recorder
+from cosim.scenario import Scenario
+from cosim.team import Team
+
+LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
+
+
+def dataset(
+    scenario: Scenario, contract: Contract, recorder: Recorder, teams: Sequence[Team], fmus: Mapping[str, Fmu]
+) -> xr.Dataset:
+    """Return what a run has recorded, with what follows from it.
+
+    The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
+    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
+
+    Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
+    of every controller, versions of the libraries, and ``status`` (``completed`` or ``incomplete``).
+    """
+    arrays = recorder.arrays()
+    samples = recorder.recorded
+    coordinates: dict[str, object] = {
+        "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
+        "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
+        "pose_component": [role.name for role in contract.pose],
+        "velocity_component": [role.name for role in contract.velocity],
+        "torque_component": [role.name for role in contract.torque],
+    }
+    for team in teams:
+        for signal in team.controller.signals:
+            if signal.components:
+                coordinates[f"{signal.name}_component"] = list(signal.components)
+    variables = {
+        name: (
+            ("time", *channel.dims),
+            arrays[name],
+            {"units": channel.units, "long_name": channel.long_name},
+        )
+        for name, channel in recorder.channels.items()
+    }
+    formation = np.full((samples, len(scenario.followers), 2), np.nan)
+    for team in teams:
+        formation[:, team.rows] = _range_bearing(arrays["pose"][:, team.rows], arrays["leader_pose"], team.vehicle)
+    desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
+    error = formation - desired
+    for name, values, units, long_name in (
+        ("range", formation[..., 0], "m", "range to the virtual leader"),
+        ("bearing", formation[..., 1], "rad", "bearing of the virtual leader"),
+        ("range_error", error[..., 0], "m", "range less the desired range"),
+        ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
+    ):
+        variables[name] = (("time", "robot"), values, {"units": units, "long_name": long_name})
+    return xr.Dataset(variables, coordinates, _provenance(scenario, samples, teams, fmus))
+
+
+def save(result: xr.Dataset, path: Path) -> None:
+    """Write a result as NetCDF, whole or not at all: an older file stays until the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    encoding = {
+        name: {"zlib": True, "complevel": 1, "shuffle": True}
+        for name, variable in result.data_vars.items()
+        if variable.size
+    }
+    with _whole_file(path) as partial:
+        result.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, as `save` does."""
+    with _whole_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def load(path: str | Path) -> xr.Dataset:
+    """Read a result that `save` has written."""
+    return xr.load_dataset(path, engine="h5netcdf")
+
+
+@contextmanager
+def _whole_file(path: Path) -> Iterator[Path]:
+    partial = path.with_name(path.name + ".partial")
+    try:
+        yield partial
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def _range_bearing(
+    pose: NDArray[np.float64], leader_pose: NDArray[np.float64], vehicle: CarLike
+) -> NDArray[np.float64]:
+    values = range_bearing(pose, leader_pose[:, np.newaxis, :], vehicle)
+    if len(values):
+        values[..., 1] = np.unwrap(values[..., 1], axis=0)
+    return values
+
+
+def _provenance(
+    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu]
+) -> dict[str, str | int | float]:
+    return {
+        "title": scenario.title,
+        "scenario_name": scenario.name,
+        "scenario": scenario.text,
+        "status": "completed" if samples == scenario.ticks + 1 else "incomplete",
+        "seed": str(scenario.seed),  # text, as a seed may exceed the integers of NetCDF
+        "step": scenario.step,
+        "horizon": scenario.horizon,
+        "plants": json.dumps(
+            {
+                name: {
+                    "file": fmu.path.name,
+                    "sha256": fmu.sha256,
+                    "fmi_version": fmu.description.fmiVersion,
+                    "generation_tool": fmu.description.generationTool,
+                }
+                for name, fmu in fmus.items()
+            }
+        ),
+        "controllers": json.dumps(
+            [
+                {
+                    "name": team.identity.name,
+                    "package": team.identity.package,
+                    "version": team.identity.version,
+                    "robots": team.robots,
+                }
+                for team in teams
+            ]
+        ),
+        "versions": json.dumps(
+            {"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}}
+        ),
+    }
