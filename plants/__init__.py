@@ -1,0 +1,91 @@
+"""Vehicle models stated in Python, and the factory that turns a model into a source FMU.
+
+>>> plants.models()                       # the built-in models, one line each
+>>> plants.load("car_like")               # the model as a plants.ode.OdeModel
+>>> plants.build("car_like")              # the path of its FMU, built now or before
+
+Importing this package, listing the models and building one that has been built before load neither SymPy nor FMPy.
+"""
+
+import difflib
+import importlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plants.errors import BuildError, ModelError, NoCompiler, PlantError, UnitError, UnknownModel
+
+if TYPE_CHECKING:
+    from plants.ode import OdeModel
+
+__all__ = [
+    "BuildError",
+    "ModelError",
+    "NoCompiler",
+    "PlantError",
+    "UnitError",
+    "UnknownModel",
+    "build",
+    "load",
+    "models",
+]
+
+
+def models() -> dict[str, str]:
+    """Return the built-in models, name and one-line description: the folders here that hold a ``model.py``."""
+    names = sorted(path.parent.name for path in Path(__file__).parent.glob("*/model.py"))
+    return {name: str(importlib.import_module(f"plants.{name}").__doc__).splitlines()[0].rstrip(".") for name in names}
+
+
+def load(name: str) -> "OdeModel":
+    """Return a built-in model.
+
+    Raises
+    ------
+    UnknownModel
+        There is none of this name; the error names those that there are.
+    """
+    _check_known(name)
+    model: OdeModel = importlib.import_module(f"plants.{name}.model").model()
+    return model
+
+
+def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | None = None, cache: bool = True) -> Path:
+    """Make the FMU of a model, unless it has been made before.
+
+    Parameters
+    ----------
+    model
+        Name of a built-in model, or a model.
+    fmi
+        Version of FMI; 2.0 (Co-Simulation) is the one there is.
+    out
+        A folder to copy the FMU to, made if need be. By default the FMU stays in the cache.
+    cache
+        Whether an FMU made before from the same sources by the same compiler will do. It is kept in
+        ``$FORMATION_CACHE`` or in the user's cache folder.
+
+    Returns
+    -------
+    Path
+        The FMU, named after the model: ``car_like.fmu``.
+
+    Raises
+    ------
+    UnknownModel
+        There is no built-in model of this name.
+    BuildError
+        The FMU could not be made: no compiler (NoCompiler), a compiler that fails, a folder that cannot be written.
+    """
+    if isinstance(model, str):
+        _check_known(model)
+    from plants.factory.build import build as build_fmu
+
+    return build_fmu(model, fmi=fmi, out=out, cache=cache)
+
+
+def _check_known(name: str) -> None:
+    known = models()
+    if name not in known:
+        nearest = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+        raise UnknownModel(f"there is no plant model {name!r}; {hint}known: {', '.join(known)}")

@@ -1,0 +1,60 @@
+"""`build` joins the steps: generate, compile, package; or takes from the store what was built before.
+
+SymPy, Jinja and FMPy's headers are touched only if something has to be generated.
+"""
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import plants
+from plants.errors import BuildError
+from plants.factory import store
+from plants.factory.compile import FLAGS, Compiler, compile_library, find_compiler, host
+from plants.factory.package import package
+
+if TYPE_CHECKING:
+    from plants.ode import OdeModel
+
+FMI_VERSIONS = ("2.0",)
+
+
+def build(model: "str | OdeModel", *, fmi: str, out: Path | None, cache: bool) -> Path:
+    """Make the FMU of a model; see `plants.build`."""
+    if fmi not in FMI_VERSIONS:
+        raise BuildError(f"FMI {fmi} is not offered; choose {' or '.join(FMI_VERSIONS)}")
+    compiler = find_compiler()
+    tools = [host().folder, *compiler.command, compiler.version, *FLAGS, fmi]
+
+    files = None
+    if isinstance(model, str):
+        # What a built-in model's FMU says is known from the sources, before SymPy is loaded.
+        name, key = model, store.digest([model, store.package_digest(), *tools])
+    else:
+        files = _generate(model)
+        texts = [text for item in sorted(files.items()) for text in item]
+        name, key = model.name, store.digest([*texts, *tools])
+
+    fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
+    if not (cache and fmu.is_file()):
+        contents = files or _generate(plants.load(name))
+        store.write(fmu, lambda path: _make(name, contents, compiler, path))
+    return fmu if out is None else store.copy(fmu, Path(out) / fmu.name)
+
+
+def _generate(model: "OdeModel") -> dict[str, str]:
+    from plants.factory.generate import generate
+
+    return generate(model)
+
+
+def _make(name: str, files: dict[str, str], compiler: Compiler, fmu: Path) -> None:
+    """Write the files to a folder, compile the sources among them, and zip it all to `fmu`."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        for path, text in files.items():
+            (root / path).parent.mkdir(parents=True, exist_ok=True)
+            (root / path).write_text(text, encoding="utf-8", newline="\n")
+        sources = sorted(path for path in files if path.endswith(".c"))
+        compile_library(compiler, root, sources, f"binaries/{host().folder}/{name}{host().suffix}")
+        package(root, fmu)

@@ -1,0 +1,258 @@
+"""The table of an FMU's variables: what modelDescription.xml and config.h say about a model, decided once."""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import sympy
+
+from plants import units
+from plants.ode import Enumeration, OdeModel, Parameter, State, Variable
+
+SOLVER = Enumeration(
+    sympy.Symbol("solver", integer=True),
+    {
+        "euler": "explicit Euler, order 1",
+        "runge_kutta_4": "classical Runge-Kutta, order 4",
+    },
+    "Method that integrates the states",
+)
+"""The methods of template/solver.h, in the same order."""
+
+SOLVER_STEP = Parameter(
+    sympy.Symbol("solver_step"),
+    "s",
+    "Largest internal step: a communication step is divided into the fewest equal steps that are no longer",
+    start=0.02,
+    min=1e-9,
+    nominal=0.01,
+)
+
+_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
+
+
+@dataclass(frozen=True)
+class Item:
+    """A variant of an enumeration."""
+
+    name: str
+    value: int
+    description: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One variable of the FMU; `start` is None for what is computed."""
+
+    reference: int
+    name: str
+    causality: str
+    variability: str
+    initial: str | None
+    description: str
+    unit: str = ""
+    start: float | int | None = None
+    min: float = -math.inf
+    max: float = math.inf
+    nominal: float = 1.0
+    derivative_of: int | None = None
+    items: tuple[Item, ...] = ()
+
+    @property
+    def full_name(self) -> str:
+        """The name in the model description; ``der(x)`` for the derivative of x."""
+        return f"der({self.name})" if self.derivative_of is not None else self.name
+
+    @property
+    def type_name(self) -> str:
+        """The name of an enumeration's type; it must differ from all variables' names."""
+        return self.name.title().replace("_", "") + "Variant"
+
+    @property
+    def start_value(self) -> float:
+        """The value after instantiation."""
+        return 0.0 if self.start is None else float(self.start)
+
+    @property
+    def unit_or_items(self) -> str:
+        """For messages: the unit, or the items with their numbers."""
+        return self.unit if not self.items else ", ".join(f"{item.value} ({item.name})" for item in self.items)
+
+    @property
+    def real_attributes(self) -> Iterator[tuple[str, float | int]]:
+        """The attributes that a Real variable has in the model description, besides its unit."""
+        if math.isfinite(self.min):
+            yield "min", self.min
+        if math.isfinite(self.max):
+            yield "max", self.max
+        if self.nominal != 1.0:
+            yield "nominal", self.nominal
+        if self.start is not None:
+            yield "start", self.start
+        if self.derivative_of is not None:
+            yield "derivative", self.derivative_of + 1
+
+
+@dataclass(frozen=True)
+class UnitEntry:
+    """One unit of the model description."""
+
+    name: str
+    exponents: tuple[tuple[str, int], ...]
+    factor: float
+    display: str | None
+    display_factor: float
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One line of the model structure: a variable and what it depends on, as indices into the variables from 1."""
+
+    index: int
+    dependencies: tuple[int, ...]
+    kinds: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """All variables of an FMU by section; the value references count through the sections in this order (template/model.h).
+
+    The last parameter and the last enumeration are the solver's; the others are the model's.
+    """
+
+    states: tuple[Entry, ...]
+    derivatives: tuple[Entry, ...]
+    inputs: tuple[Entry, ...]
+    parameters: tuple[Entry, ...]
+    outputs: tuple[Entry, ...]
+    enumerations: tuple[Entry, ...]
+    output_unknowns: tuple[Unknown, ...]
+    derivative_unknowns: tuple[Unknown, ...]
+    initial_unknowns: tuple[Unknown, ...]
+    step: float = SOLVER_STEP.start
+
+    @property
+    def variables(self) -> tuple[Entry, ...]:
+        """All variables, by value reference."""
+        return (*self.states, *self.derivatives, *self.inputs, *self.parameters, *self.outputs, *self.enumerations)
+
+    @property
+    def units(self) -> Iterator[UnitEntry]:
+        """The units in use, sorted by name."""
+        for name in sorted({variable.unit for variable in self.variables if variable.unit}):
+            unit = units.parse(name)
+            exponents = tuple((n, e) for n, e in zip(units.BASE_UNITS, unit.exponents, strict=True) if e)
+            display = _DISPLAY_UNITS.get(name)
+            yield UnitEntry(name, exponents, unit.factor, display, units.convert(1.0, name, display) if display else 1.0)
+
+
+def tabulate(model: OdeModel) -> Table:
+    """Return the table of the variables of a model's FMU, the solver's parameters among them."""
+    references = itertools.count()
+
+    def entries(causality: str, variables: Iterable[Variable]) -> tuple[Entry, ...]:
+        variability = "fixed" if causality == "parameter" else "continuous"
+        return tuple(
+            Entry(
+                reference=next(references),
+                name=v.name,
+                causality="local" if isinstance(v, State) and not v.output else causality,
+                variability=variability,
+                initial=None if causality == "input" else "exact",
+                description=v.description,
+                unit=v.unit,
+                start=v.start,
+                min=v.min,
+                max=v.max,
+                nominal=v.nominal,
+            )
+            for v in variables
+        )
+
+    states = entries("output", model.states)
+    derivatives = tuple(
+        Entry(
+            reference=next(references),
+            name=state.name,
+            causality="local",
+            variability="continuous",
+            initial="calculated",
+            description=f"Time derivative of {state.name}",
+            unit=units.per_second(state.unit),
+            derivative_of=state.reference,
+        )
+        for state in states
+    )
+    inputs = entries("input", model.inputs)
+    parameters = entries("parameter", (*model.reals, SOLVER_STEP))
+    outputs = tuple(
+        Entry(
+            reference=next(references),
+            name=output.name,
+            causality="output",
+            variability="continuous",
+            initial="calculated",
+            description=output.description,
+            unit=output.unit,
+            nominal=output.nominal,
+        )
+        for output in model.outputs
+    )
+    enumerations = tuple(
+        Entry(
+            reference=next(references),
+            name=enumeration.name,
+            causality="parameter",
+            variability="fixed",
+            initial="exact",
+            description=enumeration.description,
+            start=1,
+            min=1,
+            max=len(enumeration.items),
+            items=tuple(Item(name, i + 1, text) for i, (name, text) in enumerate(enumeration.items.items())),
+        )
+        for enumeration in (*model.enumerations, SOLVER)
+    )
+
+    # While the simulation runs, states and inputs are what the unknowns depend on; at the start, parameters too.
+    running = [*_named(states, model.states), *_named(inputs, model.inputs)]
+    at_start = [*running, *_named(parameters, model.reals), *_named(enumerations, model.enumerations)]
+    derivative_of = list(zip(derivatives, map(model.expand, model.derivatives), strict=True))
+    output_of = list(zip(outputs, (model.expand(output.expression) for output in model.outputs), strict=True))
+    itself = [(entry, symbol) for entry, symbol in _named(states, model.states) if entry.causality == "output"]
+    fixed = {parameter.symbol for parameter in model.parameters}
+    return Table(
+        states,
+        derivatives,
+        inputs,
+        parameters,
+        outputs,
+        enumerations,
+        output_unknowns=tuple(_unknown(*pair, running, fixed) for pair in (*itself, *output_of)),
+        derivative_unknowns=tuple(_unknown(*pair, running, fixed) for pair in derivative_of),
+        initial_unknowns=tuple(_unknown(*pair, at_start, set()) for pair in (*derivative_of, *output_of)),
+    )
+
+
+def _named(
+    entries: Iterable[Entry], declared: Iterable[Variable | Enumeration]
+) -> Iterator[tuple[Entry, sympy.Symbol]]:
+    # The solver's parameter at the end of `entries` is not in the model's equations.
+    return ((entry, variable.symbol) for entry, variable in zip(entries, declared, strict=False))
+
+
+def _unknown(
+    entry: Entry, expression: sympy.Expr, known: Iterable[tuple[Entry, sympy.Symbol]], fixed: set[sympy.Symbol]
+) -> Unknown:
+    """Find what an expression depends on, and how: with a constant slope, one made of `fixed` symbols, or any other."""
+    dependencies, kinds = [], []
+    for other, symbol in known:
+        if symbol not in expression.free_symbols:
+            continue
+        slope = expression.diff(symbol) if not other.items else symbol
+        if slope != 0:
+            dependencies.append(other.reference + 1)
+            free = slope.free_symbols
+            kinds.append("constant" if not free else "fixed" if free <= fixed else "dependent")
+    return Unknown(entry.reference + 1, tuple(dependencies), tuple(kinds))

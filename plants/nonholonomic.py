@@ -1,0 +1,236 @@
+"""From a Lagrangian description with nonholonomic constraints to an explicit ordinary differential equation.
+
+Stated are the matrices of the constrained dynamics, equation (1) of the paper,
+
+    M1 eta'' + C1 eta' + D1 eta' + tau_d1 = B1 tau - A' lambda,    A eta' = 0,
+
+and the motion basis S, whose columns span the null space of A. Derived are the Coriolis matrix C1 (Lagrange's equations)
+and, with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
+
+    M2 v' + C2 v + D2 v + tau_d2 = B2 tau,
+
+whose solution for v' together with (2) is the model. The multipliers lambda and all that cancels in the reduction are gone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy
+
+from plants import units
+from plants.errors import ModelError
+from plants.ode import Enumeration, Input, OdeModel, Parameter, State, Term
+
+
+@dataclass(frozen=True)
+class NonholonomicSystem:
+    """A mechanical system with n coordinates, m pseudo-velocities and k actuators, in the symbols of equations (1)-(3).
+
+    Parameters
+    ----------
+    name, description
+        As in `OdeModel`.
+    coordinates
+        The n entries of eta.
+    velocities
+        The m entries of v; their units fix those of the reduced dynamics (N for m/s, N.m for rad/s).
+    inputs
+        The k entries of tau.
+    disturbances
+        The n entries of tau_d1. They stand on the left-hand side of (1): positive ones oppose motion.
+    parameters
+        All that M1, D1, B1 and S use. Those that cancel in the reduction do not become parameters of the model.
+    S, M1, D1, B1
+        Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k).
+
+    Raises
+    ------
+    ModelError
+        The shape of a matrix does not fit, or M1 is not symmetric.
+    """
+
+    name: str
+    description: str
+    coordinates: tuple[State, ...]
+    velocities: tuple[State, ...]
+    inputs: tuple[Input, ...]
+    disturbances: tuple[Input, ...]
+    parameters: tuple[Parameter | Enumeration, ...]
+    S: sympy.Matrix
+    M1: sympy.Matrix
+    D1: sympy.Matrix
+    B1: sympy.Matrix
+
+    def __post_init__(self) -> None:
+        n, m, k = len(self.coordinates), len(self.velocities), len(self.inputs)
+        for letter, shape in (("S", (n, m)), ("M1", (n, n)), ("D1", (n, n)), ("B1", (n, k))):
+            if getattr(self, letter).shape != shape:
+                raise ModelError(f"model {self.name!r}: {letter} is {getattr(self, letter).shape}, it must be {shape}")
+        if len(self.disturbances) != n:
+            raise ModelError(f"model {self.name!r}: {len(self.disturbances)} disturbances, one for each of {n} coordinates needed")
+        if self.M1 != self.M1.T:
+            raise ModelError(f"model {self.name!r}: M1 is not symmetric")
+
+    @cached_property
+    def eta(self) -> sympy.Matrix:
+        """The coordinates, (n, 1)."""
+        return sympy.Matrix([c.symbol for c in self.coordinates])
+
+    @cached_property
+    def v(self) -> sympy.Matrix:
+        """The pseudo-velocities, (m, 1)."""
+        return sympy.Matrix([v.symbol for v in self.velocities])
+
+    @cached_property
+    def eta_dot(self) -> sympy.Matrix:
+        """The coordinates' rates by (2), eta' = S v, (n, 1)."""
+        return self.S * self.v
+
+    @cached_property
+    def C1(self) -> sympy.Matrix:
+        """The Coriolis matrix of (1), in Christoffel symbols of M1, (n, n)."""
+        n, M1, eta = len(self.eta), self.M1, self.eta
+        return sympy.Matrix(
+            n,
+            n,
+            lambda i, j: sum(
+                (M1[i, j].diff(eta[k]) + M1[i, k].diff(eta[j]) - M1[j, k].diff(eta[i])) / 2 * self.eta_dot[k]
+                for k in range(n)
+            ),
+        )
+
+    @cached_property
+    def M2(self) -> sympy.Matrix:
+        """The reduced inertia M2 = S' M1 S of (3), (m, m)."""
+        return (self.S.T * self.M1 * self.S).applyfunc(_tidy)
+
+    @cached_property
+    def C2(self) -> sympy.Matrix:
+        """The reduced Coriolis matrix C2 = S' M1 S_dot + S' C1 S of (3), (m, m)."""
+        S_dot = sum((self.S.diff(q) * rate for q, rate in zip(self.eta, self.eta_dot, strict=True)), 0 * self.S)
+        return (self.S.T * self.M1 * S_dot + self.S.T * self.C1 * self.S).applyfunc(_tidy)
+
+    @cached_property
+    def D2(self) -> sympy.Matrix:
+        """The reduced damping D2 = S' D1 S of (3), (m, m)."""
+        return (self.S.T * self.D1 * self.S).applyfunc(_tidy)
+
+    @cached_property
+    def B2(self) -> sympy.Matrix:
+        """The reduced input map B2 = S' B1 of (3), (m, k)."""
+        return (self.S.T * self.B1).applyfunc(_tidy)
+
+    @cached_property
+    def tau_d2(self) -> sympy.Matrix:
+        """The reduced disturbance tau_d2 = S' tau_d1 of (3), (m, 1)."""
+        return self.S.T * sympy.Matrix([d.symbol for d in self.disturbances])
+
+    def ode(self) -> OdeModel:
+        """Return the explicit model: der(eta) by (2), der(v) by (3), with the entries of the matrices as named terms."""
+        m = len(self.velocities)
+        terms = _Terms()
+        speed = [units.parse(v.unit) for v in self.velocities]
+        # Power, a pseudo-force times its pseudo-velocity, is in watts; torques carry no radian in their unit.
+        force = [units.parse("W") / _without_radians(unit) for unit in speed]
+        second = units.parse("s")
+
+        S = terms.matrix("S", self.S, [[units.parse(c.unit) / second / s for s in speed] for c in self.coordinates], "(2)")
+        M2 = terms.matrix("M2", self.M2, [[f * second / s for s in speed] for f in force], "(3)")
+        D2 = terms.matrix("D2", self.D2, [[f / s for s in speed] for f in force], "(3)")
+        B2 = terms.matrix("B2", self.B2, [[f / units.parse(u.unit) for u in self.inputs] for f in force], "(3)")
+        C2_v = terms.matrix("C2_v", (self.C2 * self.v).applyfunc(_tidy), [[f] for f in force], "(3)")
+        tau_d2 = terms.matrix("tau_d2", self.tau_d2, [[f] for f in force], "(3)")
+        tau = sympy.Matrix([u.symbol for u in self.inputs])
+        f = terms.matrix("f", B2 * tau - C2_v - D2 * self.v - tau_d2, [[unit] for unit in force], "(3): M2 v' = f")
+        det = terms.add("det_M2", M2.det(), _product([f * second / s for f, s in zip(force, speed, strict=True)]), "(3)")
+        v_dot = M2.adjugate() * f / det
+
+        derivatives = [*(S * self.v), *v_dot]
+        definitions = [*terms.named(), *derivatives]
+        used = set().union(*(e.expression.free_symbols if isinstance(e, Term) else e.free_symbols for e in definitions))
+        return OdeModel(
+            name=self.name,
+            description=self.description,
+            states=(*self.coordinates, *self.velocities),
+            derivatives=tuple(derivatives),
+            inputs=(*self.inputs, *self.disturbances),
+            parameters=tuple(p for p in self.parameters if p.symbol in used),
+            terms=terms.named(),
+            equations=("(2)",) * len(self.coordinates) + ("(3)",) * m,
+        )
+
+
+class _Terms:
+    """Collects named terms; functions that several of them use, such as cos(psi), become terms of their own."""
+
+    def __init__(self) -> None:
+        self._terms: list[Term] = []
+
+    def add(self, name: str, expression: sympy.Expr, unit: units.Unit, equation: str) -> sympy.Expr:
+        """Name an expression; a plain number needs no name."""
+        if expression.is_number:
+            return expression
+        symbol = sympy.Symbol(name, real=True)
+        self._terms.append(Term(symbol, expression, str(_without_radians(unit)), equation))
+        return symbol
+
+    def matrix(
+        self, name: str, matrix: sympy.Matrix, entry_units: Sequence[Sequence[units.Unit]], equation: str
+    ) -> sympy.Matrix:
+        """Name the entries of a matrix `name`_row column, counted from one; equal entries of a symmetric one only once."""
+        symmetric = matrix.is_square and matrix.is_symmetric()
+        named = matrix.copy()
+        for i in range(matrix.rows):
+            for j in range(matrix.cols):
+                if symmetric and j < i:
+                    named[i, j] = named[j, i]
+                    continue
+                index = f"{i + 1}" if matrix.cols == 1 else f"{i + 1}{j + 1}"
+                named[i, j] = self.add(f"{name}_{index}", matrix[i, j], entry_units[i][j], equation)
+        return named
+
+    def named(self) -> tuple[Term, ...]:
+        """Return all terms, those for shared functions first."""
+        uses: dict[sympy.Expr, int] = {}
+        for term in self._terms:
+            # What stands in a branch is evaluated only if chosen: leave it there.
+            outside = term.expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: sympy.Integer(0))
+            for function in outside.atoms(sympy.Function):
+                uses[function] = uses.get(function, 0) + 1
+        shared = sorted((f for f, count in uses.items() if count > 1), key=str)
+        names = {f: sympy.Symbol(_name(f), real=True) for f in shared}
+        functions = tuple(Term(symbol, f) for f, symbol in names.items())
+        rest = (Term(t.symbol, t.expression.xreplace(names), t.unit, t.equation) for t in self._terms)
+        return (*functions, *rest)
+
+
+def _name(function: sympy.Expr) -> str:
+    """Return a name such as cos_psi for cos(psi)."""
+    return "_".join("".join(c if c.isalnum() else " " for c in str(function)).split())
+
+
+def _product(factors: Sequence[units.Unit]) -> units.Unit:
+    product = units.Unit()
+    for factor in factors:
+        product *= factor
+    return product
+
+
+def _without_radians(unit: units.Unit) -> units.Unit:
+    """Radians count as pure numbers in mechanics: a torque is N.m, not N.m/rad."""
+    return units.Unit((*unit.exponents[:-1], 0), unit.factor)
+
+
+def _tidy(expression: sympy.Expr) -> sympy.Expr:
+    """Return the shortest of some equivalent forms, branch by branch."""
+    expression = sympy.piecewise_fold(expression)
+    if isinstance(expression, sympy.Piecewise):
+        return sympy.Piecewise(*((_tidy(branch), condition) for branch, condition in expression.args))
+    simple = sympy.simplify(expression)
+    forms = [
+        simple,
+        sympy.simplify(sympy.expand_trig(expression)),
+        sympy.factor_terms(sympy.collect(sympy.expand(simple), sorted(simple.atoms(sympy.Function), key=str))),
+    ]
+    return min(forms, key=lambda form: form.count_ops())

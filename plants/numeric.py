@@ -1,0 +1,104 @@
+"""A model as NumPy functions, from the same expressions as the C code.
+
+All arrays may have leading batch dimensions, which broadcast: x (..., states), u (..., inputs), p (..., parameters).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from plants.errors import ModelError
+from plants.ode import TIME, Enumeration, OdeModel
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NumericModel:
+    """The functions f and g of ``der(x) = f(time, x, u, p), y = g(time, x, u, p)``, and one step of each fixed-step solver.
+
+    Attributes
+    ----------
+    model
+        The model that the functions were made from; it gives the order of the entries of x, u, p and y.
+    """
+
+    model: OdeModel
+    _derivatives: Callable[..., Any]
+    _outputs: Callable[..., Any]
+
+    def start(self) -> Array:
+        """Return the start values of the states, (states,)."""
+        return np.array([state.start for state in self.model.states])
+
+    def inputs(self, **values: npt.ArrayLike) -> Array:
+        """Return u with some inputs set by name, the others at their start values, (..., inputs)."""
+        return _vector("input", {i.name: i.start for i in self.model.inputs}, values)
+
+    def parameters(self, **values: npt.ArrayLike | str) -> Array:
+        """Return p with some parameters set by name, the others at their defaults, (..., parameters).
+
+        A variant of an enumeration is given by its name: ``parameters(m_c=20, drive="front_wheel")``.
+        """
+        defaults = {p.name: 1.0 if isinstance(p, Enumeration) else p.start for p in self.model.parameters}
+        variants = {p.name: p for p in self.model.enumerations}
+        numbers = {name: variants[name].number(v) if isinstance(v, str) and name in variants else v for name, v in values.items()}
+        return _vector("parameter", defaults, numbers)
+
+    def rhs(self, t: npt.ArrayLike, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Array:
+        """Return der(x), (..., states)."""
+        return _call(self._derivatives, t, x, u, p)
+
+    def outputs(self, t: npt.ArrayLike, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Array:
+        """Return the computed outputs, (..., outputs); states that are outputs too are not among them."""
+        return _call(self._outputs, t, x, u, p)
+
+    def euler(self, t: float, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike, h: float) -> Array:
+        """Return the states after one explicit Euler step of length h, inputs held."""
+        return np.asarray(x, dtype=float) + h * self.rhs(t, x, u, p)
+
+    def rk4(self, t: float, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike, h: float) -> Array:
+        """Return the states after one step of the classical Runge-Kutta method of order 4, inputs held."""
+        x = np.asarray(x, dtype=float)
+        k1 = self.rhs(t, x, u, p)
+        k2 = self.rhs(t + h / 2, x + h / 2 * k1, u, p)
+        k3 = self.rhs(t + h / 2, x + h / 2 * k2, u, p)
+        k4 = self.rhs(t + h, x + h * k3, u, p)
+        return x + h * (k1 / 6 + k2 / 3 + k3 / 3 + k4 / 6)
+
+
+def compile(model: OdeModel) -> NumericModel:
+    """Turn a model into NumPy functions."""
+    return NumericModel(model, _function(model, model.derivatives), _function(model, tuple(o.expression for o in model.outputs)))
+
+
+def _function(model: OdeModel, expressions: tuple[sympy.Expr, ...]) -> Callable[..., Any]:
+    terms = [(term.symbol, term.expression) for term in model.terms_of(expressions)]
+    groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
+    # The named terms take the place of the common subexpressions that SymPy would look for.
+    function: Callable[..., Any] = sympy.lambdify(
+        [TIME, *groups], expressions, modules="numpy", cse=lambda reduced: (terms, list(reduced)), docstring_limit=0
+    )
+    return function
+
+
+def _call(function: Callable[..., Any], t: npt.ArrayLike, *vectors: npt.ArrayLike) -> Array:
+    arrays = [np.asarray(vector, dtype=float) for vector in vectors]
+    shape = np.broadcast_shapes(np.shape(t), *(array.shape[:-1] for array in arrays))
+    values = function(np.asarray(t, dtype=float), *(list(np.moveaxis(array, -1, 0)) for array in arrays))
+    result = np.empty((*shape, len(values)))
+    for index, value in enumerate(values):
+        result[..., index] = value
+    return result
+
+
+def _vector(kind: str, defaults: dict[str, float], values: dict[str, Any]) -> Array:
+    unknown = set(values) - set(defaults)
+    if unknown:
+        raise ModelError(f"there is no {kind} {min(unknown)!r}; there are {', '.join(defaults)}")
+    entries = [np.asarray(values.get(name, default), dtype=float) for name, default in defaults.items()]
+    return np.stack(np.broadcast_arrays(*entries), axis=-1) if entries else np.empty(0)

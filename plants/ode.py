@@ -1,0 +1,286 @@
+"""The general model of a plant: an explicit ordinary differential equation with named, typed, bounded variables.
+
+    der(x) = f(time, x, u, p),    y = g(time, x, u, p)
+
+This is all that the FMU factory and the NumPy functions see. Every quantity is a SymPy symbol that is declared once,
+with its unit; intermediate terms carry the names and equation numbers of the source, so that generated code reads like it.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import sympy
+from sympy.core.function import AppliedUndef
+
+from plants import units
+from plants.errors import ModelError
+
+TIME = sympy.Symbol("time", real=True)
+"""The independent variable [s], for right-hand sides that depend on it."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A declared real quantity.
+
+    Parameters
+    ----------
+    symbol
+        Its symbol in the equations; the symbol's name is the variable's name in the FMU.
+    unit
+        Unit expression, see `plants.units`.
+    description
+        One line.
+    start
+        Start value of a state, value of an input before it is set, default of a parameter.
+    min, max
+        Bounds that a value must not leave, both allowed.
+    nominal
+        Typical magnitude, for solvers and tolerances.
+    """
+
+    symbol: sympy.Symbol
+    unit: str
+    description: str
+    start: float = 0.0
+    min: float = -math.inf
+    max: float = math.inf
+    nominal: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """The name of the symbol."""
+        return str(self.symbol)
+
+
+@dataclass(frozen=True)
+class State(Variable):
+    """A continuous state; also an output of the plant unless `output` is false."""
+
+    output: bool = True
+
+
+@dataclass(frozen=True)
+class Input(Variable):
+    """An input, held constant over a communication step."""
+
+
+@dataclass(frozen=True)
+class Parameter(Variable):
+    """A parameter, fixed once the simulation has begun."""
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """A parameter that chooses one of several named variants; the first is the default.
+
+    Parameters
+    ----------
+    symbol
+        Its symbol, which takes the values 1, 2, ... in the order of `items`.
+    items
+        Name and description of each variant.
+    description
+        One line.
+    """
+
+    symbol: sympy.Symbol
+    items: Mapping[str, str]
+    description: str
+
+    @property
+    def name(self) -> str:
+        """The name of the symbol."""
+        return str(self.symbol)
+
+    def number(self, item: str) -> int:
+        """Return the value that stands for a variant."""
+        if item not in self.items:
+            raise ModelError(f"{self.name} has no variant {item!r}; it has {', '.join(self.items)}")
+        return list(self.items).index(item) + 1
+
+    def select(self, **expressions: sympy.Expr | float) -> sympy.Expr:
+        """Return the expression of the chosen variant; every variant must be given one."""
+        if set(expressions) != set(self.items):
+            raise ModelError(f"{self.name}: select() needs one expression for each of {', '.join(self.items)}")
+        *first, last = self.items
+        branches = [(expressions[item], sympy.Eq(self.symbol, self.number(item))) for item in first]
+        return sympy.Piecewise(*branches, (expressions[last], True))
+
+
+@dataclass(frozen=True)
+class Term:
+    """A named intermediate result: ``symbol = expression``, with its unit and the equation it comes from."""
+
+    symbol: sympy.Symbol
+    expression: sympy.Expr
+    unit: str = "1"
+    equation: str = ""
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output that is computed: ``symbol = expression``."""
+
+    symbol: sympy.Symbol
+    expression: sympy.Expr
+    unit: str
+    description: str
+    nominal: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """The name of the symbol."""
+        return str(self.symbol)
+
+
+@dataclass(frozen=True)
+class OdeModel:
+    """An explicit ordinary differential equation, checked when it is made.
+
+    Parameters
+    ----------
+    name
+        Model identifier: a C identifier, also the file name of the FMU.
+    description
+        One line.
+    states
+        The continuous states, in the order of x.
+    derivatives
+        The time derivative of each state, in terms of everything declared and the terms.
+    inputs, parameters, outputs
+        In the order of u, p and y.
+    terms
+        Named intermediate results; each may use those before it.
+    equations
+        For each state the number of the equation that gives its derivative, or nothing.
+
+    Raises
+    ------
+    ModelError
+        A symbol is undefined or declared twice, a name cannot be used in FMI and C, a default lies outside its bounds, a
+        unit is not known, a number of derivatives that is not that of the states.
+    """
+
+    name: str
+    description: str
+    states: tuple[State, ...]
+    derivatives: tuple[sympy.Expr, ...]
+    inputs: tuple[Input, ...] = ()
+    parameters: tuple[Parameter | Enumeration, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    terms: tuple[Term, ...] = ()
+    equations: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        # Everything that SymPy takes for an expression is welcome, such as the number 0.
+        object.__setattr__(self, "derivatives", tuple(map(sympy.sympify, self.derivatives)))
+        object.__setattr__(self, "equations", self.equations or ("",) * len(self.states))
+        _check(self)
+
+    @property
+    def reals(self) -> tuple[Parameter, ...]:
+        """The parameters that are numbers."""
+        return tuple(p for p in self.parameters if isinstance(p, Parameter))
+
+    @property
+    def enumerations(self) -> tuple[Enumeration, ...]:
+        """The parameters that choose a variant."""
+        return tuple(p for p in self.parameters if isinstance(p, Enumeration))
+
+    def expand(self, expression: sympy.Expr) -> sympy.Expr:
+        """Replace the named terms in an expression by what they stand for, in states, inputs and parameters."""
+        for term in reversed(self.terms):
+            expression = expression.xreplace({term.symbol: term.expression})
+        return expression
+
+    def terms_of(self, expressions: Iterable[sympy.Expr]) -> tuple[Term, ...]:
+        """Return the terms that these expressions need, directly or through other terms, in order."""
+        needed = set[sympy.Symbol]().union(*(e.free_symbols for e in expressions))
+        used = []
+        for term in reversed(self.terms):
+            if term.symbol in needed:
+                used.append(term)
+                needed |= term.expression.free_symbols
+        return tuple(reversed(used))
+
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+# Words that a generated C function could not use for a local variable.
+_RESERVED = set(
+    """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm
+    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin
+    fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc isfinite isnan
+    signbit INFINITY NAN HUGE_VAL NULL
+    time states inputs parameters enumerations derivatives outputs solver solver_step
+    """.split()
+)
+_RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|N_|model_).*")
+
+
+def _check(model: OdeModel) -> None:
+    def error(text: str) -> ModelError:
+        return ModelError(f"model {model.name!r}: {text}")
+
+    def check_name(name: str, what: str) -> None:
+        if not _IDENTIFIER.fullmatch(name):
+            raise error(f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first")
+        if name in _RESERVED or _RESERVED_PREFIX.fullmatch(name):
+            raise error(f"{what} {name!r} is reserved in the generated C code: choose another name")
+
+    check_name(model.name, "model name")
+    if not model.states:
+        raise error("there are no states")
+    if len(model.derivatives) != len(model.states):
+        raise error(f"{len(model.states)} states, but {len(model.derivatives)} derivatives")
+    if len(model.equations) != len(model.states):
+        raise error(f"{len(model.states)} states, but {len(model.equations)} equation numbers")
+
+    declared: dict[str, sympy.Symbol] = {TIME.name: TIME}
+
+    def declare(symbol: sympy.Symbol, what: str) -> None:
+        check_name(symbol.name, what)
+        if symbol.name in declared:
+            raise error(f"the name {symbol.name!r} is used twice")
+        declared[symbol.name] = symbol
+
+    def check_symbols(expression: sympy.Expr, where: str) -> None:
+        for symbol in sorted(expression.free_symbols, key=str):
+            if symbol.name not in declared:
+                raise error(f"{where} uses the undefined symbol {symbol.name!r}")
+            if declared[symbol.name] != symbol:
+                raise error(f"{where} uses a symbol {symbol.name!r} that is not the declared one: their assumptions differ")
+        for function in sorted(expression.atoms(AppliedUndef), key=str):
+            raise error(f"{where} uses the undefined function {function}")
+
+    for kind, variables in (("state", model.states), ("input", model.inputs), ("parameter", model.reals)):
+        for variable in variables:
+            declare(variable.symbol, kind)
+            units.parse(variable.unit)
+            bounds = f"[{variable.min:g}, {variable.max:g}]"
+            if not (math.isfinite(variable.start) and variable.min <= variable.start <= variable.max):
+                raise error(f"{kind} {variable.name!r}: the default {variable.start:g} is not within its bounds {bounds}")
+            if not (math.isfinite(variable.nominal) and variable.nominal > 0):
+                raise error(f"{kind} {variable.name!r}: the nominal value must be positive, not {variable.nominal:g}")
+    for enumeration in model.enumerations:
+        declare(enumeration.symbol, "parameter")
+        if not enumeration.items:
+            raise error(f"enumeration {enumeration.name!r} has no items")
+        for item in enumeration.items:
+            check_name(item, f"{enumeration.name} item")
+            declare(sympy.Symbol(f"{enumeration.name}_{item}"), f"{enumeration.name} item")
+    for term in model.terms:
+        units.parse(term.unit)
+        check_symbols(term.expression, f"term {term.symbol.name!r}")
+        declare(term.symbol, "term")
+    for state, derivative in zip(model.states, model.derivatives, strict=True):
+        check_symbols(derivative, f"the derivative of {state.name!r}")
+    for output in model.outputs:
+        units.parse(output.unit)
+        check_symbols(output.expression, f"output {output.name!r}")
+    for output in model.outputs:
+        declare(output.symbol, "output")
