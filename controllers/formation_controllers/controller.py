@@ -65,13 +65,9 @@ class Controller(ABC, Generic[G]):
         gains = self.gains_type() if gains is None else gains
         name = type(self).__name__
         if team.vehicle.kind not in self.vehicles:
-            raise ControllerError(
-                f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}"
-            )
+            raise ControllerError(f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}")
         if not isinstance(gains, self.gains_type):
-            raise GainError(
-                f"{name} takes gains of {self.gains_type.__name__}, not of {type(gains).__name__}"
-            )
+            raise GainError(f"{name} takes gains of {self.gains_type.__name__}, not of {type(gains).__name__}")
         self.team = team
         self.gains = gains
         states = [(state, float, shape) for state, shape in self.state_shapes().items()]
@@ -181,9 +177,7 @@ class Controller(ABC, Generic[G]):
         """
         if set(state) != set(self._names()):
             raise ControllerError(f"the states are {sorted(state)}: expected {sorted(self._names())}")
-        arrays = {
-            name: _array(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()
-        }
+        arrays = {name: _array(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()}
         self._clear()
         for name, array in arrays.items():
             self._state[name] = array
@@ -225,9 +219,7 @@ class Controller(ABC, Generic[G]):
 
     def _require_start(self, what: str) -> None:
         if not self._started:
-            raise ControllerError(
-                f"{what} was asked for before the controller was started: call start() first"
-            )
+            raise ControllerError(f"{what} was asked for before the controller was started: call start() first")
 
     def _checked(self, pose: ArrayLike, leader: Leader, desired: Desired) -> tuple[Floats, Leader, Desired]:
         """Return the inputs as arrays of the right shape with finite numbers, or refuse them by name."""
@@ -236,9 +228,7 @@ class Controller(ABC, Generic[G]):
         told = Leader(
             _array("the leader's pose", leader.pose, (4,)),
             _array("the leader's velocity", leader.velocity, (2,)),
-            None
-            if leader.acceleration is None
-            else _array("the leader's acceleration", leader.acceleration, (2,)),
+            None if leader.acceleration is None else _array("the leader's acceleration", leader.acceleration, (2,)),
         )
         wanted = Desired(
             _array("the desired q", desired.q, (n, 2)),
@@ -252,6 +242,8 @@ class Controller(ABC, Generic[G]):
             _refuse_non_finite("the leader's velocity", told.velocity, ("v", "omega"))
             for name, array in zip(("q", "q_dot", "q_ddot"), wanted, strict=True):
                 _refuse_non_finite(f"desired {name}", array, ("range", "bearing"))
+        if told.acceleration is not None and not finite(told.acceleration):
+            _refuse_non_finite("the leader's acceleration", told.acceleration, ("v", "omega"))
         return poses, told, wanted
 
 
@@ -271,7 +263,5 @@ def _refuse_non_finite(what: str, value: ArrayLike, components: tuple[str, ...])
     array = np.asarray(value)
     for index in np.argwhere(~np.isfinite(array)):
         robot = int(index[0]) if array.ndim == 2 else None
-        message = (
-            f"{what} component {components[index[-1]]} is {array[tuple(index)]}: expected a finite number"
-        )
+        message = f"{what} component {components[index[-1]]} is {array[tuple(index)]}: expected a finite number"
         raise ControllerError(message, robot=robot)

@@ -87,21 +87,14 @@ class Gains:
 def gain_records(gains: Sequence[Gains]) -> NDArray[np.void]:
     """Lay out gains as a structured array, one record a robot, for compiled code."""
     values = [tuple(getattr(g, name) for name in gain_info(type(g))) for g in gains]
-    layout = [
-        (name, float, np.shape(value))
-        for name, value in zip(gain_info(type(gains[0])), values[0], strict=True)
-    ]
+    layout = [(name, float, np.shape(value)) for name, value in zip(gain_info(type(gains[0])), values[0], strict=True)]
     return np.array(values, dtype=np.dtype(layout))
 
 
 def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, ...]:
     """Return a gain in its normal form, or refuse it."""
-    entries = (
-        tuple(value) if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) else (value,)
-    )
-    allowed = {1: "one number", 2: "one number or a pair (range, bearing)", None: "one or more numbers"}[
-        info.size
-    ]
+    entries = tuple(value) if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) else (value,)
+    allowed = {1: "one number", 2: "one number or a pair (range, bearing)", None: "one or more numbers"}[info.size]
     try:
         numbers = tuple(float(entry) for entry in entries if not isinstance(entry, str | bool))
     except (TypeError, ValueError):

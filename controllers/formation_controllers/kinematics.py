@@ -101,9 +101,7 @@ def input_matrix(pose: Floats, vehicle: np.void) -> tuple[float, float, float, f
 
 
 @compiled
-def solve_2x2(
-    a_11: float, a_12: float, a_21: float, a_22: float, b_1: float, b_2: float
-) -> tuple[float, float]:
+def solve_2x2(a_11: float, a_12: float, a_21: float, a_22: float, b_1: float, b_2: float) -> tuple[float, float]:
     """Solve A x = b by Cramer's rule; NaN if A is singular."""
     det = a_11 * a_22 - a_12 * a_21
     if det == 0.0:

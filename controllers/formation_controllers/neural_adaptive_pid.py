@@ -51,13 +51,9 @@ class NeuralAdaptivePidGains(Gains):
         above=0,
         reason="the robust term divides by it",
     )
-    gamma_theta: float = gain(
-        0.5, "γ_θ", "N/m.s", "adaptation gain of the robust gain, (28)", at_least=0, reason=_OFF
-    )
+    gamma_theta: float = gain(0.5, "γ_θ", "N/m", "adaptation gain of the robust gain, (28)", at_least=0, reason=_OFF)
     theta_m: float = gain(10.0, "θ_m", "N", "bound of the robust gain, (30)", at_least=0, reason=_OFF)
-    gamma_w: float = gain(
-        10.0, "γ_w", "N/m", "adaptation gain of the network's weights, (28)", at_least=0, reason=_OFF
-    )
+    gamma_w: float = gain(10.0, "γ_w", "N/m", "adaptation gain of the network's weights, (28)", at_least=0, reason=_OFF)
     W_m: float = gain(1000.0, "W_m", "N2", "bound of tr(W'W), (29)", above=0, reason="it is a squared norm")
     centres: Sequence[float] = gain(
         (-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0),
@@ -72,13 +68,12 @@ class NeuralAdaptivePidGains(Gains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        centres, widths = tuple(self.centres), tuple(np.atleast_1d(self.widths))
-        if len(widths) == 1:
-            object.__setattr__(self, "widths", widths * len(centres))
-        elif len(widths) != len(centres):
+        n = np.size(self.centres)
+        if np.size(self.widths) not in (1, n):
             raise GainError(
-                f"gain 'widths' has {len(widths)} entries: expected 1, or {len(centres)} as there are centres"
+                f"gain 'widths' has {np.size(self.widths)} entries: expected 1, or {n} as there are centres"
             )
+        object.__setattr__(self, "widths", tuple(np.broadcast_to(self.widths, n).tolist()))
 
 
 class NeuralAdaptivePid(Controller[NeuralAdaptivePidGains]):
@@ -96,9 +91,7 @@ class NeuralAdaptivePid(Controller[NeuralAdaptivePidGains]):
         Signal("range_estimate", "m", "estimated range, first entry of q_hat"),
         Signal("bearing_estimate", "rad", "estimated bearing, second entry of q_hat"),
         Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (32)"),
-        Signal(
-            "bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (32)"
-        ),
+        Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (32)"),
         Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (32)"),
         Signal("steering_rate_estimate", "rad/s", "estimated steering velocity omega_hat, (32)"),
         Signal("weight_norm", "N", "Frobenius norm of the network's weights W, (29)"),

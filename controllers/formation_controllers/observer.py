@@ -12,9 +12,7 @@ def rate_estimate(p: float, q_tilde: float, Lambda_0: float, k_d: float) -> floa
 
 
 @compiled
-def p_dot(
-    zeta: float, q_tilde: float, q_d_ddot: float, Lambda_0: float, Lambda_1: float, k_d: float
-) -> float:
+def p_dot(zeta: float, q_tilde: float, q_d_ddot: float, Lambda_0: float, Lambda_1: float, k_d: float) -> float:
     """Rate of the observer's state p, (33)."""
     return q_d_ddot + k_d * Lambda_0 * q_tilde + Lambda_1 * q_tilde + zeta
 

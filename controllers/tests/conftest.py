@@ -1,0 +1,109 @@
+"""The paper's first simulation on a reduced plant in NumPy, (1) to (3) and (56): fixtures for closed-loop tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from formation_controllers.geometry import range_bearing
+from formation_controllers.interface import Desired, Leader, Team
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
+from formation_controllers.vehicles import CarLike
+from hypothesis import settings
+
+# The first call of a compiled function takes its time, and the same examples every time make failures repeatable.
+settings.register_profile("formation-controllers", deadline=None, derandomize=True)
+settings.load_profile("formation-controllers")
+
+WHEELBASE, MASS, INERTIA_BODY, INERTIA_STEERING, DAMPING = 1.2, 30.0, 5.0, 10.0, 25.0
+PERIOD = 0.02
+LIMIT = 200.0
+
+
+def drive_gain(psi, gamma, drive):
+    return {
+        "as_printed": 1 + np.tan(gamma) * np.sin(psi),
+        "front_wheel": 1 / np.cos(gamma),
+        "rear_wheel": np.ones_like(psi),
+    }[drive]
+
+
+def rates(state, torque, drive="as_printed"):
+    """Return the rates of (x, y, psi, gamma, v, omega), shape (..., 6), under torques (..., 2)."""
+    psi, gamma, v, omega = np.moveaxis(state[..., 2:], -1, 0)
+    t, t_dot = np.tan(gamma), omega / np.cos(gamma) ** 2
+    # M2 = S' M1 S, C2 = S' M1 S_dot (the rest of (3) cancels), D2 = S' D1 S
+    inertia = INERTIA_BODY + INERTIA_STEERING
+    m_11 = MASS + inertia * t * t / WHEELBASE**2
+    m_12 = INERTIA_STEERING * t / WHEELBASE
+    m_22 = INERTIA_STEERING
+    f_1 = drive_gain(psi, gamma, drive) * torque[..., 0]
+    f_1 = f_1 - inertia * t * t_dot / WHEELBASE**2 * v - DAMPING * (1 + t * t / WHEELBASE**2) * v
+    f_2 = torque[..., 1] - INERTIA_STEERING * t_dot / WHEELBASE * v - DAMPING * omega
+    det = m_11 * m_22 - m_12 * m_12
+    v_dot = (m_22 * f_1 - m_12 * f_2) / det
+    omega_dot = (m_11 * f_2 - m_12 * f_1) / det
+    return np.stack([v * np.cos(psi), v * np.sin(psi), v * t / WHEELBASE, omega, v_dot, omega_dot], axis=-1)
+
+
+START = np.array([[-5, 0, 0, 0], [-5, 10, 0, 0], [-5, 15, 0, 0], [-5, -5, 0, 0]], dtype=float)
+LEADER_START = np.array([2.5, 5.5, 0, 0])
+LEADER_TORQUE = np.array([8.0, 0.0])
+DESIRED = np.column_stack([[3.0, 3.0, 8.0, 8.0], np.radians([45, -45, 15, -15])])
+
+
+@dataclass
+class FirstSimulation:
+    """The first simulation, tick by tick: explicit Euler, torques clipped, noise on every pose [m, rad]."""
+
+    gains: NeuralAdaptivePidGains | None = None
+    rows: Sequence[int] = (0, 1, 2, 3)
+    drive: str = "as_printed"
+    noise: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self):
+        n = len(self.rows)
+        self.vehicle = CarLike(WHEELBASE, self.drive)
+        self.controller = NeuralAdaptivePid(Team(self.vehicle, n, PERIOD), self.gains)
+        self.desired = Desired(DESIRED[list(self.rows)], np.zeros((n, 2)), np.zeros((n, 2)))
+        self.random = np.random.default_rng(self.seed)
+        self.state = np.hstack([START[list(self.rows)], np.zeros((n, 2))])
+        self.leader = np.concatenate([LEADER_START, np.zeros(2)])
+        self.controller.start(*self.sensed())
+
+    def sensed(self):
+        pose = self.state[:, :4] + self.noise * self.random.standard_normal((len(self.rows), 4))
+        return pose, Leader(self.leader[:4], self.leader[4:]), self.desired
+
+    def tick(self):
+        """Advance everything by one period and return the torque as sent to the plant."""
+        torque = self.controller.step(*self.sensed()).clip(-LIMIT, LIMIT)
+        self.state = self.state + PERIOD * rates(self.state, torque, self.drive)
+        self.leader = self.leader + PERIOD * rates(self.leader, LEADER_TORQUE, self.drive)
+        return torque
+
+    def run(self, ticks):
+        """Return states (ticks + 1, N, 6), leader's states (ticks + 1, 6) and telemetry by name (ticks, ...)."""
+        states, leaders, telemetry = [self.state], [self.leader], []
+        for _ in range(ticks):
+            self.tick()
+            states.append(self.state)
+            leaders.append(self.leader)
+            telemetry.append(self.controller.telemetry())
+        signals = {name: np.array([t[name] for t in telemetry]) for name in telemetry[0]}
+        return np.array(states), np.array(leaders), signals
+
+    def errors(self, states, leaders):
+        """Return range [m] and bearing [rad] errors, shape (..., N, 2), the bearing unwrapped over time."""
+        q = range_bearing(states[..., :4], leaders[..., None, :4], self.vehicle)
+        q[..., 1] = np.unwrap(q[..., 1], axis=0)
+        return q - self.desired.q
+
+
+@pytest.fixture(scope="session")
+def first_simulation():
+    """The class, so that a test can vary it."""
+    return FirstSimulation

@@ -1,0 +1,241 @@
+"""What the base class promises for every controller, with a small law in plain NumPy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from formation_controllers import CarLike, ControllerError, Desired, GainError, Gains, Leader, Signal, Team
+from formation_controllers.controller import Controller
+from formation_controllers.gains import gain
+from formation_controllers.geometry import range_bearing
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
+
+TEAM = Team(CarLike(1.2), 3, 0.02)
+POSE = np.array([[-5.0, 0, 0, 0], [-5, 3, 0.1, 0], [-4, -3, -0.1, 0.2]])
+LEADER = Leader(np.zeros(4), np.array([0.3, 0.0]))
+DESIRED = Desired(np.tile([3.0, 0.5], (3, 1)), np.zeros((3, 2)), np.zeros((3, 2)))
+
+
+@dataclass(frozen=True)
+class IntegralGains(Gains):
+    k: float = gain(2.0, "k", "N/s", "integral gain", above=0)
+
+
+class Integral(Controller[IntegralGains]):
+    """Torque: the integral of the error of range and bearing."""
+
+    interface = "1.0"
+    vehicles = ("car_like",)
+    gains_type = IntegralGains
+    signals = (Signal("error", "mixed", "error of q", ("range", "bearing")), Signal("ticks", "1", "ticks"))
+
+    def state_shapes(self):
+        return {"integral": (2,), "ticks": ()}
+
+    def on_start(self, pose, leader, desired):
+        self._state["ticks"] = 1.0
+
+    def on_step(self, pose, leader, desired):
+        error = desired.q - range_bearing(pose, leader.pose, self.team.vehicle)
+        torque = self.gains.k * self._state["integral"]
+        self._telemetry["error"], self._telemetry["ticks"] = error, self._state["ticks"]
+        self._state["integral"] += self.team.period * error
+        self._state["ticks"] += 1
+        return torque
+
+
+def started(controller_type=Integral):
+    controller = controller_type(TEAM)
+    controller.start(POSE, LEADER, DESIRED)
+    return controller
+
+
+def test_a_law_runs_and_tells_what_it_did():
+    controller = started()
+    assert np.isnan(controller.telemetry()["error"]).all()
+    assert controller.step(POSE, LEADER, DESIRED).tolist() == [[0, 0]] * 3
+    error = DESIRED.q - range_bearing(POSE, LEADER.pose, TEAM.vehicle)
+    np.testing.assert_allclose(controller.step(POSE, LEADER, DESIRED), 2.0 * 0.02 * error)
+    telemetry = controller.telemetry()
+    np.testing.assert_array_equal(telemetry["error"], error)
+    assert telemetry["ticks"].tolist() == [2, 2, 2]
+
+
+def test_what_is_handed_out_is_not_the_controllers_own_memory():
+    controller = started()
+    controller.step(POSE, LEADER, DESIRED)
+    before = controller.to_bytes()
+    controller.telemetry()["ticks"][:] = 99
+    controller.get_state()["integral"][:] = 99
+    assert controller.to_bytes() == before
+    assert controller.telemetry()["ticks"].tolist() == [1, 1, 1]
+
+
+def test_inputs_may_be_lists_read_only_or_strided():
+    expected = started().step(POSE, LEADER, DESIRED)
+    frozen = POSE.copy()
+    frozen.flags.writeable = False
+    for pose in (POSE.tolist(), frozen, np.asfortranarray(POSE), np.repeat(POSE, 2, axis=0)[::2]):
+        np.testing.assert_array_equal(started().step(pose, LEADER, DESIRED), expected)
+
+
+@pytest.mark.parametrize(
+    ("team", "message"),
+    [
+        ({"size": 0}, "0 followers"),
+        ({"period": 0.0}, "period is 0.0 s: it must be a positive time"),
+        ({"period": -0.02}, "period is -0.02 s"),
+        ({"period": math.nan}, "period is nan s"),
+    ],
+)
+def test_an_impossible_team_is_refused(team, message):
+    with pytest.raises(ControllerError, match=message):
+        Team(**{"vehicle": CarLike(1.2), "size": 3, "period": 0.02} | team)
+
+
+def test_another_vehicle_is_refused():
+    class Hovercraft(CarLike):
+        kind = "hovercraft"
+
+    with pytest.raises(ControllerError, match="Integral serves vehicles of kind car_like, not hovercraft"):
+        Integral(Team(Hovercraft(1.2), 3, 0.02))
+
+
+def test_gains_of_another_law_are_refused():
+    with pytest.raises(GainError, match="takes gains of IntegralGains, not of NeuralAdaptivePidGains"):
+        Integral(TEAM, NeuralAdaptivePidGains())
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda c: c.step(POSE, LEADER, DESIRED),
+        lambda c: c.get_state(),
+        lambda c: c.to_bytes(),
+    ],
+)
+def test_nothing_works_before_the_start_or_after_a_reset(call):
+    with pytest.raises(ControllerError, match=r"call start\(\) first"):
+        call(Integral(TEAM))
+    controller = started()
+    call(controller)
+    controller.reset()
+    with pytest.raises(ControllerError, match=r"call start\(\) first"):
+        call(controller)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"pose": POSE[:2]}, r"pose has shape \(2, 4\): expected \(3, 4\)"),
+        ({"pose": POSE[:, :3]}, r"pose has shape \(3, 3\): expected \(3, 4\)"),
+        ({"pose": [["a"] * 4] * 3}, "pose is not an array of numbers"),
+        ({"leader": LEADER._replace(pose=np.zeros(3))}, r"leader's pose has shape \(3,\): expected \(4,\)"),
+        ({"leader": LEADER._replace(velocity=np.zeros(3))}, "leader's velocity has shape"),
+        ({"leader": LEADER._replace(acceleration=np.zeros(3))}, "leader's acceleration has shape"),
+        ({"desired": DESIRED._replace(q=np.zeros((2, 2)))}, r"desired q has shape \(2, 2\): expected \(3, 2\)"),
+        ({"desired": DESIRED._replace(q_dot=np.zeros(2))}, "desired q_dot has shape"),
+        ({"desired": DESIRED._replace(q_ddot=np.zeros(2))}, "desired q_ddot has shape"),
+    ],
+)
+def test_shapes_that_do_not_fit_are_refused_and_change_nothing(inputs, message):
+    controller = started()
+    before = controller.to_bytes()
+    arguments = {"pose": POSE, "leader": LEADER, "desired": DESIRED} | inputs
+    for call in (controller.step, controller.start):
+        with pytest.raises(ControllerError, match=message):
+            call(**arguments)
+    assert controller.to_bytes() == before
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    ("what", "index", "robot", "message"),
+    [
+        ("pose", (1, 2), 1, "robot 1: pose component psi is {}"),
+        ("leader.pose", (3,), None, "the leader's pose component gamma is {}"),
+        ("leader.velocity", (1,), None, "the leader's velocity component omega is {}"),
+        ("leader.acceleration", (0,), None, "the leader's acceleration component v is {}"),
+        ("desired.q", (2, 1), 2, "robot 2: desired q component bearing is {}"),
+        ("desired.q_dot", (0, 0), 0, "robot 0: desired q_dot component range is {}"),
+        ("desired.q_ddot", (0, 1), 0, "robot 0: desired q_ddot component bearing is {}"),
+    ],
+)
+def test_numbers_that_are_not_finite_are_refused_by_robot_and_component(what, index, robot, message, value):
+    arrays = {
+        "pose": POSE,
+        **{f"leader.{n}": v for n, v in LEADER._replace(acceleration=np.zeros(2))._asdict().items()},
+    }
+    arrays |= {f"desired.{n}": v for n, v in DESIRED._asdict().items()}
+    arrays = {name: array.copy() for name, array in arrays.items()}
+    arrays[what][index] = value
+    leader = Leader(*(arrays[f"leader.{n}"] for n in Leader._fields))
+    desired = Desired(*(arrays[f"desired.{n}"] for n in Desired._fields))
+    controller = started()
+    before = controller.to_bytes()
+    with pytest.raises(ControllerError, match=message.format(value)) as caught:
+        controller.step(arrays["pose"], leader, desired)
+    assert caught.value.robot == robot
+    assert controller.to_bytes() == before
+
+
+def test_a_torque_that_is_not_finite_is_refused_with_what_is_known():
+    class Broken(Integral):
+        def on_step(self, pose, leader, desired):
+            torque = super().on_step(pose, leader, desired)
+            torque[2, 0] = math.nan
+            return torque
+
+    with pytest.raises(ControllerError, match=r"robot 2: the torque is not finite, at error = .*, ticks = 1.0 1") as e:
+        started(Broken).step(POSE, LEADER, DESIRED)
+    assert e.value.robot == 2
+    assert not e.value.message.startswith("robot")
+
+
+def test_a_torque_of_the_wrong_shape_is_refused():
+    class Broken(Integral):
+        def on_step(self, pose, leader, desired):
+            return np.zeros(2)
+
+    with pytest.raises(ControllerError, match=r"the torque has shape \(2,\): expected \(3, 2\)"):
+        started(Broken).step(POSE, LEADER, DESIRED)
+
+
+def test_state_goes_on_in_another_controller():
+    controller = started()
+    for _ in range(3):
+        controller.step(POSE, LEADER, DESIRED)
+    by_value, by_bytes = Integral(TEAM), Integral(TEAM)
+    by_value.set_state(controller.get_state())
+    by_bytes.from_bytes(controller.to_bytes())
+    torque = controller.step(POSE, LEADER, DESIRED)
+    np.testing.assert_array_equal(by_value.step(POSE, LEADER, DESIRED), torque)
+    np.testing.assert_array_equal(by_bytes.step(POSE, LEADER, DESIRED), torque)
+
+
+def test_a_copy_goes_its_own_way():
+    controller = started()
+    twin = controller.copy()
+    controller.step(POSE, LEADER, DESIRED)
+    before = twin.get_state()
+    controller.step(POSE, LEADER, DESIRED)
+    assert before["ticks"].tolist() == twin.get_state()["ticks"].tolist() == [1, 1, 1]
+
+
+def test_states_that_do_not_fit_are_refused_and_change_nothing():
+    controller = started()
+    state, before = controller.get_state(), controller.to_bytes()
+    with pytest.raises(ControllerError, match=r"states are \['ticks'\]: expected \['integral', 'ticks'\]"):
+        controller.set_state({"ticks": state["ticks"]})
+    with pytest.raises(ControllerError, match=r"state 'integral' has shape \(2, 2\): expected \(3, 2\)"):
+        controller.set_state(state | {"integral": np.zeros((2, 2))})
+    for data in (b"", b"nonsense", before[: len(before) // 2]):
+        with pytest.raises(ControllerError, match="the bytes are not a controller's state"):
+            controller.from_bytes(data)
+    other = Integral(Team(CarLike(1.2), 2, 0.02))
+    with pytest.raises(ControllerError, match=r"shape \(3, 2\): expected \(2, 2\)"):
+        other.from_bytes(before)
+    assert controller.to_bytes() == before

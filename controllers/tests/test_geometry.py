@@ -1,0 +1,141 @@
+"""Equations (4) to (8) and B2 of (3)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from formation_controllers import CarLike, ControllerError, kinematics
+from formation_controllers.geometry import formation_rates, input_matrix, posture_error, range_bearing
+from hypothesis import given
+from hypothesis import strategies as st
+
+CAR = CarLike(1.2)
+
+
+def random_poses(n, seed=0):
+    """Poses of followers and of leaders well away from the singularities."""
+    random = np.random.default_rng(seed)
+    pose = random.uniform([-5, -5, -7, -1], [5, 5, 7, 1], (n, 4))
+    away = random.uniform(2, 10, n)
+    angle = random.uniform(-math.pi, math.pi, n)
+    leader = np.column_stack(
+        [
+            pose[:, 0] + away * np.cos(angle),
+            pose[:, 1] + away * np.sin(angle),
+            random.uniform(-7, 7, n),
+            random.uniform(-1, 1, n),
+        ]
+    )
+    return pose, leader
+
+
+def motion_basis(pose, wheelbase):
+    """S of (2), shape (..., 4, 2)."""
+    psi, gamma = pose[..., 2], pose[..., 3]
+    zero = np.zeros_like(psi)
+    first = np.stack([np.cos(psi), np.sin(psi), np.tan(gamma) / wheelbase, zero], axis=-1)
+    return np.stack([first, np.broadcast_to([0.0, 0.0, 0.0, 1.0], first.shape)], axis=-1)
+
+
+def test_posture_error_is_the_leader_in_the_followers_frame():
+    # The follower looks along +y: the leader, 3 m further along y and 1 m along x, is ahead and to the right.
+    e = posture_error([1.0, 2.0, math.pi / 2, 0.1], [2.0, 5.0, math.pi, 0.3])
+    np.testing.assert_allclose(e, [3.0, -1.0, math.pi / 2, 0.2], atol=1e-15)
+
+
+def test_range_and_bearing_are_seen_from_the_front_axle_and_relative_to_the_steered_wheel():
+    # Front axle at (1, 3.2); the leader is 4 m ahead of it and 4 m to the left.
+    q = range_bearing([1.0, 2.0, math.pi / 2, 0.1], [-3.0, 7.2, 0.0, 0.0], CAR)
+    np.testing.assert_allclose(q, [math.sqrt(32), math.pi / 4 - 0.1], rtol=1e-15)
+
+
+def test_range_and_bearing_do_not_change_when_the_world_is_moved():
+    pose, leader = random_poses(100)
+    c, s = math.cos(0.7), math.sin(0.7)
+    move = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    offset = np.array([3.0, -4.0, 0.7, 0.0])
+    moved = range_bearing(pose @ move.T + offset, leader @ move.T + offset, CAR)
+    np.testing.assert_allclose(moved, range_bearing(pose, leader, CAR), atol=1e-12)
+
+
+def test_rates_are_the_time_derivative_of_range_and_bearing():
+    pose, leader = random_poses(500)
+    random = np.random.default_rng(1)
+    velocity, leader_velocity = random.uniform(-1, 1, (2, 500, 2))
+    pose_dot = np.einsum("nij,nj->ni", motion_basis(pose, CAR.wheelbase), velocity)
+    leader_dot = np.einsum("nij,nj->ni", motion_basis(leader, CAR.wheelbase), leader_velocity)
+    h = 1e-5
+    ahead = range_bearing(pose + h * pose_dot, leader + h * leader_dot, CAR)
+    behind = range_bearing(pose - h * pose_dot, leader - h * leader_dot, CAR)
+    difference = ahead - behind
+    difference[:, 1] = (difference[:, 1] + math.pi) % (2 * math.pi) - math.pi  # atan2 may jump in between
+    R, delta = formation_rates(pose, leader, leader_velocity[:, 0], CAR)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, velocity) + delta, difference / (2 * h), atol=1e-8)
+
+
+def test_determinant_of_r_vanishes_with_the_cosine_of_the_bearing():
+    pose, leader = random_poses(200)
+    R, _ = formation_rates(pose, leader, 0.0, CAR)
+    bearing = range_bearing(pose, leader, CAR)[:, 1]
+    np.testing.assert_allclose(np.linalg.det(R), np.cos(bearing) / np.cos(pose[:, 3]), rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("drive", ["as_printed", "front_wheel", "rear_wheel"])
+def test_input_matrix_is_the_motion_basis_times_b1(drive):
+    pose, _ = random_poses(100)
+    psi, gamma, zero = pose[:, 2], pose[:, 3], np.zeros(100)
+    first = {
+        "as_printed": [np.cos(psi), np.sin(psi), CAR.wheelbase * np.sin(psi), zero],
+        "front_wheel": [np.cos(psi + gamma), np.sin(psi + gamma), CAR.wheelbase * np.sin(gamma), zero],
+        "rear_wheel": [np.cos(psi), np.sin(psi), zero, zero],
+    }[drive]
+    B1 = np.stack([np.stack(first, axis=-1), np.broadcast_to([0.0, 0.0, 0.0, 1.0], (100, 4))], axis=-1)
+    B2 = np.einsum("nki,nkj->nij", motion_basis(pose, CAR.wheelbase), B1)
+    np.testing.assert_allclose(input_matrix(pose, CarLike(1.2, drive)), B2, rtol=1e-12, atol=1e-12)
+
+
+def test_leading_dimensions_broadcast():
+    pose, leader = random_poses(6)
+    q = range_bearing(pose.reshape(2, 3, 4), leader[0], CAR)
+    assert q.shape == (2, 3, 2)
+    np.testing.assert_array_equal(q[1, 2], range_bearing(pose[5], leader[0], CAR))
+    R, delta = formation_rates(pose[:, None], leader[None, :3], np.arange(3.0), CAR)
+    assert R.shape == (6, 3, 2, 2)
+    assert delta.shape == (6, 3, 2)
+    assert posture_error(np.zeros((0, 4)), leader[0]).shape == (0, 4)
+
+
+def test_rates_at_range_zero_are_not_a_number():
+    R, delta = formation_rates([0.0, 0.0, 0.0, 0.0], [1.2, 0.0, 0.0, 0.0], 1.0, CAR)
+    assert np.isnan(R).all()
+    assert np.isnan(delta).all()
+
+
+@given(angle=st.floats(-math.pi, math.pi), previous=st.floats(-100, 100))
+def test_unwrapping_adds_whole_turns_and_stays_near(angle, previous):
+    result = kinematics.unwrapped(angle, previous)
+    turns = (result - angle) / (2 * math.pi)
+    assert abs(turns - round(turns)) < 1e-12
+    assert abs(result - previous) <= math.pi + 1e-12
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(ControllerError, match=r"shape \(3,\): the last dimension must be 4"):
+        posture_error(np.zeros(3), np.zeros(3))
+    with pytest.raises(ControllerError, match="do not broadcast"):
+        range_bearing(np.zeros((2, 4)), np.zeros((3, 4)), CAR)
+    with pytest.raises(ControllerError, match="speed"):
+        formation_rates(np.zeros((2, 4)), np.zeros(4), np.zeros(3), CAR)
+
+
+@pytest.mark.parametrize("wheelbase", [0.0, -1.0, math.nan, math.inf])
+def test_a_wheelbase_that_is_no_length_is_refused(wheelbase):
+    with pytest.raises(ControllerError, match="wheelbase"):
+        CarLike(wheelbase)
+
+
+def test_an_unknown_drive_is_refused_with_the_nearest():
+    with pytest.raises(ControllerError, match=r"'front_weel'; did you mean 'front_wheel'"):
+        CarLike(1.2, "front_weel")

@@ -1,0 +1,89 @@
+"""The radial-basis-function network (11) and the projections (28) to (30)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from formation_controllers import projection, rbf
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+HIDDEN = 9
+
+
+def test_basis_and_output_are_the_formula():
+    random = np.random.default_rng(0)
+    x, centres, widths = random.normal(size=13), np.arange(-4.0, 5.0), random.uniform(1, 10, HIDDEN)
+    sigma = np.empty(HIDDEN)
+    rbf.basis(x, centres, widths, sigma)
+    expected = np.exp(-((x - centres[:, None]) ** 2).sum(axis=1) / widths**2)
+    np.testing.assert_allclose(sigma, expected, rtol=1e-13)
+    W = random.normal(size=(2, HIDDEN))
+    np.testing.assert_allclose([rbf.output(W, sigma, m) for m in range(2)], W @ sigma, rtol=1e-13)
+
+
+def test_a_basis_function_is_one_at_its_centre():
+    sigma = np.empty(HIDDEN)
+    rbf.basis(np.full(13, 2.0), np.arange(-4.0, 5.0), np.full(HIDDEN, 10.0), sigma)
+    assert sigma[6] == 1.0
+    assert np.argmax(sigma) == 6
+
+
+numbers = st.floats(-1e3, 1e3)
+weights = arrays(float, (2, HIDDEN), elements=numbers)
+errors = arrays(float, 2, elements=numbers)
+bases = arrays(float, HIDDEN, elements=st.floats(0, 1))
+bounds = st.floats(1e-3, 1e4)
+
+
+@settings(max_examples=300)
+@given(W=weights, steps=st.lists(st.tuples(errors, bases), max_size=20), W_m=bounds, gamma_w=st.floats(0, 1e3))
+def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
+    for s, sigma in steps:
+        projection.step_weights(W, s, sigma, gamma_w, W_m, 0.02)
+        assert np.trace(W.T @ W) <= W_m * (1 + 1e-12)
+
+
+@given(W=weights, s=errors, sigma=bases)
+def test_inside_the_bound_weights_follow_the_gradient(W, s, sigma):
+    W_m = 4 * np.trace(W.T @ W) + 1e6
+    expected = W + 0.02 * 0.01 * np.outer(s, sigma)
+    projection.step_weights(W, s, sigma, 0.01, W_m, 0.02)
+    np.testing.assert_allclose(W, expected, rtol=1e-13, atol=1e-13)
+
+
+@given(W=weights, s=errors, sigma=bases, W_m=bounds)
+def test_on_the_bound_the_rate_has_no_outward_part(W, s, sigma, W_m):
+    if not np.trace(W.T @ W) > 1e-6:
+        W = np.ones_like(W)
+    W = W * np.sqrt(W_m / np.trace(W.T @ W))
+    rate = np.outer(s, sigma) - projection.outward(W, s, sigma, W_m) * W
+    scale = np.linalg.norm(W) * np.linalg.norm(np.outer(s, sigma))
+    assert np.sum(W * rate) <= 1e-9 * max(scale, 1.0)
+    if s @ W @ sigma <= 0:
+        np.testing.assert_array_equal(rate, np.outer(s, sigma))
+
+
+@given(W=weights, ideal=weights, s=errors, sigma=bases, W_m=bounds)
+def test_projection_does_not_hurt_the_lyapunov_function(W, ideal, s, sigma, W_m):
+    """The second inequality of (50), for any ideal weights within the bound."""
+
+    def within(V):
+        return V * np.sqrt(W_m / max(np.trace(V.T @ V), W_m))
+
+    W, ideal = within(W), within(ideal)
+    rate = np.outer(s, sigma) - projection.outward(W, s, sigma, W_m) * W
+    wrong = ideal - W
+    scale = np.linalg.norm(wrong) * np.linalg.norm(np.outer(s, sigma))
+    assert s @ wrong @ sigma - np.sum(wrong * rate) <= 1e-8 * max(scale, 1.0)
+
+
+@given(theta_m=st.floats(0, 100), norms=st.lists(st.floats(0, 1e6), max_size=20))
+def test_the_robust_gain_grows_up_to_its_bound(theta_m, norms):
+    theta = 0.0
+    for norm in norms:
+        stepped = projection.step_gain(theta, norm, 0.5, theta_m, 0.02)
+        assert theta <= stepped <= theta_m
+        assert stepped == pytest.approx(min(theta + 0.01 * norm, theta_m))
+        theta = stepped

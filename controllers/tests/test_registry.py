@@ -1,0 +1,107 @@
+"""Finding controllers: real entry points of made-up distributions on the path."""
+
+from __future__ import annotations
+
+import pytest
+from formation_controllers import (
+    INTERFACE_VERSION,
+    ControllerError,
+    IncompatibleInterface,
+    UnknownController,
+    installed,
+    load,
+    registry,
+)
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+
+MODULE = """
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+class Fine(NeuralAdaptivePid):
+    pass
+class Older(NeuralAdaptivePid):
+    interface = "0.3"
+class Newer(NeuralAdaptivePid):
+    interface = "1.9"
+class Silent(NeuralAdaptivePid):
+    interface = None
+nothing = 3
+"""
+
+
+@pytest.fixture
+def distribution(tmp_path, monkeypatch):
+    """Return a function that puts a distribution with controllers on the path."""
+
+    def make(name, points, module="someones_controllers"):
+        folder = tmp_path / name
+        info = folder / f"{name}-2.5.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 2.5\n")
+        lines = [f"{point} = {module}:{attribute}" for point, attribute in points.items()]
+        (info / "entry_points.txt").write_text("\n".join([f"[{registry.GROUP}]", *lines]))
+        (folder / "someones_controllers.py").write_text(MODULE)
+        monkeypatch.syspath_prepend(folder)
+
+    return make
+
+
+def test_the_papers_controller_is_installed():
+    found = installed()["neural-adaptive-pid"]
+    assert found.package == "formation-controllers"
+    assert load("neural-adaptive-pid") is NeuralAdaptivePid
+
+
+def test_anyones_package_can_bring_a_controller(distribution):
+    distribution("someones", {"someones-law": "Fine"})
+    found = installed()["someones-law"]
+    assert (found.name, found.package, found.version) == ("someones-law", "someones", "2.5")
+    assert load("someones-law").__name__ == "Fine"
+
+
+def test_an_unknown_controller_is_refused_with_the_nearest_and_the_known():
+    with pytest.raises(UnknownController, match=r"'neural-pid'; did you mean 'neural-adaptive-pid'\? known: .*neural"):
+        load("neural-pid")
+    with pytest.raises(UnknownController, match=r"unknown controller 'zzz'; known: "):
+        load("zzz")
+
+
+@pytest.mark.parametrize(("attribute", "version"), [("Older", "0.3"), ("Newer", "1.9"), ("Silent", "None")])
+def test_another_version_of_the_interface_is_refused(distribution, attribute, version):
+    distribution("someones", {"someones-law": attribute})
+    with pytest.raises(
+        IncompatibleInterface,
+        match=rf"controller 'someones-law' of someones 2.5 speaks version {version} .*"
+        rf"version {INTERFACE_VERSION} is spoken here",
+    ):
+        load("someones-law")
+
+
+@pytest.mark.parametrize(("version", "expected"), [("1.0", True), ("1.1", False), ("2.0", False), ("0.9", False)])
+def test_which_versions_go_together(version, expected):
+    assert registry.compatible(version) is expected
+
+
+@pytest.mark.parametrize("version", ["1", "1.0.0", "one", "", None, 1.0])
+def test_a_version_that_is_none_is_incompatible(version):
+    assert not registry.compatible(version)
+
+
+def test_what_cannot_be_imported_or_is_no_controller_is_refused(distribution):
+    distribution("someones", {"absent": "Absent", "number": "nothing"})
+    with pytest.raises(ControllerError, match=r"controller 'absent' of someones 2.5 cannot be imported"):
+        load("absent")
+    with pytest.raises(ControllerError, match=r"controller 'number' of someones 2.5 is 3: expected a subclass"):
+        load("number")
+
+
+def test_a_module_that_is_not_there_is_refused(distribution):
+    distribution("someones", {"lost": "Law"}, module="no_such_module_anywhere")
+    with pytest.raises(ControllerError, match=r"controller 'lost' of someones 2.5 cannot be imported: No module"):
+        load("lost")
+
+
+def test_two_packages_with_the_same_name_are_refused(distribution):
+    distribution("someones", {"law": "Fine"})
+    distribution("others", {"law": "Fine"})
+    with pytest.raises(ControllerError, match=r"both .* and .* bring a controller named 'law': uninstall one"):
+        installed()
