@@ -24,7 +24,7 @@ DISTRIBUTION = Path(__file__).parents[1]
 
 def run(code, **env):
     return subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | env, capture_output=True, check=True, text=True
+        [sys.executable, "-P", "-c", code], env=os.environ | env, capture_output=True, check=True, text=True
     ).stdout
 
 
