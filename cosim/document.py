@@ -21,6 +21,7 @@ from cosim.errors import InputError, Location, nearest
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
 MAX_BYTES = 4 * 1024 * 1024
+MAX_DEPTH = 50
 
 _XS = "{http://www.w3.org/2001/XMLSchema}"
 
@@ -104,6 +105,7 @@ def _decode(data: bytes, root: etree._Element) -> str:
 def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
     builder = etree.TreeBuilder()
     places: dict[etree._Element, Location] = {}
+    depth = 0
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
 
@@ -114,6 +116,10 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         return "{" + name if "}" in name else name
 
     def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
         element = builder.start(
             qualified(name),
             {qualified(key): value for key, value in attributes.items()},
@@ -121,11 +127,16 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         )
         places[element] = here()
 
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(qualified(name))
+
     def refuse_doctype(*_: object) -> None:
         raise InputError("a scenario has no document type declaration (<!DOCTYPE ...>): remove it", here())
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda name: builder.end(qualified(name))
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     parser.CommentHandler = lambda text: builder.comment(text) if places else None
     parser.StartDoctypeDeclHandler = refuse_doctype
@@ -225,9 +236,9 @@ def _sentence(message: str, element: etree._Element) -> str:
     if match := re.search(r"The attribute '([^']+)' is required but missing", message):
         return f"<{tag}> lacks the attribute {match[1]!r}"
     if match := re.search(r"attribute '([^']+)': (?:\[facet|'.*' is not a valid value)", message):
-        return f'{match[1]}="{element.get(match[1])}" of <{tag}> is not {_attributes_of(tag)[match[1]]}'
+        return f'{match[1]}="{_shown(element.get(match[1]))}" of <{tag}> is not {_attributes_of(tag)[match[1]]}'
     if "[facet" in message:
-        return f"the text {element.text!r} of <{tag}> is not {_describe_type(_type_of(tag))}"
+        return f"the text {_shown(element.text or '')!r} of <{tag}> is not {_describe_type(_type_of(tag))}"
     if "This element is not expected" in message:
         expected = re.search(r"Expected is (?:one of )?\( (.*) \)", message)
         options = [f"<{name.strip()}>" for name in expected[1].split(",")] if expected else []
@@ -240,6 +251,10 @@ def _sentence(message: str, element: etree._Element) -> str:
     if "Character content" in message:
         return f"<{tag}> must not contain text"
     return message
+
+
+def _shown(value: str) -> str:
+    return value if len(value) <= 80 else value[:77] + "..."
 
 
 def _type_of(tag: str) -> str:

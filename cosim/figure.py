@@ -144,6 +144,7 @@ def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) 
     points = np.concatenate([leader[shown, :2], *(pose[shown, :2] for pose in poses.values())])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float(np.max(high - low)) + 0.5
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
 

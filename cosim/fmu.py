@@ -6,6 +6,7 @@ import hashlib
 import shutil
 import tempfile
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,23 +56,29 @@ def open_fmu(path: Path, where: Location | None = None) -> Fmu:
         The file is not an FMU that can be used here: why, and which file; `where` is the place that asks for it.
     """
     try:
-        data = path.read_bytes()
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
     _check_archive(path, where)
-    try:
-        description = fmpy.read_model_description(str(path))
-    except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
-        raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
-    _check_interface(path, description, where)
-    binding = bind(description, str(path), where)
     directory = Path(tempfile.mkdtemp(prefix="formation-fmu-"))
     try:
-        fmpy.extract(str(path), str(directory))
-    except Exception as error:
+        description = _unpack(path, directory, where)
+        _check_interface(path, description, directory, where)
+        return Fmu(path, sha256, description, bind(description, str(path), where), directory)
+    except InputError:
         shutil.rmtree(directory, ignore_errors=True)
+        raise
+
+
+def _unpack(path: Path, directory: Path, where: Location | None) -> Any:
+    try:
+        fmpy.extract(str(path), str(directory))
+    except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
-    return Fmu(path, hashlib.sha256(data).hexdigest(), description, binding, directory)
+    try:
+        return fmpy.read_model_description(str(directory))
+    except Exception as error:
+        raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
 
 
 def _check_archive(path: Path, where: Location | None) -> None:
@@ -92,11 +99,11 @@ def _check_archive(path: Path, where: Location | None) -> None:
                 raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
             if b"<!DOCTYPE" in archive.read("modelDescription.xml"):
                 raise InputError(f"the FMU {path} declares a document type in its modelDescription.xml", where)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
         raise InputError(f"{path} is not an FMU: {error}", where) from None
 
 
-def _check_interface(path: Path, description: Any, where: Location | None) -> None:
+def _check_interface(path: Path, description: Any, directory: Path, where: Location | None) -> None:
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         kinds = [
             name
@@ -111,7 +118,7 @@ def _check_interface(path: Path, description: Any, where: Location | None) -> No
             "expected is FMI 2.0 Co-Simulation",
             where,
         )
-    platforms = fmpy.supported_platforms(str(path))
+    platforms = fmpy.supported_platforms(str(directory))
     if fmpy.platform not in platforms:
         raise InputError(
             f"the FMU {path} has no binary for this machine ({fmpy.platform}), only for: "

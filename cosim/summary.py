@@ -75,7 +75,7 @@ class Summary:
     followers: tuple[FollowerFigures, ...]
     smallest_distance: float | None
     smallest_distance_between: tuple[str, str] | None
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
 
     @property
@@ -100,7 +100,7 @@ def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
         followers=tuple(_figures(scenario, result.sel(robot=robot)) for robot in result["robot"].values),
         smallest_distance=distance,
         smallest_distance_between=pair,
-        warnings=_sign_changes(result),
+        notes=_sign_changes(result),
         verdicts=tuple(
             verdict for expectation in scenario.expectations if complete for verdict in _judge(expectation, result)
         ),

@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
 
     about = "run scenarios and write results, summary and figure to DIR/NAME/"
-    run = commands.add_parser("run", help=about, description=about.capitalize() + ".")
+    run = commands.add_parser("run", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(run)
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
     run.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
@@ -86,17 +86,17 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
 
     about = "read and validate scenarios, and run nothing"
-    check = commands.add_parser("check", help=about, description=about.capitalize() + ".")
+    check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(check)
 
     about = "build FMUs of the built-in models"
-    build = commands.add_parser("build", help=about, description=about.capitalize() + ".")
+    build = commands.add_parser("build", help=about, description=about[0].upper() + about[1:] + ".")
     build.add_argument("models", nargs="*", metavar="MODEL", help="which (all)")
     build.add_argument("--fmi", choices=["2"], default="2", help="version of FMI (2)")
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
     about = "list plants, controllers and scenarios"
-    commands.add_parser("list", help=about, description=about.capitalize() + ".")
+    commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
 
 

@@ -175,8 +175,8 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         console.print(
             f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})", markup=False
         )
-    for warning in summary.warnings:
-        console.print(f"[yellow]note:[/] {escape(warning)}", soft_wrap=True)
+    for note in summary.notes:
+        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
     for verdict in summary.verdicts:
         word = "[green]holds[/]" if verdict.passed else "[bold red]FAILS[/]"
         console.print(

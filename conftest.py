@@ -1,0 +1,22 @@
+"""Shared by all tests that run from the root: caches of their own, so that nothing built by hand can hide a fault."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FORMATION_CACHE", str(tmp_path_factory.mktemp("fmu-cache")))
+        patch.setenv("MPLBACKEND", "agg")
+        yield
+
+
+@pytest.fixture(scope="session")
+def scenarios() -> Path:
+    """Return the folder of the scenarios that come with the project."""
+    return ROOT / "scenarios"

@@ -1,0 +1,211 @@
+"""FMUs come from strangers: each kind of bad file has its sentence, and what fits is bound by role and unit."""
+
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plants
+from cosim.errors import InputError, Location, SimulationError
+from cosim.fmu import Fmu, open_fmu
+from cosim.plant import Plant
+from cosim.scenario import Setting
+
+HERE = Location("scenario.xml", 3, 5)
+
+
+@pytest.fixture(scope="module")
+def car() -> Path:
+    return plants.build("car_like")
+
+
+def repack(
+    source: Path, target: Path, old: str = "", new: str = "", extra: str = "", leave_out: str = "nothing"
+) -> Path:
+    """Copy an FMU with a replacement in its model description, an extra entry, or without some entries."""
+    with zipfile.ZipFile(source) as original, zipfile.ZipFile(target, "w") as copy:
+        for entry in original.infolist():
+            if leave_out in entry.filename:
+                continue
+            data = original.read(entry)
+            if entry.filename == "modelDescription.xml" and old:
+                assert old.encode() in data
+                data = data.replace(old.encode(), new.encode())
+            copy.writestr(entry.filename, data)
+        if extra:
+            copy.writestr(extra, b"x")
+    return target
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        open_fmu(path, HERE).close()
+    assert caught.value.where == HERE
+    assert str(path) in caught.value.message
+    return caught.value.message
+
+
+def test_missing(tmp_path: Path) -> None:
+    assert "cannot be read: No such file" in refused(tmp_path / "none.fmu")
+
+
+def test_no_archive(tmp_path: Path) -> None:
+    path = tmp_path / "text.fmu"
+    path.write_text("not a zip file")
+    assert "is not an FMU: File is not a zip file" in refused(path)
+
+
+def test_truncated(car: Path, tmp_path: Path) -> None:
+    path = tmp_path / "half.fmu"
+    path.write_bytes(car.read_bytes()[: car.stat().st_size // 2])
+    assert "is not an FMU" in refused(path)
+
+
+def test_damaged(car: Path, tmp_path: Path) -> None:
+    data = bytearray(car.read_bytes())
+    start = data.index(b"modelDescription.xml") + 100
+    data[start : start + 50] = bytes(50)
+    path = tmp_path / "damaged.fmu"
+    path.write_bytes(data)
+    refused(path)
+
+
+def test_no_description(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", leave_out="modelDescription.xml")
+    assert "it holds no modelDescription.xml" in refused(path)
+
+
+def test_entry_outside(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", extra="../../escaped.txt")
+    assert "has the entry '../../escaped.txt', outside of itself" in refused(path)
+    assert not (tmp_path.parent / "escaped.txt").exists()
+
+
+def test_document_type(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", "<fmiModelDescription", "<!DOCTYPE a><fmiModelDescription")
+    assert "declares a document type" in refused(path)
+
+
+def test_invalid_description(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", 'causality="output"', 'causality="sideways"')
+    assert "has no valid model description" in refused(path)
+
+
+def test_no_binary_for_this_machine(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", leave_out="binaries")
+    assert "has no binary for this machine" in refused(path)
+
+
+def test_roles_that_are_missing_are_named(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", 'name="tau_steer"', 'name="steering_torque"')
+    assert "as a car_like vehicle it lacks the input 'tau_steer' [N.m]" in refused(path)
+
+
+def test_a_wrong_checksum_or_token_is_refused_by_the_fmu(car: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(car) as archive:
+        description = archive.read("modelDescription.xml").decode()
+    guid = description.split('guid="')[1].split('"')[0]
+    fmu = open_fmu(repack(car, tmp_path / "a.fmu", guid, "{00000000-0000-0000-0000-000000000000}"))
+    try:
+        with pytest.raises(InputError, match="cannot be started"):
+            Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
+    finally:
+        fmu.close()
+
+
+# Instances --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def fmu(car: Path):
+    opened = open_fmu(car, HERE)
+    yield opened
+    opened.close()
+    assert not opened.directory.exists()
+
+
+def setting(name: str, value: str) -> Setting:
+    return Setting(name, value, HERE)
+
+
+def test_start_pose_and_a_step(fmu: Fmu) -> None:
+    plant = Plant(fmu, "robot", [setting("m_c", "3e4 g"), setting("drive", "rear_wheel")], (1.0, 2.0, 0.5, 0.1), 1.0)
+    state = np.empty(6)
+    plant.read(0.0, state)
+    assert np.array_equal(state, [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
+    assert plant.geometry() == {"wheelbase": 1.2, "drive": "rear_wheel"}
+    plant.step(0.0, 0.02, np.array([8.0, 1.0]))
+    plant.step(0.02, 0.02, np.array([8.0, 1.0]))
+    plant.read(0.04, state)
+    assert state[0] > 1.0
+    assert state[4] > 0.0
+    assert state[5] > 0.0
+    plant.close()
+
+
+def test_units_are_converted(car: Path, tmp_path: Path) -> None:
+    """The same binary, described as if it spoke degrees: what is read is then taken as degrees."""
+    with zipfile.ZipFile(car) as archive:
+        description = archive.read("modelDescription.xml").decode()
+    gamma = description[description.index('name="gamma"') :]
+    old = 'name="gamma"' + gamma[len('name="gamma"') : gamma.index("/>")]
+    assert 'unit="rad"' in old
+    new = old.replace('unit="rad"', 'unit="deg"').replace(' displayUnit="deg"', "")
+    degree = f'<UnitDefinitions><Unit name="deg"><BaseUnit rad="1" factor="{np.pi / 180}"/></Unit>'
+    defined = repack(car, tmp_path / "defined.fmu", "<UnitDefinitions>", degree)
+    fmu = open_fmu(repack(defined, tmp_path / "deg.fmu", old, new))
+    plant = Plant(fmu, "robot", (), (0.0, 0.0, 0.0, np.pi / 180), 1.0)
+    state = np.empty(6)
+    plant.read(0.0, state)
+    assert state[3] == pytest.approx(np.pi / 180, rel=1e-15)
+    assert plant._outputs.values[3] == pytest.approx(1.0, rel=1e-15)
+    plant.close()
+    fmu.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("mass", "30 kg", "has no parameter 'mass'"),
+        ("m_C", "30 kg", "did you mean 'm_c'?"),
+        ("m_c", "-30 kg", "-30 kg is out of bounds; it must be at least"),
+        ("m_c", "30", "the unit is missing; expected is a quantity such as '30 kg'"),
+        ("m_c", "30 m", "does not fit"),
+        ("m_c", "heavy", "is not a number with a unit"),
+        ("drive", "all_wheel", "is none of its items"),
+        ("x", "1 m", "has no parameter 'x'"),
+    ],
+)
+def test_bad_parameters(fmu: Fmu, name: str, value: str, sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Plant(fmu, "robot", [setting(name, value)], (0, 0, 0, 0), 1.0)
+    assert caught.value.where == HERE
+    assert sentence in caught.value.message
+
+
+def test_a_step_that_fails_says_which_robot_and_when(fmu: Fmu) -> None:
+    plant = Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
+    with pytest.raises(SimulationError) as caught:
+        plant.step(0.0, 0.02, np.array([np.nan, 0.0]))
+    assert str(caught.value).startswith("robot at t = 0 s: the plant car_like.fmu did not ")
+    assert "tau_drive" in str(caught.value)
+    plant.close()
+
+
+def test_a_closed_plant_can_be_closed_again(fmu: Fmu) -> None:
+    plant = Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
+    plant.close()
+    plant.close()
+
+
+def test_messages_of_two_instances_are_kept_apart(fmu: Fmu, tmp_path: Path) -> None:
+    shutil.copytree(fmu.directory, tmp_path / "copy")
+    one, two = (Plant(fmu, name, (), (0, 0, 0, 0), 1.0) for name in ("one", "two"))
+    with pytest.raises(SimulationError):
+        one.step(0.0, 0.02, np.array([np.nan, 0.0]))
+    assert one._log.messages
+    assert not two._log.messages
+    one.close()
+    two.close()

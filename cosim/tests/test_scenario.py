@@ -1,0 +1,123 @@
+"""What the schema cannot say is checked by the reader; quantities arrive in SI units."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from cosim.errors import InputError
+from cosim.scenario import quantity, read_scenario, with_controller, with_fmu, with_seed
+
+LINE = Path(__file__).parents[2] / "scenarios" / "clmr_line_as_printed.xml"
+
+
+def refused(*replacements: str) -> InputError:
+    with pytest.raises(InputError) as caught:
+        read_scenario(LINE, replacements)
+    return caught.value
+
+
+def test_the_first_simulation_of_the_paper() -> None:
+    scenario = read_scenario(LINE)
+    assert (scenario.name, scenario.step, scenario.ticks, scenario.horizon) == ("clmr_line_as_printed", 0.02, 5000, 100)
+    assert scenario.leader.pose == (2.5, 5.5, 0.0, 0.0)
+    assert scenario.leader.torque == (8.0, 0.0)
+    assert [follower.pose for follower in scenario.followers] == [
+        (-5.0, 0.0, 0.0, 0.0),
+        (-5.0, 10.0, 0.0, 0.0),
+        (-5.0, 15.0, 0.0, 0.0),
+        (-5.0, -5.0, 0.0, 0.0),
+    ]
+    ranges, bearings = zip(*(follower.desired for follower in scenario.followers), strict=True)
+    assert ranges == (3.0, 3.0, 8.0, 8.0)
+    assert bearings == pytest.approx([math.pi / 4, -math.pi / 4, math.pi / 12, -math.pi / 12], abs=1e-15)
+    assert scenario.saturation == 200.0
+    assert scenario.noise == (0.001, 0.001, 0.001, 0.001)
+    gains = {gain.name: gain.value for gain in scenario.controllers["pid"].gains}
+    assert gains["gamma_w"] == "10"
+    assert gains["W_m"] == "1000"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("3 m", "m", 3.0),
+        ("3m", "m", 3.0),
+        ("-1.5e3 mm", "m", -1.5),
+        ("180 deg", "rad", math.pi),
+        ("20 ms", "s", 0.02),
+        ("36 km/h", "m/s", 10.0),
+        ("0.5", "1", 0.5),
+    ],
+)
+def test_quantities(text: str, unit: str, value: float) -> None:
+    assert quantity(text, unit) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "sentence"),
+    [
+        ("3", "m", "the unit is missing; expected is a quantity such as '3 m'"),
+        ("3 s", "m", "s does not fit; expected is a quantity such as '3 m'"),
+        ("3 parsec", "m", "'parsec' is not known"),
+        ("three m", "m", "is not a number with a unit"),
+        ("1e999 m", "m", "is not a finite number"),
+        ("nan m", "m", "is not a number with a unit"),
+    ],
+)
+def test_bad_quantities(text: str, unit: str, sentence: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        quantity(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("replacement", "place", "sentence"),
+    [
+        ("//simulation/@step=0 ms", "11:3", 'step="0 ms" of <simulation> must be greater than zero'),
+        ("//simulation/@step=30 ms", "11:3", "is not a whole number of communication steps"),
+        ("//simulation/@horizon=1e9 s", "11:3", "at most 10000000 are possible"),
+        ("//noise/@psi=-1 deg", "36:5", "must not be negative"),
+        ("//saturation/@limit=0 N.m", "39:5", "must be greater than zero"),
+        ("//follower[1]/desired/@range=-3 m", "49:5", "must be greater than zero"),
+        ("//follower[2]/@id=follower_1", "51:3", "'follower_1' is given to a second <follower>; first in line 47"),
+        ("//follower[2]/@id=leader", "51:3", "a follower cannot have the id 'leader'"),
+        ("//follower[2]/@plant=clrm", "51:3", "has no plant 'clrm': did you mean 'clmr'?"),
+        ("//leader/@plant=clrm", "42:3", "has no plant 'clrm'"),
+        ("//follower[2]/@controller=pdi", "51:3", "has no controller 'pdi': did you mean 'pid'?"),
+        ("//gain[2]/@name=K_p", "25:5", "the gain 'K_p' is given twice; first in line 24"),
+    ],
+)
+def test_what_does_not_hold_together(replacement: str, place: str, sentence: str) -> None:
+    error = refused(replacement)
+    assert str(error).startswith(f"{LINE}:{place}: ")
+    assert sentence in error.message
+
+
+def test_a_plant_needs_one_source(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    for source in ("", 'model="car_like" fmu="car.fmu"'):
+        path.write_text(LINE.read_text().replace('model="car_like"', source))
+        with pytest.raises(InputError, match="needs either model"):
+            read_scenario(path)
+
+
+def test_an_fmu_is_looked_for_beside_the_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    path.write_text(LINE.read_text().replace('model="car_like"', 'fmu="fmus/car.fmu"'))
+    assert read_scenario(path).plants["clmr"].fmu == tmp_path / "fmus" / "car.fmu"
+
+
+def test_overrides_of_the_command_line() -> None:
+    scenario = read_scenario(LINE)
+    assert with_seed(scenario, 7).seed == 7
+    changed = with_fmu(scenario, "clmr", Path("other.fmu")).plants["clmr"]
+    assert changed.model is None
+    assert changed.fmu == Path.cwd() / "other.fmu"
+    assert changed.parameters == scenario.plants["clmr"].parameters
+    other = with_controller(scenario, "pid", "other-law").controllers["pid"]
+    assert (other.name, other.package, other.version, other.gains) == ("other-law", None, None, ())
+    assert with_controller(scenario, "pid", "neural-adaptive-pid") == scenario
+    for override in (lambda: with_seed(scenario, -1), lambda: with_fmu(scenario, "car", Path("x"))):
+        with pytest.raises(InputError):
+            override()

@@ -1,0 +1,131 @@
+"""The figures of a run, against results made by hand whose figures are known."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from cosim.errors import InputError, Location, OutputError
+from cosim.result import load, save
+from cosim.scenario import RmsExpectation, Scenario, read_scenario
+from cosim.summary import check_expectations, summarise
+
+LINE = Path(__file__).parents[2] / "scenarios" / "clmr_line_as_printed.xml"
+HERE = Location("scenario.xml", 3, 5)
+
+
+def made_up(range_error: np.ndarray, bearing_error: np.ndarray, **attributes: str) -> xr.Dataset:
+    """Return a result of two followers, at y = 0 and y = 3, with these errors of the first and none of the second."""
+    samples = len(range_error)
+    zeros = np.zeros(samples)
+    position = np.zeros((samples, 2, 4))
+    position[:, 1, 1] = 3.0
+    return xr.Dataset(
+        {
+            "pose": (("time", "robot", "pose_component"), position),
+            "torque": (("time", "robot", "torque_component"), np.full((samples, 2, 2), -7.0)),
+            "range_error": (("time", "robot"), np.stack([range_error, zeros], axis=1), {"units": "m"}),
+            "bearing_error": (("time", "robot"), np.stack([bearing_error, zeros], axis=1), {"units": "rad"}),
+            "det_R": (("time", "robot"), np.stack([np.where(np.arange(samples) == 50, -1.0, 1.0), zeros + 1], axis=1)),
+        },
+        {"time": np.arange(samples) * 0.02, "robot": ["a", "b"]},
+        {"status": "completed", "title": "made up", "scenario_name": "made_up", **attributes},
+    )
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return read_scenario(LINE)
+
+
+def test_settling_is_from_when_on_the_errors_stay_within_both_bands(scenario: Scenario) -> None:
+    time = np.arange(5001) * 0.02
+    range_error = np.where(time < 30, 0.2, 0.05)
+    bearing_error = np.where((time > 39.99) & (time < 40.01), math.radians(3), 0.0)
+    first, second = summarise(scenario, made_up(range_error, bearing_error)).followers
+    assert first.settling_time == pytest.approx(40.02)
+    assert second.settling_time == 0.0
+    assert first.range_rms == pytest.approx(0.05)
+    assert first.bearing_rms == 0.0
+    assert first.peak_torque == 7.0
+
+
+def test_outside_at_the_end_is_not_settled(scenario: Scenario) -> None:
+    errors = np.zeros(5001)
+    errors[-1] = 1.0
+    assert summarise(scenario, made_up(errors, errors)).followers[0].settling_time is None
+
+
+def test_steady_state_is_the_last_fifth(scenario: Scenario) -> None:
+    time = np.arange(5001) * 0.02
+    summary = summarise(scenario, made_up(np.where(time < 79.99, 9.0, 1.0), np.zeros(5001)))
+    assert summary.followers[0].range_rms == 1.0
+
+
+def test_smallest_distance_and_notes(scenario: Scenario) -> None:
+    summary = summarise(scenario, made_up(np.zeros(5001), np.zeros(5001)))
+    assert summary.smallest_distance == 3.0
+    assert summary.smallest_distance_between == ("a", "b")
+    assert summary.notes == ("a: the determinant of R, (8), (det_R) changes sign 2 times, first at t = 1.00 s",)
+
+
+def test_a_run_cut_short_before_the_steady_part_has_no_steady_figures(scenario: Scenario) -> None:
+    summary = summarise(scenario, made_up(np.zeros(10), np.zeros(10), status="incomplete"))
+    assert math.isnan(summary.followers[0].range_rms)
+    assert json.loads(summary.to_json())["followers"][0]["range_rms"] is None
+
+
+def test_a_run_without_a_sample(scenario: Scenario) -> None:
+    summary = summarise(scenario, made_up(np.zeros(0), np.zeros(0), status="incomplete"))
+    assert summary.smallest_distance is None
+    assert summary.followers[0].settling_time is None
+    json.loads(summary.to_json())
+
+
+def expecting(scenario: Scenario, signal: str, below: str, start: float, stop: float) -> Scenario:
+    from dataclasses import replace
+
+    return replace(scenario, expectations=(RmsExpectation(signal, below, start, stop, HERE),))
+
+
+@pytest.mark.parametrize(("below", "passed"), [("2 deg", True), ("0.9 deg", False), ("0.02 rad", True)])
+def test_expectations_are_judged_in_the_unit_of_their_bound(scenario: Scenario, below: str, passed: bool) -> None:
+    result = made_up(np.zeros(5001), np.full(5001, math.radians(1.0)))
+    summary = summarise(expecting(scenario, "bearing_error", below, 80, 100), result)
+    assert [verdict.passed for verdict in summary.verdicts] == [passed, True]
+    assert summary.passed is passed
+    assert summary.verdicts[0].figure == pytest.approx(1.0 if "deg" in below else math.radians(1.0))
+
+
+def test_the_window_includes_both_ends(scenario: Scenario) -> None:
+    errors = np.zeros(5001)
+    errors[[100, 150]] = 51**0.5
+    (first, _) = summarise(expecting(scenario, "range_error", "1 m", 2.0, 3.0), made_up(errors, errors)).verdicts
+    assert first.figure == pytest.approx(2**0.5)
+
+
+@pytest.mark.parametrize(
+    ("signal", "below", "sentence"),
+    [
+        ("range_eror", "1 m", "'range_eror' is not recorded: did you mean 'range_error'?"),
+        ("range_error", "2 deg", "does not fit; expected is a quantity such as '2 m'"),
+    ],
+)
+def test_bad_expectations(scenario: Scenario, signal: str, below: str, sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        check_expectations(expecting(scenario, signal, below, 80, 100).expectations, {"range_error": "m"})
+    assert caught.value.where == HERE
+    assert sentence in caught.value.message
+
+
+def test_a_result_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "result.nc"
+    result = made_up(np.zeros(5), np.zeros(5))
+    save(result, path)
+    xr.testing.assert_identical(load(path), result)
+    with pytest.raises(OutputError, match="cannot be written"):
+        save(result, tmp_path / "none" / "result.nc")
+    assert [file.name for file in tmp_path.iterdir()] == ["result.nc"]
