@@ -4,12 +4,12 @@ Stated are the matrices of the constrained dynamics, equation (1) of the paper,
 
     M1 eta'' + C1 eta' + D1 eta' + tau_d1 = B1 tau - A' lambda,    A eta' = 0,
 
-and the motion basis S, whose columns span the null space of A. Derived are the Coriolis matrix C1 (Lagrange's equations)
-and, with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
+and the motion basis S, whose columns span the null space of A. Derived are the Coriolis matrix C1 (by Lagrange's
+equations) and, with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
 
     M2 v' + C2 v + D2 v + tau_d2 = B2 tau,
 
-whose solution for v' together with (2) is the model. The multipliers lambda and all that cancels in the reduction are gone.
+whose solution for v' together with (2) is the model. The multipliers lambda and all that cancels on the way are gone.
 """
 
 from collections.abc import Sequence
@@ -68,7 +68,9 @@ class NonholonomicSystem:
             if getattr(self, letter).shape != shape:
                 raise ModelError(f"model {self.name!r}: {letter} is {getattr(self, letter).shape}, it must be {shape}")
         if len(self.disturbances) != n:
-            raise ModelError(f"model {self.name!r}: {len(self.disturbances)} disturbances, one for each of {n} coordinates needed")
+            raise ModelError(
+                f"model {self.name!r}: {len(self.disturbances)} disturbances, one for each of {n} coordinates needed"
+            )
         if self.M1 != self.M1.T:
             raise ModelError(f"model {self.name!r}: M1 is not symmetric")
 
@@ -127,7 +129,7 @@ class NonholonomicSystem:
         return self.S.T * sympy.Matrix([d.symbol for d in self.disturbances])
 
     def ode(self) -> OdeModel:
-        """Return the explicit model: der(eta) by (2), der(v) by (3), with the entries of the matrices as named terms."""
+        """Return the explicit model, der(eta) by (2) and der(v) by (3), the matrices' entries as named terms."""
         m = len(self.velocities)
         terms = _Terms()
         speed = [units.parse(v.unit) for v in self.velocities]
@@ -135,15 +137,19 @@ class NonholonomicSystem:
         force = [units.parse("W") / _without_radians(unit) for unit in speed]
         second = units.parse("s")
 
-        S = terms.matrix("S", self.S, [[units.parse(c.unit) / second / s for s in speed] for c in self.coordinates], "(2)")
+        S = terms.matrix(
+            "S", self.S, [[units.parse(c.unit) / second / s for s in speed] for c in self.coordinates], "(2)"
+        )
         M2 = terms.matrix("M2", self.M2, [[f * second / s for s in speed] for f in force], "(3)")
         D2 = terms.matrix("D2", self.D2, [[f / s for s in speed] for f in force], "(3)")
         B2 = terms.matrix("B2", self.B2, [[f / units.parse(u.unit) for u in self.inputs] for f in force], "(3)")
-        C2_v = terms.matrix("C2_v", (self.C2 * self.v).applyfunc(_tidy), [[f] for f in force], "(3)")
-        tau_d2 = terms.matrix("tau_d2", self.tau_d2, [[f] for f in force], "(3)")
+        C2_v = terms.vector("C2_v", (self.C2 * self.v).applyfunc(_tidy), force, "(3)")
+        tau_d2 = terms.vector("tau_d2", self.tau_d2, force, "(3)")
         tau = sympy.Matrix([u.symbol for u in self.inputs])
-        f = terms.matrix("f", B2 * tau - C2_v - D2 * self.v - tau_d2, [[unit] for unit in force], "(3): M2 v' = f")
-        det = terms.add("det_M2", M2.det(), _product([f * second / s for f, s in zip(force, speed, strict=True)]), "(3)")
+        f = terms.vector("f", B2 * tau - C2_v - D2 * self.v - tau_d2, force, "(3): M2 v' = f")
+        det = terms.add(
+            "det_M2", M2.det(), _product([f * second / s for f, s in zip(force, speed, strict=True)]), "(3)"
+        )
         v_dot = M2.adjugate() * f / det
 
         derivatives = [*(S * self.v), *v_dot]
@@ -178,7 +184,7 @@ class _Terms:
     def matrix(
         self, name: str, matrix: sympy.Matrix, entry_units: Sequence[Sequence[units.Unit]], equation: str
     ) -> sympy.Matrix:
-        """Name the entries of a matrix `name`_row column, counted from one; equal entries of a symmetric one only once."""
+        """Name the entries of a matrix `name`_row column, counted from one; equal entries of a symmetric one once."""
         symmetric = matrix.is_square and matrix.is_symmetric()
         named = matrix.copy()
         for i in range(matrix.rows):
@@ -186,9 +192,15 @@ class _Terms:
                 if symmetric and j < i:
                     named[i, j] = named[j, i]
                     continue
-                index = f"{i + 1}" if matrix.cols == 1 else f"{i + 1}{j + 1}"
-                named[i, j] = self.add(f"{name}_{index}", matrix[i, j], entry_units[i][j], equation)
+                named[i, j] = self.add(f"{name}_{i + 1}{j + 1}", matrix[i, j], entry_units[i][j], equation)
         return named
+
+    def vector(self, name: str, vector: sympy.Matrix, entry_units: Sequence[units.Unit], equation: str) -> sympy.Matrix:
+        """Name the entries of a vector `name`_row, counted from one."""
+        rows = zip(vector, entry_units, strict=True)
+        return sympy.Matrix(
+            [self.add(f"{name}_{i}", entry, unit, equation) for i, (entry, unit) in enumerate(rows, start=1)]
+        )
 
     def named(self) -> tuple[Term, ...]:
         """Return all terms, those for shared functions first."""

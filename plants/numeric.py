@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NumericModel:
-    """The functions f and g of ``der(x) = f(time, x, u, p), y = g(time, x, u, p)``, and one step of each fixed-step solver.
+    """The functions f and g of ``der(x) = f(time, x, u, p), y = g(time, x, u, p)``, and one step of each solver.
 
     Attributes
     ----------
@@ -46,7 +46,10 @@ class NumericModel:
         """
         defaults = {p.name: 1.0 if isinstance(p, Enumeration) else p.start for p in self.model.parameters}
         variants = {p.name: p for p in self.model.enumerations}
-        numbers = {name: variants[name].number(v) if isinstance(v, str) and name in variants else v for name, v in values.items()}
+        numbers = {
+            name: variants[name].number(v) if isinstance(v, str) and name in variants else v
+            for name, v in values.items()
+        }
         return _vector("parameter", defaults, numbers)
 
     def rhs(self, t: npt.ArrayLike, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Array:
@@ -73,7 +76,9 @@ class NumericModel:
 
 def compile(model: OdeModel) -> NumericModel:
     """Turn a model into NumPy functions."""
-    return NumericModel(model, _function(model, model.derivatives), _function(model, tuple(o.expression for o in model.outputs)))
+    return NumericModel(
+        model, _function(model, model.derivatives), _function(model, tuple(o.expression for o in model.outputs))
+    )
 
 
 def _function(model: OdeModel, expressions: tuple[sympy.Expr, ...]) -> Callable[..., Any]:

@@ -2,8 +2,8 @@
 
     der(x) = f(time, x, u, p),    y = g(time, x, u, p)
 
-This is all that the FMU factory and the NumPy functions see. Every quantity is a SymPy symbol that is declared once,
-with its unit; intermediate terms carry the names and equation numbers of the source, so that generated code reads like it.
+This is all that the FMU factory and the NumPy functions see. Every quantity is a SymPy symbol, declared once with its
+unit; intermediate terms carry the names and equation numbers of the source, so that generated code reads like it.
 """
 
 import math
@@ -160,8 +160,10 @@ class OdeModel:
     Raises
     ------
     ModelError
-        A symbol is undefined or declared twice, a name cannot be used in FMI and C, a default lies outside its bounds, a
-        unit is not known, a number of derivatives that is not that of the states.
+        A symbol is undefined or declared twice, a name cannot be used in FMI and C, a default lies outside its bounds,
+        or there are not as many derivatives as states.
+    UnitError
+        A unit is not known.
     """
 
     name: str
@@ -209,16 +211,15 @@ class OdeModel:
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Words that a generated C function could not use for a local variable.
-_RESERVED = set(
-    """
+_C_WORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm
-    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax fmin
-    fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc isfinite isnan
+    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax
+    fmin fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc isfinite isnan
     signbit INFINITY NAN HUGE_VAL NULL
-    time states inputs parameters enumerations derivatives outputs solver solver_step
-    """.split()
-)
+"""
+_OUR_WORDS = "time states inputs parameters enumerations derivatives outputs solver solver_step"
+_RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 _RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|N_|model_).*")
 
 
@@ -228,7 +229,9 @@ def _check(model: OdeModel) -> None:
 
     def check_name(name: str, what: str) -> None:
         if not _IDENTIFIER.fullmatch(name):
-            raise error(f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first")
+            raise error(
+                f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first"
+            )
         if name in _RESERVED or _RESERVED_PREFIX.fullmatch(name):
             raise error(f"{what} {name!r} is reserved in the generated C code: choose another name")
 
@@ -253,7 +256,9 @@ def _check(model: OdeModel) -> None:
             if symbol.name not in declared:
                 raise error(f"{where} uses the undefined symbol {symbol.name!r}")
             if declared[symbol.name] != symbol:
-                raise error(f"{where} uses a symbol {symbol.name!r} that is not the declared one: their assumptions differ")
+                raise error(
+                    f"{where} uses a symbol {symbol.name!r} that is not the declared one: their assumptions differ"
+                )
         for function in sorted(expression.atoms(AppliedUndef), key=str):
             raise error(f"{where} uses the undefined function {function}")
 
@@ -263,7 +268,9 @@ def _check(model: OdeModel) -> None:
             units.parse(variable.unit)
             bounds = f"[{variable.min:g}, {variable.max:g}]"
             if not (math.isfinite(variable.start) and variable.min <= variable.start <= variable.max):
-                raise error(f"{kind} {variable.name!r}: the default {variable.start:g} is not within its bounds {bounds}")
+                raise error(
+                    f"{kind} {variable.name!r}: the default {variable.start:g} is not within its bounds {bounds}"
+                )
             if not (math.isfinite(variable.nominal) and variable.nominal > 0):
                 raise error(f"{kind} {variable.name!r}: the nominal value must be positive, not {variable.nominal:g}")
     for enumeration in model.enumerations:

@@ -8,14 +8,16 @@ pure numbers, so that ``rad/s`` and ``Hz`` are not taken for one another. Units 
 import math
 import re
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, overload
 
 from plants.errors import UnitError
 
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """The base units, in the order of the exponents in `Unit.exponents` and of FMI's element BaseUnit."""
-
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,9 @@ def _product(factors: str, text: str) -> Unit:
     for factor in factors.split("."):
         match = _FACTOR.fullmatch(factor)
         if match is None:
-            raise UnitError(f"unit {text!r}: {factor!r} is not a symbol with an exponent; write units as 'N.m/rad' or 'm/s2'")
+            raise UnitError(
+                f"unit {text!r}: {factor!r} is not a symbol with an exponent; write units as 'N.m/rad' or 'm/s2'"
+            )
         symbol, exponent = match.groups()
         product *= _symbol(symbol, text) ** int(exponent or 1)
     return product
@@ -121,7 +125,9 @@ def _symbol(symbol: str, text: str) -> Unit:
         unit = Unit(factor=_PREFIXES[symbol[0]]) * _PREFIXED[symbol[1:]]
     if unit is None:
         known = ", ".join([*_PREFIXED, *_PLAIN])
-        raise UnitError(f"unit {text!r}: {symbol!r} is not known; known are {known}, the first {len(_PREFIXED)} with prefix")
+        raise UnitError(
+            f"unit {text!r}: {symbol!r} is not known; known are {known}, the first {len(_PREFIXED)} with prefix"
+        )
     return unit
 
 
@@ -133,7 +139,15 @@ def per_second(text: str) -> str:
     return f"{numerator}/s2" if denominator == "s" else f"{numerator}/({denominator.strip('()')}.s)"
 
 
-def convert(value: Value, source: str, target: str) -> Value:
+@overload
+def convert(value: float, source: str, target: str) -> float: ...
+
+
+@overload
+def convert(value: "npt.NDArray[np.float64]", source: str, target: str) -> "npt.NDArray[np.float64]": ...
+
+
+def convert(value: Any, source: str, target: str) -> Any:
     """Convert a number or an array from one unit to another.
 
     Parameters
@@ -145,7 +159,7 @@ def convert(value: Value, source: str, target: str) -> Value:
 
     Returns
     -------
-    same as `value`
+    float or array
         The value in the unit `target`; unchanged, bit for bit, if both have the same factor.
 
     Raises
@@ -158,4 +172,4 @@ def convert(value: Value, source: str, target: str) -> Value:
         raise UnitError(f"cannot convert {source!r} to {target!r}: {a} is not {b} in base units")
     if a.factor == b.factor:
         return value
-    return value * (a.factor / b.factor)  # type: ignore[operator,no-any-return]
+    return value * (a.factor / b.factor)

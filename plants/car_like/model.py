@@ -1,4 +1,4 @@
-"""The car-like mobile robot of section 5.1: equation (56) with the motion basis of (2). See README.md beside this file."""
+"""The car-like mobile robot of section 5.1: equation (56) with the motion basis of (2). See the README.md here."""
 
 import sympy
 from sympy import cos, sin, tan
@@ -65,7 +65,9 @@ SYSTEM = NonholonomicSystem(
         State(omega, "rad/s", "Steering rate, der(gamma)"),
     ),
     inputs=(
-        Input(tau_drive, "N.m", "Drive torque; B1 of (56) takes it as a force, as at a wheel of radius 1 m", nominal=10.0),
+        Input(
+            tau_drive, "N.m", "Drive torque; B1 of (56) takes it as a force, as at a wheel of radius 1 m", nominal=10.0
+        ),
         Input(tau_steer, "N.m", "Steering torque", nominal=10.0),
     ),
     disturbances=(

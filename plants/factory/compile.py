@@ -59,7 +59,8 @@ class Compiler:
 def host() -> Platform:
     """Return the platform of this machine."""
     if sys.platform not in PLATFORMS or sys.maxsize <= 2**32:
-        raise BuildError(f"no FMU can be built for this platform, {sys.platform} on {platform.machine()} ({', '.join(PLATFORMS)}; 64 bits)")
+        known = ", ".join(PLATFORMS)
+        raise BuildError(f"cannot build for {sys.platform} on {platform.machine()}: only for {known} with 64 bits")
     return PLATFORMS[sys.platform]
 
 
@@ -82,7 +83,9 @@ def find_compiler() -> Compiler:
     raise NoCompiler(_INSTALL)
 
 
-def compile_library(compiler: Compiler, root: Path, sources: Sequence[str], library: str, flags: Sequence[str] = ()) -> None:
+def compile_library(
+    compiler: Compiler, root: Path, sources: Sequence[str], library: str, flags: Sequence[str] = ()
+) -> None:
     """Compile an FMU's sources to a shared library.
 
     Parameters
@@ -107,7 +110,9 @@ def compile_library(compiler: Compiler, root: Path, sources: Sequence[str], libr
     result = _run([*compiler.command, *arguments, *(() if sys.platform == "win32" else ("-lm",))], cwd=root)
     if result.returncode != 0:
         message = (result.stderr or result.stdout).strip()
-        raise BuildError(f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}")
+        raise BuildError(
+            f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}"
+        )
 
 
 def _run(command: Sequence[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -116,7 +116,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Table:
-    """All variables of an FMU by section; the value references count through the sections in this order (template/model.h).
+    """All variables of an FMU by section; value references count through the sections in this order (template/model.h).
 
     The last parameter and the last enumeration are the solver's; the others are the model's.
     """
@@ -144,7 +144,9 @@ class Table:
             unit = units.parse(name)
             exponents = tuple((n, e) for n, e in zip(units.BASE_UNITS, unit.exponents, strict=True) if e)
             display = _DISPLAY_UNITS.get(name)
-            yield UnitEntry(name, exponents, unit.factor, display, units.convert(1.0, name, display) if display else 1.0)
+            yield UnitEntry(
+                name, exponents, unit.factor, display, units.convert(1.0, name, display) if display else 1.0
+            )
 
 
 def tabulate(model: OdeModel) -> Table:

@@ -78,13 +78,15 @@ static const char *name_of(State state)
 
 /* ---- messages ---- */
 
+enum { LOG_SIZE = MESSAGE_SIZE + 64 }; /* a message with the function's name before it */
+
 static void log_error(const fmi2CallbackFunctions *callbacks, const char *instance_name, const char *message)
 {
     if (callbacks->logger == NULL) {
         return;
     }
     /* The importer takes the message for a printf format: a percent sign must be doubled. */
-    char format[2 * sizeof((Simulation *)0)->message];
+    char format[2 * LOG_SIZE];
     size_t length = 0;
     for (const char *c = message; *c != '\0' && length + 2 < sizeof format; c++) {
         if (*c == '%') {
@@ -98,7 +100,7 @@ static void log_error(const fmi2CallbackFunctions *callbacks, const char *instan
 
 static fmi2Status fail(Instance *instance, const Function *function, const char *reason)
 {
-    char message[sizeof instance->now.simulation.message];
+    char message[LOG_SIZE];
     snprintf(message, sizeof message, "%s: %s", function->name, reason);
     log_error(&instance->callbacks, instance->name, message);
     return fmi2Error;
@@ -172,7 +174,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         return NULL;
     }
     if (fmuGUID == NULL || strcmp(fmuGUID, MODEL_GUID) != 0) {
-        char message[256];
+        char message[LOG_SIZE];
         snprintf(message, sizeof message, "fmi2Instantiate: wrong GUID: expected %s, received %s", MODEL_GUID,
                  fmuGUID == NULL ? "none" : fmuGUID);
         log_error(functions, instanceName, message);

@@ -29,11 +29,11 @@ typedef struct {
 extern const Variable model_variables[N_VARIABLES];
 
 /* der(x) = f(time, x, u, p) */
-void model_derivatives(double time, const double states[], const double inputs[], const double parameters[],
-                       const int enumerations[], double derivatives[]);
+void model_derivatives(double time, const double *states, const double *inputs, const double *parameters,
+                       const int *enumerations, double *derivatives);
 
 /* y = g(time, x, u, p) */
-void model_outputs(double time, const double states[], const double inputs[], const double parameters[],
-                   const int enumerations[], double outputs[]);
+void model_outputs(double time, const double *states, const double *inputs, const double *parameters,
+                   const int *enumerations, double *outputs);
 
 #endif

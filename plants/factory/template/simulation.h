@@ -9,6 +9,8 @@
 
 #include "model.h"
 
+enum { MESSAGE_SIZE = 256 };
+
 typedef enum { BEFORE_START, RUNNING } Phase;
 
 typedef struct {
@@ -18,7 +20,7 @@ typedef struct {
     double values[N_REALS];
     int enumerations[N_ENUMERATIONS];
     bool current; /* derivatives and outputs belong to the other values */
-    char message[256];
+    char message[MESSAGE_SIZE];
 } Simulation;
 
 /* Everything to its start value. */

@@ -34,8 +34,8 @@ static void advance(const double base[], double step, int n_slopes, const double
     }
 }
 
-void solver_step(int solver, double time, double step, double states[], const double inputs[], const double parameters[],
-                 const int enumerations[])
+void solver_step(int solver, double time, double step, double *states, const double *inputs, const double *parameters,
+                 const int *enumerations)
 {
     const Tableau *const method = &tableaus[solver];
     double slopes[MAX_STAGES][N_STATES];

@@ -1,0 +1,200 @@
+"""Building: the cache, reproducible bytes, a user's own model, and what can go wrong on a machine."""
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import fmpy
+import fmpy.validation
+import numpy as np
+import pytest
+import sympy
+
+import plants
+from plants import numeric
+from plants.factory.generate import generate
+from plants.ode import OdeModel, State
+
+from .test_models import spring
+
+
+def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a new interpreter."""
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | environment, check=False
+    )
+
+
+def test_models_are_listed() -> None:
+    models = plants.models()
+    assert "car_like" in models
+    assert all(text and "\n" not in text for text in models.values())
+    for name in models:
+        model = plants.load(name)
+        assert (model.name, model.description) == (name, models[name])
+
+
+def test_unknown_model_names_the_nearest_and_the_known() -> None:
+    for call in (plants.load, plants.build):
+        with pytest.raises(
+            plants.UnknownModel, match=r"no plant model 'car_lik'; did you mean 'car_like'\? known: car_like"
+        ):
+            call("car_lik")
+
+
+def test_a_second_build_loads_nothing(fmu: Path) -> None:
+    result = python(
+        "import json, sys, plants; path = plants.build('car_like'); plants.models();"
+        "print(json.dumps([str(path), sorted(m for m in ('sympy', 'jinja2', 'fmpy', 'numpy') if m in sys.modules)]))"
+    )
+    assert json.loads(result.stdout) == [str(fmu), []]
+
+
+def test_bytes_are_reproducible(fmu: Path, tmp_path: Path) -> None:
+    """Another process, another hash seed, another cache: the same bytes."""
+    result = python(
+        "import plants; print(plants.build('car_like'), end='')", FORMATION_CACHE=str(tmp_path), PYTHONHASHSEED="12345"
+    )
+    other = Path(result.stdout)
+    assert other.is_relative_to(tmp_path)
+    assert other.read_bytes() == fmu.read_bytes()
+
+
+def test_processes_may_build_at_once(fmu: Path, tmp_path: Path) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        runs = list(
+            pool.map(
+                lambda _: python(
+                    "import plants; print(plants.build('car_like'), end='')", FORMATION_CACHE=str(tmp_path)
+                ),
+                range(3),
+            )
+        )
+    assert {run.returncode for run in runs} == {0}
+    (path,) = {Path(run.stdout) for run in runs}
+    assert path.read_bytes() == fmu.read_bytes()
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [path]
+
+
+def test_copy_to_a_folder_and_build_anew(fmu: Path, tmp_path: Path) -> None:
+    copy = plants.build("car_like", out=tmp_path / "new" / "folder")
+    assert copy == tmp_path / "new" / "folder" / "car_like.fmu"
+    assert copy.read_bytes() == fmu.read_bytes()
+    before = fmu.stat().st_mtime_ns
+    assert plants.build("car_like") == fmu
+    assert fmu.stat().st_mtime_ns == before
+    assert plants.build("car_like", cache=False) == fmu
+    assert fmu.stat().st_mtime_ns > before
+
+
+def test_own_model(tmp_path: Path) -> None:
+    """A model that is not built in, with all that the car-like robot lacks: time, outputs, local states, pi."""
+    model = spring()
+    path = plants.build(model, out=tmp_path)
+    assert path.name == "spring_mass.fmu"
+    assert fmpy.validation.validate_fmu(str(path)) == []
+    description = fmpy.read_model_description(path)
+    assert [output.variable.name for output in description.outputs] == ["s", "energy"]
+    values = {"s": 0.7, "rate": -0.2, "f": 2.0, "k": 3.0, "spring": 2, "solver": 2}
+    result = fmpy.simulate_fmu(
+        str(path),
+        start_time=1.0,
+        stop_time=1.1,
+        output_interval=0.02,
+        start_values=values,
+        output=["s", "rate", "energy"],
+    )
+    functions = numeric.compile(model)
+    x, u, p = np.array([0.7, -0.2]), np.array([2.0]), functions.parameters(k=3.0, spring="hardening")
+    for k, row in enumerate(result):
+        expected = [*x, *functions.outputs(0.0, x, u, p)]
+        np.testing.assert_allclose([row["s"], row["rate"], row["energy"]], expected, rtol=1e-12)
+        x = functions.rk4(1.0 + k * 0.02, x, u, p, 0.02)
+
+
+def test_model_without_inputs_and_parameters(tmp_path: Path) -> None:
+    x = sympy.Symbol("x")
+    model = OdeModel("decay", 'A "quoted" <name> & 100 % */', (State(x, "1", "x", start=1.0),), (-x,))
+    path = plants.build(model, out=tmp_path)
+    assert fmpy.validation.validate_fmu(str(path)) == []
+    assert fmpy.read_model_description(path).description == model.description
+    result = fmpy.simulate_fmu(str(path), stop_time=0.04, output_interval=0.02)
+    np.testing.assert_allclose(result["x"], [1.0, 0.98, 0.98**2], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "expression", [sympy.I, sympy.Piecewise((1, sympy.Symbol("x") > 0)), sympy.zeta(sympy.Symbol("x"))]
+)
+def test_what_c_cannot_compute_is_refused(expression: sympy.Expr) -> None:
+    x = sympy.Symbol("x")
+    with pytest.raises(plants.ModelError, match="model 'bad': "):
+        plants.build(OdeModel("bad", "", (State(x, "1", ""),), (expression * x,)))
+
+
+def test_description_and_c_come_from_the_model_alone(fmu: Path) -> None:
+    """The FMU holds what the factory generates now, and the GUID of one model differs from that of another."""
+    files = generate(plants.load("car_like"))
+    with zipfile.ZipFile(fmu) as archive:
+        assert {name: archive.read(name).decode() for name in files} == files
+        assert {name for name in archive.namelist() if not name.startswith("binaries/")} == set(files)
+    guid = fmpy.read_model_description(fmu).guid
+    assert guid in files["sources/config.h"]
+    assert guid not in generate(spring())["sources/config.h"]
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy rebuilds an FMU with CMake, which is not installed")
+def test_fmu_can_be_rebuilt_from_its_own_sources(unzipped: Path, tmp_path: Path) -> None:
+    from fmpy.build import build_platform_binary
+
+    shutil.copytree(unzipped, tmp_path / "fmu")
+    shutil.rmtree(tmp_path / "fmu" / "binaries")
+    (tmp_path / "cmake").mkdir()
+    build_platform_binary(tmp_path / "fmu", tmp_path / "cmake", configuration="Release")
+    original = fmpy.simulate_fmu(str(unzipped), start_values={"tau_drive": 8.0, "gamma": 0.2})
+    rebuilt = fmpy.simulate_fmu(str(tmp_path / "fmu"), start_values={"tau_drive": 8.0, "gamma": 0.2})
+    np.testing.assert_allclose(rebuilt["psi"], original["psi"], rtol=1e-12)
+
+
+# ---- what can go wrong ----
+
+
+def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(plants.NoCompiler, match="there is no C compiler") as error:
+        plants.build("car_like")
+    for system in ("Debian, Ubuntu", "Fedora", "macOS", "Windows"):
+        assert system in str(error.value)
+    monkeypatch.setenv("CC", "nonesuch -m32")
+    with pytest.raises(plants.NoCompiler, match=r"that \$CC names, 'nonesuch', was not found"):
+        plants.build("car_like")
+
+
+def test_failing_compiler_is_heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    compiler = tmp_path / "broken cc"
+    compiler.write_text("#!/bin/sh\necho 'fatal error: no space on device' >&2\nexit 3\n")
+    compiler.chmod(compiler.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("CC", f"'{compiler}'")
+    with pytest.raises(plants.BuildError, match=r"broken cc.* failed \(status 3\):\nfatal error: no space on device"):
+        plants.build("car_like")
+
+
+def test_folders_that_cannot_be_written(fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("not a folder")
+    with pytest.raises(plants.BuildError, match=r"cannot write .*file/car_like.fmu: "):
+        plants.build("car_like", out=file)
+    monkeypatch.setenv("FORMATION_CACHE", str(file))
+    with pytest.raises(plants.BuildError, match="FORMATION_CACHE"):
+        plants.build("car_like")
+
+
+def test_other_versions_of_fmi() -> None:
+    with pytest.raises(plants.BuildError, match=r"FMI 1.0 is not offered; choose 2.0"):
+        plants.build("car_like", fmi="1.0")

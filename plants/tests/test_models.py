@@ -1,0 +1,156 @@
+"""What a model may be: the general ordinary differential equation, its NumPy functions, and wrong models by name."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+import plants
+from plants import ModelError, numeric
+from plants.nonholonomic import NonholonomicSystem
+from plants.ode import TIME, Enumeration, Input, OdeModel, Output, Parameter, State, Term
+
+s, f, k, c = sympy.symbols("s f k c")
+stiff = Enumeration(sympy.Symbol("spring"), {"linear": "force k s", "hardening": "force k s^3"}, "Law of the spring")
+rate = sympy.Symbol("rate")
+
+
+def spring(**changes: Any) -> OdeModel:
+    """A mass of 1 kg on a spring: second-order, an enumeration, a term, a computed output and the time."""
+    pull = sympy.Symbol("pull")
+    stated = {
+        "name": "spring_mass",
+        "description": "A mass on a spring",
+        "states": (State(s, "m", "Deflection", start=0.1), State(rate, "m/s", "Its rate", output=False)),
+        "derivatives": (rate, f * sympy.cos(TIME) - pull - c * rate),
+        "inputs": (Input(f, "N", "Force"),),
+        "parameters": (
+            Parameter(k, "N/m", "Stiffness", start=2.0, min=0.0),
+            Parameter(c, "N.s/m", "Damping", start=0.1),
+            stiff,
+        ),
+        "outputs": (
+            Output(sympy.Symbol("energy"), rate**2 / 2 + sympy.pi * f, "J", "Kinetic energy and some of the input"),
+        ),
+        "terms": (Term(pull, stiff.select(linear=k * s, hardening=k * s**3), "N"),),
+    }
+    return OdeModel(**(stated | changes))
+
+
+def test_numpy_functions() -> None:
+    model = numeric.compile(spring())
+    p = model.parameters(spring="hardening", k=3.0)
+    assert model.rhs(0.5, [2.0, 1.0], [4.0], p).tolist() == pytest.approx([1.0, 4 * math.cos(0.5) - 24.0 - 0.1])
+    assert model.outputs(0.0, [2.0, 3.0], [1.0], p).tolist() == pytest.approx([4.5 + math.pi])
+    assert model.start().tolist() == [0.1, 0.0]
+    assert model.inputs().tolist() == [0.0]
+    with pytest.raises(ModelError, match="no parameter 'mass'; there are k, c, spring"):
+        model.parameters(mass=1.0)
+    with pytest.raises(ModelError, match="spring has no variant 'soft'"):
+        model.parameters(spring="soft")
+
+
+def test_batches_broadcast() -> None:
+    """States (5, 1, 6), inputs (7, 6) and parameters (6-vector each) give (5, 7, 6), equal to one by one."""
+    model = numeric.compile(plants.load("car_like"))
+    rng = np.random.default_rng(2)
+    x, u = rng.uniform(-1, 1, (5, 1, 6)), rng.uniform(-9, 9, (7, 6))
+    p = np.stack([model.parameters(drive=drive) for drive in ("as_printed", "front_wheel", "rear_wheel")])[
+        rng.integers(3, size=7)
+    ]
+    for method in (
+        model.rhs,
+        lambda t, x, u, p: model.euler(t, x, u, p, 0.1),
+        lambda t, x, u, p: model.rk4(t, x, u, p, 0.1),
+    ):
+        batch = method(0.0, x, u, p)
+        assert batch.shape == (5, 7, 6)
+        for i, j in np.ndindex(5, 7):
+            np.testing.assert_allclose(batch[i, j], method(0.0, x[i, 0], u[j], p[j]), rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"derivatives": (rate, -k * s - sympy.Symbol("q"))}, "the derivative of 'rate' uses the undefined symbol 'q'"),
+        ({"derivatives": (rate, sympy.Function("g")(s))}, "the derivative of 'rate' uses the undefined function g(s)"),
+        ({"derivatives": (rate,)}, "2 states, but 1 derivatives"),
+        ({"states": (), "derivatives": ()}, "there are no states"),
+        ({"name": "spring mass"}, "model name 'spring mass' is not an FMI and C identifier"),
+        ({"name": "double"}, "model name 'double' is reserved"),
+        ({"inputs": (Input(f, "N", "Force"), Input(k, "N", "Force"))}, "the name 'k' is used twice"),
+        ({"inputs": (Input(sympy.Symbol("f", real=True), "N", ""),)}, "'f' that is not the declared one"),
+        ({"inputs": (Input(f, "N", ""), Input(sympy.Symbol("sin"), "N", ""))}, "input 'sin' is reserved"),
+        (
+            {"inputs": (Input(f, "N", ""), Input(sympy.Symbol("1st"), "N", ""))},
+            "input '1st' is not an FMI and C identifier",
+        ),
+        ({"inputs": (Input(f, "N", "Force", start=math.nan),)}, "input 'f': the default nan is not within its bounds"),
+        (
+            {"parameters": (Parameter(k, "N/m", "Stiffness", start=-2.0, min=0.0), Parameter(c, "1", ""), stiff)},
+            "parameter 'k': the default -2 is not within its bounds [0, inf]",
+        ),
+        ({"inputs": (Input(f, "newton", "Force"),)}, "unit 'newton': 'newton' is not known"),
+        (
+            {"outputs": (Output(sympy.Symbol("y"), sympy.Symbol("z"), "m", ""),)},
+            "output 'y' uses the undefined symbol 'z'",
+        ),
+        ({"outputs": (Output(s, k, "m", ""),)}, "the name 's' is used twice"),
+        (
+            {"terms": (Term(sympy.Symbol("pull"), sympy.Symbol("later")),)},
+            "term 'pull' uses the undefined symbol 'later'",
+        ),
+    ],
+)
+def test_wrong_models_are_refused_by_name(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(plants.PlantError) as error:
+        spring(**changes)
+    assert message in str(error.value)
+
+
+def test_enumeration_needs_every_variant() -> None:
+    with pytest.raises(ModelError, match="one expression for each of linear, hardening"):
+        stiff.select(linear=s)
+
+
+def pendulum_on_wheels() -> NonholonomicSystem:
+    """Two coordinates, one velocity: a unicycle that only goes straight, for the shapes."""
+    x, y, v, m, tau, d_x, d_y = sympy.symbols("x y v m tau d_x d_y", real=True)
+    return NonholonomicSystem(
+        name="straight",
+        description="A sledge",
+        coordinates=(State(x, "m", ""), State(y, "m", "")),
+        velocities=(State(v, "m/s", ""),),
+        inputs=(Input(tau, "N", ""),),
+        disturbances=(Input(d_x, "N", ""), Input(d_y, "N", "")),
+        parameters=(Parameter(m, "kg", "", start=1.0),),
+        S=sympy.Matrix([1, 0]),
+        M1=m * sympy.eye(2),
+        D1=sympy.zeros(2),
+        B1=sympy.Matrix([1, 0]),
+    )
+
+
+def test_nonholonomic_with_one_velocity() -> None:
+    model = pendulum_on_wheels().ode()
+    v, m, tau, d_x = sympy.symbols("v m tau d_x", real=True)
+    assert [model.expand(e) for e in model.derivatives] == [v, 0, (tau - d_x) / m]
+    assert {term.symbol.name: term.unit for term in model.terms}["M2_11"] == "kg"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"S": sympy.eye(2)}, r"S is (2, 2), it must be (2, 1)"),
+        ({"B1": sympy.eye(2)}, r"B1 is (2, 2), it must be (2, 1)"),
+        ({"M1": sympy.Matrix([[1, 1], [0, 1]])}, "M1 is not symmetric"),
+        ({"disturbances": ()}, "0 disturbances, one for each of 2 coordinates"),
+    ],
+)
+def test_wrong_matrices_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ModelError) as error:
+        replace(pendulum_on_wheels(), **changes)
+    assert message in str(error.value)
