@@ -1,7 +1,8 @@
-"""The paper's first simulation on a reduced plant in NumPy, (1) to (3) and (56): fixtures for closed-loop tests."""
+"""The paper's first simulation on a reduced plant, (1) to (3) and (56): fixtures for closed-loop tests."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,28 +25,37 @@ LIMIT = 200.0
 
 def drive_gain(psi, gamma, drive):
     return {
-        "as_printed": 1 + np.tan(gamma) * np.sin(psi),
-        "front_wheel": 1 / np.cos(gamma),
-        "rear_wheel": np.ones_like(psi),
+        "as_printed": 1 + math.tan(gamma) * math.sin(psi),
+        "front_wheel": 1 / math.cos(gamma),
+        "rear_wheel": 1.0,
     }[drive]
 
 
-def rates(state, torque, drive="as_printed"):
-    """Return the rates of (x, y, psi, gamma, v, omega), shape (..., 6), under torques (..., 2)."""
-    psi, gamma, v, omega = np.moveaxis(state[..., 2:], -1, 0)
-    t, t_dot = np.tan(gamma), omega / np.cos(gamma) ** 2
+def euler(state, torque, drive):
+    """Return the state (x, y, psi, gamma, v, omega) of one robot a period later.
+
+    Not vectorised: NumPy's trigonometric functions may round differently from one array to the next.
+    """
+    x, y, psi, gamma, v, omega = map(float, state)
+    t, t_dot = math.tan(gamma), omega / math.cos(gamma) ** 2
     # M2 = S' M1 S, C2 = S' M1 S_dot (the rest of (3) cancels), D2 = S' D1 S
     inertia = INERTIA_BODY + INERTIA_STEERING
     m_11 = MASS + inertia * t * t / WHEELBASE**2
     m_12 = INERTIA_STEERING * t / WHEELBASE
     m_22 = INERTIA_STEERING
-    f_1 = drive_gain(psi, gamma, drive) * torque[..., 0]
-    f_1 = f_1 - inertia * t * t_dot / WHEELBASE**2 * v - DAMPING * (1 + t * t / WHEELBASE**2) * v
-    f_2 = torque[..., 1] - INERTIA_STEERING * t_dot / WHEELBASE * v - DAMPING * omega
+    f_1 = drive_gain(psi, gamma, drive) * torque[0]
+    f_1 -= inertia * t * t_dot / WHEELBASE**2 * v + DAMPING * (1 + t * t / WHEELBASE**2) * v
+    f_2 = torque[1] - INERTIA_STEERING * t_dot / WHEELBASE * v - DAMPING * omega
     det = m_11 * m_22 - m_12 * m_12
-    v_dot = (m_22 * f_1 - m_12 * f_2) / det
-    omega_dot = (m_11 * f_2 - m_12 * f_1) / det
-    return np.stack([v * np.cos(psi), v * np.sin(psi), v * t / WHEELBASE, omega, v_dot, omega_dot], axis=-1)
+    v_dot, omega_dot = (m_22 * f_1 - m_12 * f_2) / det, (m_11 * f_2 - m_12 * f_1) / det
+    return [
+        x + PERIOD * v * math.cos(psi),
+        y + PERIOD * v * math.sin(psi),
+        psi + PERIOD * v * t / WHEELBASE,
+        gamma + PERIOD * omega,
+        v + PERIOD * v_dot,
+        omega + PERIOD * omega_dot,
+    ]
 
 
 START = np.array([[-5, 0, 0, 0], [-5, 10, 0, 0], [-5, 15, 0, 0], [-5, -5, 0, 0]], dtype=float)
@@ -81,8 +91,8 @@ class FirstSimulation:
     def tick(self):
         """Advance everything by one period and return the torque as sent to the plant."""
         torque = self.controller.step(*self.sensed()).clip(-LIMIT, LIMIT)
-        self.state = self.state + PERIOD * rates(self.state, torque, self.drive)
-        self.leader = self.leader + PERIOD * rates(self.leader, LEADER_TORQUE, self.drive)
+        self.state = np.array([euler(*robot, self.drive) for robot in zip(self.state, torque, strict=True)])
+        self.leader = np.array(euler(self.leader, LEADER_TORQUE, self.drive))
         return torque
 
     def run(self, ticks):
