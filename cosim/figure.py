@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
-from cosim.errors import OutputError
+from cosim.result import write
 
 _SNAPSHOTS = 5
 _LEADER = "black"
@@ -27,10 +28,9 @@ def save_figure(result: xr.Dataset, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    try:
-        draw(result).savefig(path, dpi=120)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
+    buffer = io.BytesIO()
+    draw(result).savefig(buffer, format="png", dpi=120)
+    write(path, buffer.getbuffer())
 
 
 def draw(result: xr.Dataset) -> Figure:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -86,30 +87,33 @@ def save(result: xr.Dataset, path: Path) -> None:
         for name, variable in result.data_vars.items()
         if variable.size
     }
-    with _whole_file(path) as partial:
-        result.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
+    # In memory first: the HDF5 library does not survive a disk that fills up.
+    buffer = io.BytesIO()
+    result.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
+    write(path, buffer.getbuffer())
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, as `save` does."""
-    with _whole_file(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+def write(path: Path, data: bytes | memoryview) -> None:
+    """Write a file whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_bytes(data)
+        os.replace(partial, path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
     return xr.load_dataset(path, engine="h5netcdf")
-
-
-@contextmanager
-def _whole_file(path: Path) -> Iterator[Path]:
-    partial = path.with_name(path.name + ".partial")
-    try:
-        yield partial
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
 def _range_bearing(

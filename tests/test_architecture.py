@@ -1,0 +1,58 @@
+"""Who knows whom, and no arrow more."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def imports_of(room: Path) -> Iterator[tuple[Path, str]]:
+    for path in room.rglob("*.py"):
+        if "tests" in path.parts:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                yield from ((path, alias.name) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                yield path, node.module
+
+
+@pytest.mark.parametrize(
+    ("room", "forbidden"),
+    [
+        ("plants", ("cosim", "formation_controllers")),
+        ("controllers/formation_controllers", ("cosim", "plants", "fmpy", "lxml", "xml")),
+        (
+            "cosim",
+            ("plants.car_like", "plants.factory", "plants.ode", "plants.nonholonomic", "plants.numeric", "sympy"),
+        ),
+    ],
+)
+def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
+    found = list(imports_of(ROOT / room))
+    assert found
+    wrong = [(str(p), name) for p, name in found if any(name == f or name.startswith(f + ".") for f in forbidden)]
+    assert wrong == []
+
+
+def test_only_the_master_knows_the_controllers_and_only_the_plant_knows_fmpy() -> None:
+    knows = {path.name for path, name in imports_of(ROOT / "cosim") if name.split(".")[0] == "fmpy"}
+    assert knows == {"fmu.py", "plant.py"}
+
+
+def test_a_cached_run_imports_no_symbolic_mathematics(scenarios: Path) -> None:
+    program = f"""
+import sys, cosim
+cosim.run({str(scenarios / "clmr_line.xml")!r}, ["//simulation/@horizon=1 s", "//rms/@from=0 s"])
+cosim.run({str(scenarios / "clmr_line.xml")!r}, ["//simulation/@horizon=1 s", "//rms/@from=0 s"])
+print(sorted({{"sympy", "matplotlib", "jinja2"}} & set(sys.modules)))
+"""
+    command = [sys.executable, "-c", program]
+    subprocess.run(command, check=True, timeout=300, capture_output=True)  # builds the FMU if it is not in the cache
+    printed = subprocess.run(command, check=True, timeout=300, capture_output=True, text=True).stdout
+    assert printed == "[]\n"
