@@ -187,14 +187,8 @@ def tick(
     car = vehicle[0]
     x_w = np.empty(NETWORK_INPUTS)
     sigma = np.empty(len(gains[0]["centres"]))
-    q, q_tilde, q_hat_dot, epsilon_hat, s, u = (
-        np.empty(2),
-        np.empty(2),
-        np.empty(2),
-        np.empty(2),
-        np.empty(2),
-        np.empty(2),
-    )
+    pairs = np.empty((6, 2))
+    q, q_tilde, q_hat_dot, epsilon_hat, s, u = pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5]
 
     for i in range(len(pose)):
         own, g, out = state[i], gains[i], telemetry[i]

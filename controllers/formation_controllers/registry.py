@@ -72,7 +72,7 @@ def load(name: str) -> type[Controller[Any]]:
     which = f"controller {name!r} of {known[name].package} {known[name].version}"
     try:
         loaded = known[name].entry_point.load()
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # whatever someone's module does when imported
         raise ControllerError(f"{which} cannot be imported: {error}") from error
     from formation_controllers.controller import Controller
 

@@ -100,6 +100,13 @@ def test_a_module_that_is_not_there_is_refused(distribution):
         load("lost")
 
 
+def test_a_module_that_fails_while_it_is_imported_is_refused(distribution, tmp_path):
+    distribution("someones", {"broken": "Law"}, module="someones_broken_module")
+    (tmp_path / "someones" / "someones_broken_module.py").write_text("1 / 0")
+    with pytest.raises(ControllerError, match=r"controller 'broken' .* cannot be imported: division by zero"):
+        load("broken")
+
+
 def test_two_packages_with_the_same_name_are_refused(distribution):
     distribution("someones", {"law": "Fine"})
     distribution("others", {"law": "Fine"})
