@@ -49,29 +49,25 @@ class Simulation:
         self.scenario = scenario
         self.tick = 0
         self.timing: dict[str, float] = {}
-        with ExitStack() as cleanup:
-            self._fmus = self._open_fmus(cleanup)
-            self.contract = self._shared_contract()
-            self._plants = self._start_plants(cleanup)
-            self._teams = self._gather_teams()
-            self._cleanup = cleanup.pop_all()
-
         n = len(scenario.followers)
         self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
         self._measured = np.zeros((n, 4))
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
         self._torque[0] = scenario.leader.torque
-        self._sensor = PoseSensor(
-            scenario.seed,
-            [follower.id for follower in scenario.followers],
-            [role.name for role in self.contract.pose],
-            scenario.noise,
-        )
         desired = np.array([follower.desired for follower in scenario.followers])
         self._desired = fc.Desired(desired, np.zeros_like(desired), np.zeros_like(desired))
-        self._recorder = self._new_recorder()
-        check_expectations(scenario.expectations, self._units_of_signals())
+        with ExitStack() as cleanup:
+            self._fmus = self._open_fmus(cleanup)
+            self.contract = self._shared_contract()
+            self._plants = self._start_plants(cleanup)
+            self._teams = self._gather_teams()
+            robots = [follower.id for follower in scenario.followers]
+            channels = [role.name for role in self.contract.pose]
+            self._sensor = PoseSensor(scenario.seed, robots, channels, scenario.noise)
+            self._recorder = self._new_recorder()
+            check_expectations(scenario.expectations, self._units_of_signals())
+            self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ import pytest
 from cosim.document import MAX_BYTES, read_document
 from cosim.errors import InputError
 
-LINE = Path(__file__).parents[2] / "scenarios" / "clmr_line_as_printed.xml"
+EXAMPLE = Path(__file__).with_name("example.xml")
 
 
 def refused(path: Path, *replacements: str) -> InputError:
@@ -17,7 +17,7 @@ def refused(path: Path, *replacements: str) -> InputError:
 
 
 def variant(tmp_path: Path, old: str, new: str) -> Path:
-    text = LINE.read_text(encoding="utf-8")
+    text = EXAMPLE.read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "variant.xml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
@@ -25,7 +25,7 @@ def variant(tmp_path: Path, old: str, new: str) -> Path:
 
 
 def test_the_text_is_kept_as_it_is_read() -> None:
-    assert read_document(LINE).text == LINE.read_text(encoding="utf-8")
+    assert read_document(EXAMPLE).text == EXAMPLE.read_text(encoding="utf-8")
 
 
 def test_missing_file(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
         ("<sensor>", "<sensors/><sensor>", 35, 3, "<sensors> is not expected here in <scenario>; expected: <con"),
         ('<desired range="3 m" bearing="45 deg"/>', "", 47, 3, "<follower> is incomplete; expected next: <desired>"),
         ("<actuator>", "<actuator>hello", 38, 3, "<actuator> must not contain text"),
-        ('name="clmr_line_as_printed"', 'name="../../escape"', 2, 1, 'name="../../escape" of <scenario> is not a name'),
+        ('name="example"', 'name="../../escape"', 2, 1, 'name="../../escape" of <scenario> is not a name'),
         ('seed="1"', 'seed="one"', 11, 3, 'seed="one" of <simulation> is not a whole number from 0'),
     ],
 )  # fmt: skip
@@ -106,13 +106,13 @@ def test_what_breaks_the_schema(tmp_path: Path, old: str, new: str, line: int, c
 
 
 def test_set_an_attribute() -> None:
-    document = read_document(LINE, ['//gain[@name="gamma_w"]/@value=0.1'])
+    document = read_document(EXAMPLE, ['//gain[@name="gamma_w"]/@value=0.1'])
     assert '<gain name="gamma_w" value="0.1"/>' in document.text
-    assert "as printed" in document.text
+    assert "first simulation" in document.text
 
 
 def test_set_a_text_and_a_value_with_equals_signs() -> None:
-    document = read_document(LINE, ["//title=a = b", "//controller/@version=>=0.1,<2"])
+    document = read_document(EXAMPLE, ["//title=a = b", "//controller/@version=>=0.1,<2"])
     assert "<title>a = b</title>" in document.text
     assert 'version="&gt;=0.1,&lt;2"' in document.text
 
@@ -130,4 +130,4 @@ def test_set_a_text_and_a_value_with_equals_signs() -> None:
     ],
 )
 def test_bad_replacements(replacement: str, sentence: str) -> None:
-    assert sentence in str(refused(LINE, replacement))
+    assert sentence in str(refused(EXAMPLE, replacement))

@@ -9,18 +9,18 @@ import pytest
 from cosim.errors import InputError
 from cosim.scenario import quantity, read_scenario, with_controller, with_fmu, with_seed
 
-LINE = Path(__file__).parents[2] / "scenarios" / "clmr_line_as_printed.xml"
+EXAMPLE = Path(__file__).with_name("example.xml")
 
 
 def refused(*replacements: str) -> InputError:
     with pytest.raises(InputError) as caught:
-        read_scenario(LINE, replacements)
+        read_scenario(EXAMPLE, replacements)
     return caught.value
 
 
-def test_the_first_simulation_of_the_paper() -> None:
-    scenario = read_scenario(LINE)
-    assert (scenario.name, scenario.step, scenario.ticks, scenario.horizon) == ("clmr_line_as_printed", 0.02, 5000, 100)
+def test_what_a_file_says_in_si_units() -> None:
+    scenario = read_scenario(EXAMPLE)
+    assert (scenario.name, scenario.step, scenario.ticks, scenario.horizon) == ("example", 0.02, 5000, 100)
     assert scenario.leader.pose == (2.5, 5.5, 0.0, 0.0)
     assert scenario.leader.torque == (8.0, 0.0)
     assert [follower.pose for follower in scenario.followers] == [
@@ -90,26 +90,26 @@ def test_bad_quantities(text: str, unit: str, sentence: str) -> None:
 )
 def test_what_does_not_hold_together(replacement: str, place: str, sentence: str) -> None:
     error = refused(replacement)
-    assert str(error).startswith(f"{LINE}:{place}: ")
+    assert str(error).startswith(f"{EXAMPLE}:{place}: ")
     assert sentence in error.message
 
 
 def test_a_plant_needs_one_source(tmp_path: Path) -> None:
     path = tmp_path / "s.xml"
     for source in ("", 'model="car_like" fmu="car.fmu"'):
-        path.write_text(LINE.read_text().replace('model="car_like"', source))
+        path.write_text(EXAMPLE.read_text().replace('model="car_like"', source))
         with pytest.raises(InputError, match="needs either model"):
             read_scenario(path)
 
 
 def test_an_fmu_is_looked_for_beside_the_scenario(tmp_path: Path) -> None:
     path = tmp_path / "s.xml"
-    path.write_text(LINE.read_text().replace('model="car_like"', 'fmu="fmus/car.fmu"'))
+    path.write_text(EXAMPLE.read_text().replace('model="car_like"', 'fmu="fmus/car.fmu"'))
     assert read_scenario(path).plants["clmr"].fmu == tmp_path / "fmus" / "car.fmu"
 
 
 def test_overrides_of_the_command_line() -> None:
-    scenario = read_scenario(LINE)
+    scenario = read_scenario(EXAMPLE)
     assert with_seed(scenario, 7).seed == 7
     changed = with_fmu(scenario, "clmr", Path("other.fmu")).plants["clmr"]
     assert changed.model is None

@@ -13,7 +13,7 @@ from cosim.result import load, save
 from cosim.scenario import RmsExpectation, Scenario, read_scenario
 from cosim.summary import check_expectations, summarise
 
-LINE = Path(__file__).parents[2] / "scenarios" / "clmr_line_as_printed.xml"
+EXAMPLE = Path(__file__).with_name("example.xml")
 HERE = Location("scenario.xml", 3, 5)
 
 
@@ -38,7 +38,7 @@ def made_up(range_error: np.ndarray, bearing_error: np.ndarray, **attributes: st
 
 @pytest.fixture
 def scenario() -> Scenario:
-    return read_scenario(LINE)
+    return read_scenario(EXAMPLE)
 
 
 def test_settling_is_from_when_on_the_errors_stay_within_both_bands(scenario: Scenario) -> None:
