@@ -49,7 +49,7 @@ def load(name: str) -> "OdeModel":
     return model
 
 
-def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | None = None, cache: bool = True) -> Path:
+def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | str | None = None, cache: bool = True) -> Path:
     """Make the FMU of a model, unless it has been made before.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import plants
 from plants.errors import BuildError
 from plants.factory import store
-from plants.factory.compile import FLAGS, Compiler, compile_library, find_compiler, host
+from plants.factory.compile import Compiler, compile_library, find_compiler, host
 from plants.factory.package import package
 
 if TYPE_CHECKING:
@@ -19,21 +19,17 @@ if TYPE_CHECKING:
 FMI_VERSIONS = ("2.0",)
 
 
-def build(model: "str | OdeModel", *, fmi: str, out: Path | None, cache: bool) -> Path:
+def build(model: "str | OdeModel", *, fmi: str, out: Path | str | None, cache: bool) -> Path:
     """Make the FMU of a model; see `plants.build`."""
     if fmi not in FMI_VERSIONS:
         raise BuildError(f"FMI {fmi} is not offered; choose {' or '.join(FMI_VERSIONS)}")
     compiler = find_compiler()
-    tools = [host().folder, *compiler.command, compiler.version, *FLAGS, fmi]
+    tools = [store.package_digest(), host().folder, *compiler.command, compiler.version, fmi]
 
-    files = None
-    if isinstance(model, str):
-        # What a built-in model's FMU says is known from the sources, before SymPy is loaded.
-        name, key = model, store.digest([model, store.package_digest(), *tools])
-    else:
-        files = _generate(model)
-        texts = [text for item in sorted(files.items()) for text in item]
-        name, key = model.name, store.digest([*texts, *tools])
+    # What a built-in model's FMU holds follows from this package; another model's is known once it is generated.
+    name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model))
+    texts = [text for item in sorted((files or {}).items()) for text in item]
+    key = store.digest([name, *texts, *tools])
 
     fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
     if not (cache and fmu.is_file()):
@@ -56,5 +52,5 @@ def _make(name: str, files: dict[str, str], compiler: Compiler, fmu: Path) -> No
             (root / path).parent.mkdir(parents=True, exist_ok=True)
             (root / path).write_text(text, encoding="utf-8", newline="\n")
         sources = sorted(path for path in files if path.endswith(".c"))
-        compile_library(compiler, root, sources, f"binaries/{host().folder}/{name}{host().suffix}")
+        compile_library(compiler, host(), root, sources, name)
         package(root, fmu)

@@ -1,7 +1,6 @@
 """The C compiler of this machine, and the shared library that it makes of an FMU's sources."""
 
 import os
-import platform
 import shlex
 import shutil
 import subprocess
@@ -39,12 +38,13 @@ class Platform:
     folder: str
     suffix: str
     flags: tuple[str, ...]
+    libraries: tuple[str, ...]
 
 
 PLATFORMS = {
-    "linux": Platform("linux64", ".so", ("-fPIC", "-Wl,--no-undefined")),
-    "darwin": Platform("darwin64", ".dylib", ("-fPIC",)),
-    "win32": Platform("win64", ".dll", ()),
+    "linux": Platform("linux64", ".so", ("-fPIC", "-Wl,--no-undefined"), ("-lm",)),
+    "darwin": Platform("darwin64", ".dylib", ("-fPIC",), ("-lm",)),
+    "win32": Platform("win64", ".dll", (), ()),
 }
 
 
@@ -60,7 +60,7 @@ def host() -> Platform:
     """Return the platform of this machine."""
     if sys.platform not in PLATFORMS or sys.maxsize <= 2**32:
         known = ", ".join(PLATFORMS)
-        raise BuildError(f"cannot build for {sys.platform} on {platform.machine()}: only for {known} with 64 bits")
+        raise BuildError(f"cannot build for {sys.platform}: only for {known}, with 64 bits")
     return PLATFORMS[sys.platform]
 
 
@@ -84,35 +84,44 @@ def find_compiler() -> Compiler:
 
 
 def compile_library(
-    compiler: Compiler, root: Path, sources: Sequence[str], library: str, flags: Sequence[str] = ()
-) -> None:
-    """Compile an FMU's sources to a shared library.
+    compiler: Compiler, platform: Platform, root: Path, sources: Sequence[str], name: str, flags: Sequence[str] = ()
+) -> Path:
+    """Compile an FMU's sources to the shared library of one platform.
 
     Parameters
     ----------
-    compiler
-        The compiler.
+    compiler, platform
+        What compiles, and for what.
     root
         The folder that holds the FMU's content.
-    sources, library
-        Paths of the C files and of the result, relative to `root`.
+    sources
+        Paths of the C files, relative to `root`.
+    name
+        The model's identifier.
     flags
         Further flags.
+
+    Returns
+    -------
+    Path
+        The library, in the folder of `root` where FMI wants it.
 
     Raises
     ------
     BuildError
         The compiler failed; its message is shown.
     """
+    library = f"binaries/{platform.folder}/{name}{platform.suffix}"
     (root / library).parent.mkdir(parents=True, exist_ok=True)
-    arguments = [*FLAGS, *flags, "-o", library, *sources]
     # Relative paths and this folder: nothing of this machine enters the binary.
-    result = _run([*compiler.command, *arguments, *(() if sys.platform == "win32" else ("-lm",))], cwd=root)
+    arguments = [*FLAGS, *platform.flags, *flags, "-o", library, *sources, *platform.libraries]
+    result = _run([*compiler.command, *arguments], cwd=root)
     if result.returncode != 0:
         message = (result.stderr or result.stdout).strip()
         raise BuildError(
             f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}"
         )
+    return root / library
 
 
 def _run(command: Sequence[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -146,6 +147,19 @@ def test_description_and_c_come_from_the_model_alone(fmu: Path) -> None:
     guid = fmpy.read_model_description(fmu).guid
     assert guid in files["sources/config.h"]
     assert guid not in generate(spring())["sources/config.h"]
+
+
+def test_readme_examples_run_as_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (Path(plants.__file__).parent / "README.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(examples) == 2
+    for example in examples:
+        exec(example, {})
+    (path,) = tmp_path.rglob("*.fmu")
+    assert fmpy.validation.validate_fmu(str(path)) == []
+    result = fmpy.simulate_fmu(str(path), stop_time=2.0, start_values={"u": 2.0}, output=["v"])
+    assert result["v"][-1] == pytest.approx(6.0, rel=1e-3)
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy rebuilds an FMU with CMake, which is not installed")

@@ -413,15 +413,13 @@ def test_wrong_guid_is_refused(unzipped: Path, new_car: Callable) -> None:
 
 
 def test_c_has_no_warnings(unzipped: Path, tmp_path: Path) -> None:
-    from plants.factory.compile import compile_library, find_compiler
+    from plants.factory.compile import compile_library, find_compiler, host
 
     for source in (unzipped / "sources").iterdir():
         (tmp_path / source.name).write_bytes(source.read_bytes())
     sources = [path.name for path in tmp_path.glob("*.c")]
-    compile_library(
-        find_compiler(), tmp_path, sources, "out/car_like.so", flags=("-Werror", "-Wshadow", "-Wconversion")
-    )
-    assert (tmp_path / "out/car_like.so").is_file()
+    flags = ("-Werror", "-Wshadow", "-Wconversion")
+    assert compile_library(find_compiler(), host(), tmp_path, sources, "car_like", flags).is_file()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of an ELF library with nm")
