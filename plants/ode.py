@@ -9,7 +9,7 @@ unit; intermediate terms carry the names and equation numbers of the source, so 
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import sympy
 from sympy.core.function import AppliedUndef
@@ -137,6 +137,57 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Limit:
+    """Where the equations hold: an expression that must stay between two bounds.
+
+    A running FMU checks its limits after every internal step; its parameter `at_singularity` says whether leaving them is
+    worth a warning or ends the simulation. State a limit on a quantity that keeps growing beyond its singularity, such as
+    an angle and not its cosine, so that a step that jumps across is seen too.
+
+    Parameters
+    ----------
+    expression
+        A symbol, or an expression in states, inputs, parameters and terms.
+    min, max
+        Bounds that it must not leave, both allowed.
+    reason
+        What happens beyond, to end a message with: ``tan(gamma) is singular at 90 degrees``.
+    unit
+        Unit of the expression; it may be left out if the expression is a declared variable.
+    """
+
+    expression: sympy.Expr
+    min: float = -math.inf
+    max: float = math.inf
+    reason: str = ""
+    unit: str = ""
+
+    @property
+    def name(self) -> str:
+        """The expression as text, for messages."""
+        return str(self.expression)
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """Variables that belong together, such as a pose: a terminal of the FMU (FMI 3.0, section 2.4.9).
+
+    Parameters
+    ----------
+    name
+        An identifier.
+    symbols
+        The variables, in order: states that are outputs, inputs or outputs.
+    description
+        One line.
+    """
+
+    name: str
+    symbols: tuple[sympy.Symbol, ...]
+    description: str = ""
+
+
+@dataclass(frozen=True)
 class OdeModel:
     """An explicit ordinary differential equation, checked when it is made.
 
@@ -156,6 +207,10 @@ class OdeModel:
         Named intermediate results; each may use those before it.
     equations
         For each state the number of the equation that gives its derivative, or nothing.
+    limits
+        Where the equations hold.
+    terminals
+        Variables that belong together.
 
     Raises
     ------
@@ -175,10 +230,18 @@ class OdeModel:
     outputs: tuple[Output, ...] = ()
     terms: tuple[Term, ...] = ()
     equations: tuple[str, ...] = field(default=())
+    limits: tuple[Limit, ...] = ()
+    terminals: tuple[Terminal, ...] = ()
 
     def __post_init__(self) -> None:
         # Everything that SymPy takes for an expression is welcome, such as the number 0.
         object.__setattr__(self, "derivatives", tuple(map(sympy.sympify, self.derivatives)))
+        for name in ("outputs", "terms", "limits"):
+            items = tuple(replace(item, expression=sympy.sympify(item.expression)) for item in getattr(self, name))
+            object.__setattr__(self, name, items)
+        declared = {variable.symbol: variable.unit for variable in (*self.states, *self.inputs, *self.reals)}
+        limits = tuple(replace(limit, unit=limit.unit or declared.get(limit.expression, "1")) for limit in self.limits)
+        object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "equations", self.equations or ("",) * len(self.states))
         _check(self)
 
@@ -218,9 +281,12 @@ _C_WORDS = """
     fmin fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc isfinite isnan
     signbit INFINITY NAN HUGE_VAL NULL
 """
-_OUR_WORDS = "time states inputs parameters enumerations derivatives outputs solver solver_step"
+_OUR_WORDS = """
+    time states inputs parameters enumerations derivatives outputs limited partials solver solver_step tolerance
+    at_singularity
+"""
 _RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
-_RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|N_|model_).*")
+_RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|model_).*")
 
 
 def _check(model: OdeModel) -> None:
@@ -252,6 +318,8 @@ def _check(model: OdeModel) -> None:
         declared[symbol.name] = symbol
 
     def check_symbols(expression: sympy.Expr, where: str) -> None:
+        if not isinstance(expression, sympy.Expr):
+            raise error(f"{where} is {expression!r}: it must be an expression, a real function of the model's symbols")
         for symbol in sorted(expression.free_symbols, key=str):
             if symbol.name not in declared:
                 raise error(f"{where} uses the undefined symbol {symbol.name!r}")
@@ -291,3 +359,24 @@ def _check(model: OdeModel) -> None:
         check_symbols(output.expression, f"output {output.name!r}")
     for output in model.outputs:
         declare(output.symbol, "output")
+    for limit in model.limits:
+        check_symbols(limit.expression, f"limit {limit.name!r}")
+        units.parse(limit.unit)
+        if not limit.min < limit.max:
+            raise error(
+                f"limit {limit.name!r}: its bounds are [{limit.min:g}, {limit.max:g}], the first must be smaller"
+            )
+    connectable = {
+        v.symbol for v in (*model.inputs, *model.outputs, *(state for state in model.states if state.output))
+    }
+    names = set[str]()
+    for terminal in model.terminals:
+        check_name(terminal.name, "terminal")
+        if terminal.name in names:
+            raise error(f"there are two terminals {terminal.name!r}")
+        names.add(terminal.name)
+        for symbol in terminal.symbols:
+            if symbol not in connectable:
+                raise error(
+                    f"terminal {terminal.name!r}: {symbol.name!r} is neither an input nor an output of the model"
+                )
