@@ -140,9 +140,9 @@ class Output:
 class Limit:
     """Where the equations hold: an expression that must stay between two bounds.
 
-    A running FMU checks its limits after every internal step; its parameter `at_singularity` says whether leaving them is
-    worth a warning or ends the simulation. State a limit on a quantity that keeps growing beyond its singularity, such as
-    an angle and not its cosine, so that a step that jumps across is seen too.
+    A running FMU checks its limits after every internal step; its parameter `at_singularity` says whether leaving
+    them is worth a warning or ends the simulation. State a limit on a quantity that keeps growing beyond the
+    singularity, such as an angle and not its cosine, so that a step that jumps across is seen too.
 
     Parameters
     ----------
@@ -367,7 +367,9 @@ def _check(model: OdeModel) -> None:
                 f"limit {limit.name!r}: its bounds are [{limit.min:g}, {limit.max:g}], the first must be smaller"
             )
     connectable = {
-        v.symbol for v in (*model.inputs, *model.outputs, *(state for state in model.states if state.output))
+        *(state.symbol for state in model.states if state.output),
+        *(variable.symbol for variable in model.inputs),
+        *(output.symbol for output in model.outputs),
     }
     names = set[str]()
     for terminal in model.terminals:
