@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import groupby
 from pathlib import Path
 
@@ -67,7 +67,9 @@ def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
     started = time.perf_counter()
     folder = _writable_folder(options.out / scenario.name)
     failure: SimulationError | RunInterrupted | None = None
-    with Simulation(scenario) as simulation:
+    with _status("building and loading plants"):
+        ready = Simulation(scenario)
+    with ready as simulation:
         try:
             with _progress(scenario) as progress:
                 result = simulation.run(progress)
@@ -126,6 +128,11 @@ def _write(result: xr.Dataset, summary: Summary, folder: Path) -> None:
 # The terminal -----------------------------------------------------------------------------------------------
 
 
+def _status(message: str) -> AbstractContextManager[object]:
+    """Say on a terminal what takes a while."""
+    return err().status(message) if sys.stderr.isatty() else nullcontext()
+
+
 @contextmanager
 def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
     """Show a progress bar on a terminal, nothing elsewhere."""
@@ -165,9 +172,9 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         figures.add_row(
             follower.robot,
             "[yellow]not settled[/]" if settled is None else f"{settled:.2f}",
-            f"{follower.range_rms:.4f}",
-            f"{math.degrees(follower.bearing_rms):.3f}",
-            f"{follower.peak_torque:.1f}",
+            _shown(follower.range_rms, 4),
+            _shown(math.degrees(follower.bearing_rms), 3),
+            _shown(follower.peak_torque, 1),
         )
     console.print(figures)
     console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on.", style="dim")
@@ -186,6 +193,10 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
             f"at most {worst.figure:.4g} {worst.unit} ({escape(worst.robot)})",
             soft_wrap=True,
         )
+
+
+def _shown(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"  # a run cut short has no last fifth
 
 
 def _print_timing(console: Console, timing: dict[str, float], scenario: Scenario) -> None:
