@@ -40,7 +40,7 @@ def test_run_writes_result_summary_and_figure(line: str, tmp_path: Path, capsys:
     assert printed.err == ""
     assert "\x1b[" not in printed.out
     assert "holds  rms range_error" in printed.out
-    assert "loop, a tick" in printed.out
+    assert "loop, per tick" in printed.out
     folder = tmp_path / "clmr_line"
     assert sorted(path.name for path in folder.iterdir()) == ["figure.png", "result.nc", "summary.json"]
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -36,8 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    started = time.perf_counter()
     from cosim.cli.run import run
 
+    options.imports = time.perf_counter() - started
     return run(options)
 
 

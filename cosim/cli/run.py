@@ -65,17 +65,17 @@ def _pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str
 
 def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
     started = time.perf_counter()
-    folder = _writable_folder(options.out / scenario.name)
     failure: SimulationError | RunInterrupted | None = None
     with _status("building and loading plants"):
         ready = Simulation(scenario)
     with ready as simulation:
+        folder = _writable_folder(options.out / scenario.name)
         try:
             with _progress(scenario) as progress:
                 result = simulation.run(progress)
         except (SimulationError, RunInterrupted) as error:
             failure, result = error, error.result
-    timing = dict(simulation.timing)
+    timing = {"imports": options.imports, **simulation.timing}
 
     console = out()
     summary = summarise(scenario, result)
@@ -89,7 +89,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
             from cosim.figure import save_figure
 
             save_figure(result, figure)
-    timing["total"] = time.perf_counter() - started
+    timing["total"] = time.perf_counter() - started + options.imports
 
     console.print(f"results in {folder}/", markup=False, soft_wrap=True)
     if options.timing:
@@ -205,7 +205,7 @@ def _print_timing(console: Console, timing: dict[str, float], scenario: Scenario
     parts.add_column("seconds", justify="right")
     for part, seconds in timing.items():
         parts.add_row(part, f"{seconds:.3f}")
-    parts.add_row("loop, a tick", f"{timing['loop'] / (scenario.ticks + 1) * 1e6:.1f} us")
+    parts.add_row("loop, per tick", f"{timing['loop'] / (scenario.ticks + 1) * 1e6:.1f} us")
     console.print(parts)
 
 
