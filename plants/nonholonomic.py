@@ -7,12 +7,13 @@ Stated are the matrices of the constrained dynamics, equation (1) of the paper,
 and the motion basis S, whose columns span the null space of A. Derived are the Coriolis matrix C1 (by Lagrange's
 equations) and, with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
 
-    M2 v' + C2 v + D2 v + tau_d2 = B2 tau,
+    M2 v' + C2 v + D2 v + F2 + tau_d2 = B2 tau,
 
 whose solution for v' together with (2) is the model. The multipliers lambda and all that cancels on the way are gone.
+F2, which the paper has not, holds resistances that are stated for the pseudo-velocities at once, such as friction.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +21,8 @@ import sympy
 
 from plants import units
 from plants.errors import ModelError
-from plants.ode import Enumeration, Input, OdeModel, Parameter, State, Term
+from plants.ode import Enumeration, Input, Limit, OdeModel, Output, Parameter, State, Term, Terminal
+from plants.trigonometry import shorten
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,21 @@ class NonholonomicSystem:
         All that M1, D1, B1 and S use. Those that cancel in the reduction do not become parameters of the model.
     S, M1, D1, B1
         Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k).
+    F2
+        Resistances (m, 1): positive ones oppose motion, like the damping beside which they stand. None for none.
+    terms
+        Named intermediate results that the matrices use, each those before it. In S and M1, which are differentiated,
+        they must be constant.
+    angles
+        Names for differences of coordinates, such as theta_01 = theta_0 - theta_1. S and M1 are stated in the
+        coordinates; the reduced matrices and all that is generated are written in these.
+    outputs, limits
+        Outputs to compute besides the states, and where the equations hold, as in `OdeModel`.
 
     Raises
     ------
     ModelError
-        The shape of a matrix does not fit, or M1 is not symmetric.
+        The shape of a matrix does not fit, M1 is not symmetric, or S or M1 uses a term that is not constant.
     """
 
     name: str
@@ -61,10 +73,17 @@ class NonholonomicSystem:
     M1: sympy.Matrix
     D1: sympy.Matrix
     B1: sympy.Matrix
+    F2: sympy.Matrix | None = None
+    terms: tuple[Term, ...] = ()
+    angles: tuple[Term, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    limits: tuple[Limit, ...] = ()
 
     def __post_init__(self) -> None:
         n, m, k = len(self.coordinates), len(self.velocities), len(self.inputs)
-        for letter, shape in (("S", (n, m)), ("M1", (n, n)), ("D1", (n, n)), ("B1", (n, k))):
+        if self.F2 is None:
+            object.__setattr__(self, "F2", sympy.zeros(m, 1))
+        for letter, shape in (("S", (n, m)), ("M1", (n, n)), ("D1", (n, n)), ("B1", (n, k)), ("F2", (m, 1))):
             if getattr(self, letter).shape != shape:
                 raise ModelError(f"model {self.name!r}: {letter} is {getattr(self, letter).shape}, it must be {shape}")
         if len(self.disturbances) != n:
@@ -73,6 +92,12 @@ class NonholonomicSystem:
             )
         if self.M1 != self.M1.T:
             raise ModelError(f"model {self.name!r}: M1 is not symmetric")
+        varying = {variable.symbol for variable in (*self.coordinates, *self.velocities)}
+        for term in (*self.angles, *self.terms):
+            if term.expression.free_symbols & varying:
+                varying.add(term.symbol)
+                if term.symbol in self.S.free_symbols | self.M1.free_symbols:
+                    raise ModelError(f"model {self.name!r}: S or M1 uses the term {term.symbol}, which is not constant")
 
     @cached_property
     def eta(self) -> sympy.Matrix:
@@ -105,56 +130,78 @@ class NonholonomicSystem:
     @cached_property
     def M2(self) -> sympy.Matrix:
         """The reduced inertia M2 = S' M1 S of (3), (m, m)."""
-        return (self.S.T * self.M1 * self.S).applyfunc(_tidy)
+        return self._short(self.S.T * self.M1 * self.S)
 
     @cached_property
     def C2(self) -> sympy.Matrix:
         """The reduced Coriolis matrix C2 = S' M1 S_dot + S' C1 S of (3), (m, m)."""
         S_dot = sum((self.S.diff(q) * rate for q, rate in zip(self.eta, self.eta_dot, strict=True)), 0 * self.S)
-        return (self.S.T * self.M1 * S_dot + self.S.T * self.C1 * self.S).applyfunc(_tidy)
+        return self._short(self.S.T * self.M1 * S_dot + self.S.T * self.C1 * self.S)
 
     @cached_property
     def D2(self) -> sympy.Matrix:
         """The reduced damping D2 = S' D1 S of (3), (m, m)."""
-        return (self.S.T * self.D1 * self.S).applyfunc(_tidy)
+        return self._short(self.S.T * self.D1 * self.S)
 
     @cached_property
     def B2(self) -> sympy.Matrix:
         """The reduced input map B2 = S' B1 of (3), (m, k)."""
-        return (self.S.T * self.B1).applyfunc(_tidy)
+        return self._short(self.S.T * self.B1)
 
     @cached_property
     def tau_d2(self) -> sympy.Matrix:
         """The reduced disturbance tau_d2 = S' tau_d1 of (3), (m, 1)."""
-        return self.S.T * sympy.Matrix([d.symbol for d in self.disturbances])
+        return self._relative(self.S.T * sympy.Matrix([d.symbol for d in self.disturbances]))
+
+    def _relative(self, matrix: sympy.Matrix) -> sympy.Matrix:
+        """Write a matrix in the relative angles: theta_0 becomes theta_01 + theta_1, theta_0 - theta_1 so theta_01."""
+        for angle in self.angles:
+            last = [q for q in self.eta if q in angle.expression.free_symbols][-1]
+            matrix = matrix.subs(last, sympy.solve(angle.expression - angle.symbol, last)[0])
+        return matrix
+
+    def _short(self, matrix: sympy.Matrix) -> sympy.Matrix:
+        return self._relative(matrix).applyfunc(shorten)
 
     def ode(self) -> OdeModel:
         """Return the explicit model, der(eta) by (2) and der(v) by (3), the matrices' entries as named terms."""
         m = len(self.velocities)
-        terms = _Terms()
+        terms = _Terms(self.angles, self.terms)
         speed = [units.parse(v.unit) for v in self.velocities]
         # Power, a pseudo-force times its pseudo-velocity, is in watts; torques carry no radian in their unit.
         force = [units.parse("W") / _without_radians(unit) for unit in speed]
         second = units.parse("s")
 
         S = terms.matrix(
-            "S", self.S, [[units.parse(c.unit) / second / s for s in speed] for c in self.coordinates], "(2)"
+            "S",
+            self._relative(self.S),
+            [[units.parse(c.unit) / second / s for s in speed] for c in self.coordinates],
+            "(2)",
         )
         M2 = terms.matrix("M2", self.M2, [[f * second / s for s in speed] for f in force], "(3)")
         D2 = terms.matrix("D2", self.D2, [[f / s for s in speed] for f in force], "(3)")
         B2 = terms.matrix("B2", self.B2, [[f / units.parse(u.unit) for u in self.inputs] for f in force], "(3)")
-        C2_v = terms.vector("C2_v", (self.C2 * self.v).applyfunc(_tidy), force, "(3)")
+        C2_v = terms.vector("C2_v", self._short(self.C2 * self.v), force, "(3)")
+        F2 = terms.vector("F2", self._relative(self.F2), force, "(3)")
         tau_d2 = terms.vector("tau_d2", self.tau_d2, force, "(3)")
         tau = sympy.Matrix([u.symbol for u in self.inputs])
-        f = terms.vector("f", B2 * tau - C2_v - D2 * self.v - tau_d2, force, "(3): M2 v' = f")
-        det = terms.add(
-            "det_M2", M2.det(), _product([f * second / s for f, s in zip(force, speed, strict=True)]), "(3)"
-        )
-        v_dot = M2.adjugate() * f / det
+        f = terms.vector("f", B2 * tau - C2_v - D2 * self.v - F2 - tau_d2, force, "(3): M2 v' = f")
+        if M2.is_diagonal():
+            v_dot = [force / M2[i, i] for i, force in enumerate(f)]
+        else:
+            unit = _product([f * second / s for f, s in zip(force, speed, strict=True)])
+            v_dot = [*(M2.adjugate() * f / terms.add("det_M2", M2.det(), unit, "(3)"))]
 
         derivatives = [*(S * self.v), *v_dot]
-        definitions = [*terms.named(), *derivatives]
-        used = set().union(*(e.expression.free_symbols if isinstance(e, Term) else e.free_symbols for e in definitions))
+        named, used = terms.needed_by(
+            [*derivatives, *(o.expression for o in self.outputs), *(limit.expression for limit in self.limits)]
+        )
+        bundles = {
+            "pose": self.coordinates,
+            "velocity": self.velocities,
+            "torque": self.inputs,
+            "disturbance": self.disturbances,
+        }
         return OdeModel(
             name=self.name,
             description=self.description,
@@ -162,16 +209,20 @@ class NonholonomicSystem:
             derivatives=tuple(derivatives),
             inputs=(*self.inputs, *self.disturbances),
             parameters=tuple(p for p in self.parameters if p.symbol in used),
-            terms=terms.named(),
+            outputs=self.outputs,
+            terms=named,
             equations=("(2)",) * len(self.coordinates) + ("(3)",) * m,
+            limits=self.limits,
+            terminals=tuple(Terminal(name, tuple(v.symbol for v in group)) for name, group in bundles.items()),
         )
 
 
 class _Terms:
     """Collects named terms; functions that several of them use, such as cos(psi), become terms of their own."""
 
-    def __init__(self) -> None:
-        self._terms: list[Term] = []
+    def __init__(self, angles: Sequence[Term], terms: Sequence[Term]) -> None:
+        self._angles = angles
+        self._terms = [*angles, *terms]
 
     def add(self, name: str, expression: sympy.Expr, unit: units.Unit, equation: str) -> sympy.Expr:
         """Name an expression; a plain number needs no name."""
@@ -202,24 +253,37 @@ class _Terms:
             [self.add(f"{name}_{i}", entry, unit, equation) for i, (entry, unit) in enumerate(rows, start=1)]
         )
 
-    def named(self) -> tuple[Term, ...]:
-        """Return all terms, those for shared functions first."""
+    def needed_by(self, expressions: Iterable[sympy.Expr]) -> tuple[tuple[Term, ...], set[sympy.Symbol]]:
+        """Return the terms that expressions need, those for shared functions first, and all symbols in use."""
+        used = set[sympy.Symbol]().union(*(expression.free_symbols for expression in expressions))
+        needed: list[Term] = []
+        for term in reversed(self._terms):
+            if term.symbol in used:
+                needed.insert(0, term)
+                used |= term.expression.free_symbols
+
         uses: dict[sympy.Expr, int] = {}
-        for term in self._terms:
+        for term in needed:
             # What stands in a branch is evaluated only if chosen: leave it there.
             outside = term.expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: sympy.Integer(0))
             for function in outside.atoms(sympy.Function):
                 uses[function] = uses.get(function, 0) + 1
-        shared = sorted((f for f, count in uses.items() if count > 1), key=str)
+        angles = [term for term in needed if term in self._angles]
+        others = [term for term in needed if term not in angles]
+        late = {term.symbol for term in others}
+        shared = sorted((f for f, count in uses.items() if count > 1 and not f.free_symbols & late), key=str)
         names = {f: sympy.Symbol(_name(f), real=True) for f in shared}
         functions = tuple(Term(symbol, f) for f, symbol in names.items())
-        rest = (Term(t.symbol, t.expression.xreplace(names), t.unit, t.equation) for t in self._terms)
-        return (*functions, *rest)
+        rest = (Term(t.symbol, t.expression.xreplace(names), t.unit, t.equation) for t in others)
+        return (*angles, *functions, *rest), used
 
 
 def _name(function: sympy.Expr) -> str:
     """Return a name such as cos_psi for cos(psi)."""
-    return "_".join("".join(c if c.isalnum() else " " for c in str(function)).split())
+    text = str(function)
+    for sign, word in {"+": "plus", "-": "minus", "*": "times", "/": "over"}.items():
+        text = text.replace(sign, f" {word} ")
+    return "_".join("".join(c if c.isalnum() else " " for c in text).split())
 
 
 def _product(factors: Sequence[units.Unit]) -> units.Unit:
@@ -232,17 +296,3 @@ def _product(factors: Sequence[units.Unit]) -> units.Unit:
 def _without_radians(unit: units.Unit) -> units.Unit:
     """Radians count as pure numbers in mechanics: a torque is N.m, not N.m/rad."""
     return units.Unit((*unit.exponents[:-1], 0), unit.factor)
-
-
-def _tidy(expression: sympy.Expr) -> sympy.Expr:
-    """Return the shortest of some equivalent forms, branch by branch."""
-    expression = sympy.piecewise_fold(expression)
-    if isinstance(expression, sympy.Piecewise):
-        return sympy.Piecewise(*((_tidy(branch), condition) for branch, condition in expression.args))
-    simple = sympy.simplify(expression)
-    forms = [
-        simple,
-        sympy.simplify(sympy.expand_trig(expression)),
-        sympy.factor_terms(sympy.collect(sympy.expand(simple), sorted(simple.atoms(sympy.Function), key=str))),
-    ]
-    return min(forms, key=lambda form: form.count_ops())

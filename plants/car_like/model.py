@@ -1,11 +1,14 @@
 """The car-like mobile robot of section 5.1: equation (56) with the motion basis of (2). See the README.md here."""
 
+from math import pi
+
 import sympy
 from sympy import cos, sin, tan
 
 from plants import car_like
+from plants.effects import SMALLEST, end_stop, friction
 from plants.nonholonomic import NonholonomicSystem
-from plants.ode import Enumeration, Input, OdeModel, Parameter, State
+from plants.ode import Enumeration, Input, Limit, OdeModel, Parameter, State
 
 # Coordinates eta and pseudo-velocities v of (1) and (2).
 x, y, psi, gamma, v, omega = sympy.symbols("x y psi gamma v omega", real=True)
@@ -48,22 +51,26 @@ B1 = sympy.Matrix(
 )
 D1 = sympy.diag(*d)
 
-SMALLEST = 1e-6
-"""Lower bound of what must be positive (a mass, a moment of inertia, a length), in its unit."""
+COORDINATES = (
+    State(x, "m", "Position of the rear axle's midpoint, along the earth-fixed X axis"),
+    State(y, "m", "Position of the rear axle's midpoint, along the earth-fixed Y axis"),
+    State(psi, "rad", "Heading of the body, counter-clockwise from the X axis"),
+    State(gamma, "rad", "Steering angle of the front wheels, counter-clockwise from the body"),
+)
+VELOCITIES = (
+    State(v, "m/s", "Forward velocity of the rear axle's midpoint"),
+    State(omega, "rad/s", "Steering rate, der(gamma)"),
+)
+
+FRICTION = tuple(map(friction, VELOCITIES))
+STOP = end_stop("gamma", gamma, omega)
+F2 = sympy.Matrix([f.resistance for f in FRICTION]) + sympy.Matrix([0, STOP.resistance])
 
 SYSTEM = NonholonomicSystem(
     name="car_like",
     description=str(car_like.__doc__).rstrip("."),
-    coordinates=(
-        State(x, "m", "Position of the rear axle's midpoint, along the earth-fixed X axis"),
-        State(y, "m", "Position of the rear axle's midpoint, along the earth-fixed Y axis"),
-        State(psi, "rad", "Heading of the body, counter-clockwise from the X axis"),
-        State(gamma, "rad", "Steering angle of the front wheels, counter-clockwise from the body"),
-    ),
-    velocities=(
-        State(v, "m/s", "Forward velocity of the rear axle's midpoint"),
-        State(omega, "rad/s", "Steering rate, der(gamma)"),
-    ),
+    coordinates=COORDINATES,
+    velocities=VELOCITIES,
     inputs=(
         Input(
             tau_drive, "N.m", "Drive torque; B1 of (56) takes it as a force, as at a wheel of radius 1 m", nominal=10.0
@@ -87,11 +94,15 @@ SYSTEM = NonholonomicSystem(
         Parameter(d[2], "N.m.s/rad", "Damping of the heading", start=25.0, min=0.0, nominal=10.0),
         Parameter(d[3], "N.m.s/rad", "Damping of the steering angle", start=25.0, min=0.0, nominal=10.0),
         drive,
+        *(parameter for effect in (*FRICTION, STOP) for parameter in effect.parameters),
     ),
+    terms=tuple(term for effect in (*FRICTION, STOP) for term in effect.terms),
+    limits=(Limit(gamma, -pi / 2, pi / 2, "tan(gamma) is singular at 90 degrees"),),
     S=S,
     M1=M1,
     D1=D1,
     B1=B1,
+    F2=F2,
 )
 
 

@@ -29,7 +29,10 @@ def draw(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, float], 
     """Random states, inputs and parameters, by name."""
     x = rng.uniform([-50, -50, -10, -1.4, -3, -3], [50, 50, 10, 1.4, 3, 3])
     u = rng.uniform(-200, 200, len(INPUTS))
-    p = rng.uniform([0.3, 1, 0.5, 0.5, 0, 0, 0, 0], [3, 80, 20, 20, 50, 50, 50, 50])
+    body, damping = ([0.3, 1, 0.5, 0.5], [3, 80, 20, 20]), ([0] * 4, [50] * 4)
+    friction, stop = ([-10, 0, 0.01] * 2, [20, 20, 0.5] * 2), ([0.2, -1000, 0], [1, 5000, 1])
+    # Negative ones stand for none.
+    p = rng.uniform(*np.hstack([body, damping, friction, stop])).clip(min=0)
     return tuple(dict(zip(names, map(float, v), strict=True)) for names, v in ((STATES, x), (INPUTS, u), (REALS, p)))
 
 
