@@ -45,6 +45,8 @@ class NonholonomicSystem:
         All that M1, D1, B1 and S use. Those that cancel in the reduction do not become parameters of the model.
     S, M1, D1, B1
         Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k).
+    A
+        Constraint matrix (n - m, n). The reduction does not need it, but if it is stated, S must satisfy A S = 0.
     F2
         Resistances (m, 1): positive ones oppose motion, like the damping beside which they stand. None for none.
     terms
@@ -59,7 +61,8 @@ class NonholonomicSystem:
     Raises
     ------
     ModelError
-        The shape of a matrix does not fit, M1 is not symmetric, or S or M1 uses a term that is not constant.
+        The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, or S or M1 uses a term that is not
+        constant.
     """
 
     name: str
@@ -73,6 +76,7 @@ class NonholonomicSystem:
     M1: sympy.Matrix
     D1: sympy.Matrix
     B1: sympy.Matrix
+    A: sympy.Matrix | None = None
     F2: sympy.Matrix | None = None
     terms: tuple[Term, ...] = ()
     angles: tuple[Term, ...] = ()
@@ -83,8 +87,9 @@ class NonholonomicSystem:
         n, m, k = len(self.coordinates), len(self.velocities), len(self.inputs)
         if self.F2 is None:
             object.__setattr__(self, "F2", sympy.zeros(m, 1))
-        for letter, shape in (("S", (n, m)), ("M1", (n, n)), ("D1", (n, n)), ("B1", (n, k)), ("F2", (m, 1))):
-            if getattr(self, letter).shape != shape:
+        shapes = {"S": (n, m), "M1": (n, n), "D1": (n, n), "B1": (n, k), "A": (n - m, n), "F2": (m, 1)}
+        for letter, shape in shapes.items():
+            if getattr(self, letter) is not None and getattr(self, letter).shape != shape:
                 raise ModelError(f"model {self.name!r}: {letter} is {getattr(self, letter).shape}, it must be {shape}")
         if len(self.disturbances) != n:
             raise ModelError(
@@ -92,6 +97,8 @@ class NonholonomicSystem:
             )
         if self.M1 != self.M1.T:
             raise ModelError(f"model {self.name!r}: M1 is not symmetric")
+        if self.A is not None and not self._short(self.A * self.S).is_zero_matrix:
+            raise ModelError(f"model {self.name!r}: A S is not zero: the motion basis breaks the constraints")
         varying = {variable.symbol for variable in (*self.coordinates, *self.velocities)}
         for term in (*self.angles, *self.terms):
             if term.expression.free_symbols & varying:

@@ -32,6 +32,8 @@ drive = Enumeration(
 # (2): no side slip at the rear axle; the heading turns with tan(gamma)/a.
 S = sympy.Matrix([[cos(psi), 0], [sin(psi), 0], [tan(gamma) / a, 0], [0, 1]])
 
+# The same as constraints: neither axle slips sideways.
+A = sympy.Matrix([[sin(psi), -cos(psi), 0, 0], [sin(psi + gamma), -cos(psi + gamma), -a * cos(gamma), 0]])
 # (56)
 M1 = sympy.Matrix(
     [
@@ -102,6 +104,7 @@ SYSTEM = NonholonomicSystem(
     M1=M1,
     D1=D1,
     B1=B1,
+    A=A,
     F2=F2,
 )
 

@@ -29,6 +29,8 @@ theta_01 = sympy.Symbol("theta_01", real=True)
 # (2), section 4: the trailer's wheels at (x, y) and the tractor's at the hitch do not slip sideways.
 S = sympy.Matrix([[cos(theta_1), 0], [sin(theta_1), 0], [tan(hitch) / d, 0], [0, 1]])
 
+# (57)
+A = sympy.Matrix([[sin(theta_0), -cos(theta_0), -d * cos(hitch), 0], [sin(theta_1), -cos(theta_1), 0, 0]])
 # (57); the last row of M1, lost in print, follows from symmetry.
 M1 = sympy.Matrix(
     [
@@ -104,6 +106,7 @@ SYSTEM = NonholonomicSystem(
     M1=M1,
     D1=D1,
     B1=B1,
+    A=A,
     F2=F2,
 )
 
