@@ -285,7 +285,8 @@ _OUR_WORDS = """
     time states inputs parameters enumerations derivatives outputs limited partials solver solver_step tolerance
     at_singularity
 """
-_RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
+RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
+"""Names that the generated C code needs for itself."""
 _RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|model_).*")
 
 
@@ -298,7 +299,7 @@ def _check(model: OdeModel) -> None:
             raise error(
                 f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first"
             )
-        if name in _RESERVED or _RESERVED_PREFIX.fullmatch(name):
+        if name in RESERVED or _RESERVED_PREFIX.fullmatch(name):
             raise error(f"{what} {name!r} is reserved in the generated C code: choose another name")
 
     check_name(model.name, "model name")

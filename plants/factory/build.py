@@ -16,41 +16,43 @@ from plants.factory.package import package
 if TYPE_CHECKING:
     from plants.ode import OdeModel
 
-FMI_VERSIONS = ("2.0",)
+FMI_VERSIONS = {"2": "2.0", "2.0": "2.0", "3": "3.0", "3.0": "3.0"}
+"""What a user may write, and the version that it means."""
 
 
 def build(model: "str | OdeModel", *, fmi: str, out: Path | str | None, cache: bool) -> Path:
     """Make the FMU of a model; see `plants.build`."""
     if fmi not in FMI_VERSIONS:
-        raise BuildError(f"FMI {fmi} is not offered; choose {' or '.join(FMI_VERSIONS)}")
+        raise BuildError(f"FMI {fmi} is not offered; choose {' or '.join(sorted(set(FMI_VERSIONS.values())))}")
+    version = FMI_VERSIONS[fmi]
     compiler = find_compiler()
-    tools = [store.package_digest(), host().folder, *compiler.command, compiler.version, fmi]
+    tools = [store.package_digest(), host().folder, *compiler.command, compiler.version, version]
 
     # What a built-in model's FMU holds follows from this package; another model's is known once it is generated.
-    name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model))
-    texts = [text for item in sorted((files or {}).items()) for text in item]
-    key = store.digest([name, *texts, *tools])
+    name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model, version))
+    contents = [part for item in sorted((files or {}).items()) for part in item]
+    key = store.digest([name, *contents, *tools])
 
     fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
     if not (cache and fmu.is_file()):
-        contents = files or _generate(plants.load(name))
-        store.write(fmu, lambda path: _make(name, contents, compiler, path))
+        files = files or _generate(plants.load(name), version)
+        store.write(fmu, lambda path: _make(name, files, compiler, path))
     return fmu if out is None else store.copy(fmu, Path(out) / fmu.name)
 
 
-def _generate(model: "OdeModel") -> dict[str, str]:
+def _generate(model: "OdeModel", fmi: str) -> dict[str, bytes]:
     from plants.factory.generate import generate
 
-    return generate(model)
+    return generate(model, fmi)
 
 
-def _make(name: str, files: dict[str, str], compiler: Compiler, fmu: Path) -> None:
+def _make(name: str, files: dict[str, bytes], compiler: Compiler, fmu: Path) -> None:
     """Write the files to a folder, compile the sources among them, and zip it all to `fmu`."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        for path, text in files.items():
+        for path, content in files.items():
             (root / path).parent.mkdir(parents=True, exist_ok=True)
-            (root / path).write_text(text, encoding="utf-8", newline="\n")
+            (root / path).write_bytes(content)
         sources = sorted(path for path in files if path.endswith(".c"))
         compile_library(compiler, host(), root, sources, name)
         package(root, fmu)

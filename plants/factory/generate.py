@@ -1,4 +1,4 @@
-"""The text of an FMU: the generated C and XML of a model, the hand-written runtime, and the headers of FMI."""
+"""The files of an FMU: the generated C, XML and HTML of a model, the hand-written runtime, and the headers of FMI."""
 
 import hashlib
 import importlib.metadata
@@ -6,6 +6,7 @@ import importlib.util
 import json
 import math
 import uuid
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +14,52 @@ from pathlib import Path
 import jinja2
 import sympy
 from sympy.printing.c import C99CodePrinter
+from sympy.printing.precedence import precedence
 
 from plants import units
 from plants.errors import BuildError, ModelError
-from plants.factory.table import tabulate
-from plants.ode import TIME, Enumeration, OdeModel
+from plants.factory.document import document
+from plants.factory.jacobian import differentiate
+from plants.factory.table import Entry, Table, tabulate
+from plants.ode import RESERVED, TIME, Enumeration, OdeModel, Term
 
 TEMPLATE = Path(__file__).parent / "template"
-RUNTIME_SOURCES = ("fmi2.c", "simulation.c", "solver.c")
-RUNTIME_HEADERS = ("model.h", "simulation.h", "solver.h")
-FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
+RUNTIME = ("instance.c", "instance.h", "model.h", "simulation.c", "simulation.h", "solver.c", "solver.h")
+
+
+@dataclass(frozen=True)
+class Version:
+    """What differs between the versions of FMI: runtime, headers; by path in the FMU, templates and other files."""
+
+    runtime: str
+    headers: tuple[str, ...]
+    templates: dict[str, str]
+    files: dict[str, str]
+
+
+VERSIONS = {
+    "2.0": Version(
+        "fmi2.c",
+        ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+        {"modelDescription.xml": "modelDescription2.xml.jinja"},
+        {"model.png": "icon.png"},
+    ),
+    "3.0": Version(
+        "fmi3.c",
+        ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+        {
+            "modelDescription.xml": "modelDescription3.xml.jinja",
+            "sources/buildDescription.xml": "buildDescription.xml.jinja",
+            "terminalsAndIcons/terminalsAndIcons.xml": "terminalsAndIcons.xml.jinja",
+        },
+        {"terminalsAndIcons/icon.png": "icon.png", "terminalsAndIcons/icon.svg": "icon.svg"},
+    ),
+}
+_TEMPLATES = {
+    "documentation/index.html": "documentation.html.jinja",
+    "sources/config.h": "config.h.jinja",
+    "sources/model.c": "model.c.jinja",
+}
 
 
 def tool() -> str:
@@ -33,50 +70,69 @@ def tool() -> str:
         return "Formation"
 
 
-def generate(model: OdeModel) -> dict[str, str]:
-    """Return the text files of a model's FMU for FMI 2.0 Co-Simulation, by their path in the FMU.
+def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
+    """Return the files of a model's FMU, but the binaries, by their path in the FMU.
+
+    Parameters
+    ----------
+    model
+        The model.
+    fmi
+        Version of FMI, one of `VERSIONS`.
 
     Raises
     ------
     ModelError
-        The model uses a function that C has not.
+        The model uses a function that C has not, or one that cannot be differentiated.
     BuildError
         FMPy, which brings the headers of FMI, is not complete.
     """
-    runtime = (*RUNTIME_SOURCES, *RUNTIME_HEADERS)
-    files = {f"sources/{name}": (TEMPLATE / name).read_text(encoding="utf-8") for name in runtime}
-    files |= {f"sources/{name}": _fmi_header(name) for name in FMI_HEADERS}
+    version = VERSIONS[fmi]
+    runtime = (version.runtime, *RUNTIME)
+    files = {f"sources/{name}": (TEMPLATE / name).read_bytes() for name in runtime}
+    files |= {f"sources/{name}": _fmi_header(name) for name in version.headers}
+    files |= {path: (TEMPLATE / name).read_bytes() for path, name in version.files.items()}
 
+    table = tabulate(model)
+    running = _jacobian(model, table, table.states + table.inputs + (table.time,))
+    at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
     context = {
         "model": model,
-        "table": tabulate(model),
+        "table": table,
         "tool": tool(),
         "functions": (
-            _function(model, "model_derivatives", "derivatives", "STATE", _derivative_lines(model)),
-            _function(model, "model_outputs", "outputs", "OUTPUT", _output_lines(model)),
+            _function(model, "model_get_derivatives", "derivatives", model.terms, _derivative_lines(model)),
+            _function(model, "model_get_outputs", "outputs", model.terms, _output_lines(model)),
+            _function(model, "model_get_limited", "limited", model.terms, _limit_lines(model)),
+            _function(model, "model_get_partials", "partials", *running[:2]),
+            _function(model, "model_get_parameter_partials", "partials", *at_start[:2]),
         ),
-        "source_files": sorted(["model.c", *RUNTIME_SOURCES]),
-    }
-    templates = {
-        "modelDescription.xml": "modelDescription.xml.jinja",
-        "sources/config.h": "config.h.jinja",
-        "sources/model.c": "model.c.jinja",
+        "partials": running[2],
+        "parameter_partials": at_start[2],
+        "source_files": sorted(["model.c", *(name for name in runtime if name.endswith(".c"))]),
+        "page": document(model),
+        "infinity": math.inf,
     }
 
-    def render(guid: str) -> dict[str, str]:
-        return files | {path: _JINJA.get_template(name).render(context, guid=guid) for path, name in templates.items()}
+    def render(guid: str) -> dict[str, bytes]:
+        templates = version.templates | _TEMPLATES
+        return files | {
+            path: _JINJA.get_template(name).render(context, guid=guid).encode() for path, name in templates.items()
+        }
 
     # The GUID stands for the content: it is the digest of everything else.
-    digest = hashlib.sha256(json.dumps(render(guid=""), sort_keys=True).encode()).digest()
-    return render(guid=f"{{{uuid.UUID(bytes=digest[:16])}}}")
+    digest = hashlib.sha256()
+    for path, content in sorted(render(guid="").items()):
+        digest.update(f"{path} {len(content)}\n".encode() + content)
+    return render(guid=f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
 
 
-def _fmi_header(name: str) -> str:
+def _fmi_header(name: str) -> bytes:
     fmpy = importlib.util.find_spec("fmpy")
     for folder in (fmpy.submodule_search_locations or ()) if fmpy else ():
         path = Path(folder) / "c-code" / name
         if path.is_file():
-            return path.read_text(encoding="utf-8")
+            return path.read_bytes()
     raise BuildError(f"the FMI header {name} is not there: it comes with FMPy; install it with 'pip install fmpy'")
 
 
@@ -101,37 +157,67 @@ class _Function:
     results: tuple[_Line, ...]
 
 
-def _derivative_lines(model: OdeModel) -> list[tuple[str, sympy.Expr, str]]:
+_Result = tuple[str, sympy.Expr, str]
+"""Index in the array of results, expression and comment."""
+
+
+def _derivative_lines(model: OdeModel) -> list[_Result]:
     return [
-        (state.name, derivative, _comment(units.per_second(state.unit), equation))
+        (f"STATE_{state.name}", derivative, _comment(units.per_second(state.unit), equation))
         for state, derivative, equation in zip(model.states, model.derivatives, model.equations, strict=True)
     ]
 
 
-def _output_lines(model: OdeModel) -> list[tuple[str, sympy.Expr, str]]:
-    return [(output.name, output.expression, _comment(output.unit)) for output in model.outputs]
+def _output_lines(model: OdeModel) -> list[_Result]:
+    return [(f"OUTPUT_{output.name}", output.expression, _comment(output.unit)) for output in model.outputs]
+
+
+def _limit_lines(model: OdeModel) -> list[_Result]:
+    return [(str(i), limit.expression, _comment(limit.unit)) for i, limit in enumerate(model.limits)]
+
+
+def _jacobian(
+    model: OdeModel, table: Table, knowns: Sequence[Entry]
+) -> tuple[tuple[Term, ...], list[_Result], list[tuple[Entry, Entry]]]:
+    """Return the terms, the result lines and the unknown and known of each partial derivative that is not zero."""
+    expressions = (
+        *(s.symbol for s in model.states if s.output),
+        *model.derivatives,
+        *(o.expression for o in model.outputs),
+    )
+    entries = (*(s for s in table.states if s.causality == "output"), *table.derivatives, *table.outputs)
+    unknown = {entry.full_name: entry for entry in entries}
+    known = {entry.name: entry for entry in knowns}
+    jacobian = differentiate(
+        model,
+        [(entry.full_name, expression, entry.unit) for entry, expression in zip(entries, expressions, strict=True)],
+        known,
+    )
+    lines = [
+        (str(i), partial.expression, f"d {partial.unknown} / d {partial.known} [{partial.unit}]")
+        for i, partial in enumerate(jacobian.partials)
+    ]
+    return jacobian.terms, lines, [(unknown[p.unknown], known[p.known]) for p in jacobian.partials]
 
 
 def _comment(unit: str, equation: str = "") -> str:
     return f"[{unit}] {equation}".rstrip()
 
 
-def _function(
-    model: OdeModel, name: str, result: str, prefix: str, lines: Sequence[tuple[str, sympy.Expr, str]]
-) -> _Function:
+def _function(model: OdeModel, name: str, result: str, terms: Sequence[Term], lines: Sequence[_Result]) -> _Function:
     printer = _Printer(model)
-    expressions = [expression for _, expression, _ in lines]
-    terms = model.terms_of(expressions)
-    used = set[sympy.Symbol]().union(*(e.free_symbols for e in (*expressions, *(term.expression for term in terms))))
+    terms, lines = _share_functions(model, _needed(terms, lines), lines)
+    expressions = [*(term.expression for term in terms), *(expression for _, expression, _ in lines)]
+    used = {symbol.name for expression in expressions for symbol in expression.free_symbols}
 
-    locals_, unused = [], [] if TIME in used else [TIME.name]
+    locals_, unused = [], [] if TIME.name in used else [TIME.name]
     for argument, variables, kind in (
         ("states", model.states, "STATE"),
         ("inputs", model.inputs, "INPUT"),
         ("parameters", model.reals, "PARAMETER"),
         ("enumerations", model.enumerations, "ENUMERATION"),
     ):
-        needed = [variable for variable in variables if variable.symbol in used]
+        needed = [variable for variable in variables if variable.name in used]
         for variable in needed:
             value = f"{argument}[{kind}_{variable.name}]"
             if isinstance(variable, Enumeration):
@@ -143,8 +229,58 @@ def _function(
     if not lines:
         unused.append(result)
     locals_ += [_Line(t.symbol.name, printer.doprint(t.expression), _comment(t.unit, t.equation)) for t in terms]
-    results = tuple(_Line(f"{prefix}_{target}", printer.doprint(e), comment) for target, e, comment in lines)
+    results = tuple(_Line(index, printer.doprint(e), comment) for index, e, comment in lines)
     return _Function(name, result, tuple(unused), tuple(locals_), results)
+
+
+def _needed(terms: Sequence[Term], lines: Sequence[_Result]) -> list[Term]:
+    """Return the terms that the results need, in order."""
+    needed = {symbol.name for _, expression, _ in lines for symbol in expression.free_symbols}
+    used = []
+    for term in reversed(terms):
+        if term.symbol.name in needed:
+            used.append(term)
+            needed |= {symbol.name for symbol in term.expression.free_symbols}
+    return used[::-1]
+
+
+def _share_functions(
+    model: OdeModel, terms: Sequence[Term], lines: Sequence[_Result]
+) -> tuple[list[Term], list[_Result]]:
+    """Give a name to each function of one argument that is called more than once, such as cos(psi)."""
+    uses = Counter[sympy.Expr]()
+    for expression in (*(term.expression for term in terms), *(expression for _, expression, _ in lines)):
+        # What stands in a branch is evaluated only if chosen: leave it there.
+        outside = expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: sympy.Integer(0))
+        for e in sympy.preorder_traversal(outside):
+            if isinstance(e, sympy.Function):
+                uses[e] += 1
+            elif e.is_Pow and e.exp.is_Integer and isinstance(e.base, sympy.Function):
+                uses[e.base] += 1
+    already = {term.expression for term in terms}
+    taken = {symbol.name for term in terms for symbol in (term.symbol, *term.expression.free_symbols)}
+    taken |= {v.name for v in (*model.states, *model.inputs, *model.parameters)} | RESERVED
+    names: dict[sympy.Expr, sympy.Symbol] = {}
+    for function in sorted((f for f, n in uses.items() if n > 1 and f not in already), key=str):
+        name = "_".join("".join(c if c.isalnum() else " " for c in str(function)).split())
+        if name not in taken and len(name) < 32:
+            names[function] = sympy.Symbol(name, real=True)
+
+    shared: list[Term] = []
+    waiting = dict(names)
+
+    def share(expression: sympy.Expr) -> sympy.Expr:
+        for function in sorted((f for f in waiting if expression.has(f)), key=str):
+            if function in waiting:
+                symbol = waiting.pop(function)
+                shared.append(Term(symbol, function.func(*(share(argument) for argument in function.args))))
+        return expression.xreplace(names)
+
+    for term in terms:
+        expression = share(term.expression)
+        shared.append(Term(term.symbol, expression, term.unit, term.equation))
+    results = [(index, share(expression), comment) for index, expression, comment in lines]
+    return shared, results
 
 
 class _Printer(C99CodePrinter):  # type: ignore[misc]
@@ -165,6 +301,14 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
         if "// Not supported" in text or "nan" in text.lower() or expression.has(sympy.I, sympy.zoo, sympy.nan):
             raise ModelError(f"model {self._model.name!r}: {expression} cannot be written in C")
         return text
+
+    def _print_Pow(self, expression: sympy.Pow) -> str:
+        base, exponent = expression.args
+        if exponent.is_Integer and 2 <= exponent <= 4:
+            return f"({'*'.join([self.parenthesize(base, precedence(expression))] * int(exponent))})"
+        if exponent.is_Integer and -4 <= exponent <= -2:
+            return f"1.0/{self._print_Pow(sympy.Pow(base, -exponent, evaluate=False))}"
+        return str(super()._print_Pow(expression))
 
     def _print_Piecewise(self, expression: sympy.Piecewise) -> str:
         *branches, (otherwise, condition) = expression.args
@@ -191,7 +335,7 @@ def _c_comment(text: str) -> str:
 
 _JINJA = jinja2.Environment(
     loader=jinja2.FileSystemLoader(TEMPLATE),
-    autoescape=lambda name: name is not None and name.endswith(".xml.jinja"),
+    autoescape=lambda name: name is not None and name.endswith((".xml.jinja", ".html.jinja")),
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,

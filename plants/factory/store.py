@@ -24,7 +24,7 @@ def folder() -> Path:
 def package_digest() -> str:
     """Return a digest of all that a built-in model's FMU follows from, but the compiler: this package and its tools."""
     root = Path(plants.__file__).parent
-    suffixes = {".py", ".c", ".h", ".jinja"}
+    suffixes = {".py", ".c", ".h", ".jinja", ".png", ".svg"}
     files = sorted(p for p in root.rglob("*") if p.suffix in suffixes and "tests" not in p.relative_to(root).parts)
     parts = [part for path in files for part in (path.relative_to(root).as_posix(), path.read_bytes())]
     return digest([*parts, *(f"{name} {version(name)}" for name in ("formation-cosim", "sympy", "fmpy", "jinja2"))])

@@ -8,25 +8,46 @@ from dataclasses import dataclass
 import sympy
 
 from plants import units
-from plants.ode import Enumeration, OdeModel, Parameter, State, Variable
+from plants.ode import TIME, Enumeration, OdeModel, Parameter, State, Variable
 
 SOLVER = Enumeration(
     sympy.Symbol("solver", integer=True),
     {
         "euler": "explicit Euler, order 1",
         "runge_kutta_4": "classical Runge-Kutta, order 4",
+        "dormand_prince_45": "Dormand-Prince 5(4), order 5, with step-size control",
     },
-    "Method that integrates the states",
+    "Method that integrates the states in Co-Simulation",
 )
 """The methods of template/solver.h, in the same order."""
+
+AT_SINGULARITY = Enumeration(
+    sympy.Symbol("at_singularity", integer=True),
+    {
+        "warn": "warn once, return the status Warning as long as it lasts, and go on",
+        "stop": "end the simulation with an error",
+    },
+    "What to do where the equations cease to hold; a parameter of models that state limits",
+)
 
 SOLVER_STEP = Parameter(
     sympy.Symbol("solver_step"),
     "s",
-    "Largest internal step: a communication step is divided into the fewest equal steps that are no longer",
+    "Largest internal step: a communication step is divided into the fewest equal steps that are no longer;"
+    " dormand_prince_45 takes shorter ones as its tolerance asks for",
     start=0.02,
     min=1e-9,
     nominal=0.01,
+)
+
+TOLERANCE = Parameter(
+    sympy.Symbol("tolerance"),
+    "1",
+    "Error that dormand_prince_45 tolerates in an internal step, relative to a state's magnitude plus nominal value",
+    start=1e-6,
+    min=1e-14,
+    max=0.1,
+    nominal=1e-6,
 )
 
 _DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
@@ -80,8 +101,10 @@ class Entry:
         return self.unit if not self.items else ", ".join(f"{item.value} ({item.name})" for item in self.items)
 
     @property
-    def real_attributes(self) -> Iterator[tuple[str, float | int]]:
-        """The attributes that a Real variable has in the model description, besides its unit."""
+    def real_attributes(self) -> Iterator[tuple[str, str | float]]:
+        """The attributes that a real variable has in the model description, besides its unit and its derivative."""
+        if display := _DISPLAY_UNITS.get(self.unit):
+            yield "displayUnit", display
         if math.isfinite(self.min):
             yield "min", self.min
         if math.isfinite(self.max):
@@ -90,8 +113,6 @@ class Entry:
             yield "nominal", self.nominal
         if self.start is not None:
             yield "start", self.start
-        if self.derivative_of is not None:
-            yield "derivative", self.derivative_of + 1
 
 
 @dataclass(frozen=True)
@@ -107,9 +128,9 @@ class UnitEntry:
 
 @dataclass(frozen=True)
 class Unknown:
-    """One line of the model structure: a variable and what it depends on, as indices into the variables from 1."""
+    """One line of the model structure: a variable and what it depends on, by value reference."""
 
-    index: int
+    reference: int
     dependencies: tuple[int, ...]
     kinds: tuple[str, ...]
 
@@ -118,7 +139,7 @@ class Unknown:
 class Table:
     """All variables of an FMU by section; value references count through the sections in this order (template/model.h).
 
-    The last parameter and the last enumeration are the solver's; the others are the model's.
+    The model's own parameters and enumerations come before those that every FMU has.
     """
 
     states: tuple[Entry, ...]
@@ -127,15 +148,18 @@ class Table:
     parameters: tuple[Entry, ...]
     outputs: tuple[Entry, ...]
     enumerations: tuple[Entry, ...]
+    time: Entry
     output_unknowns: tuple[Unknown, ...]
     derivative_unknowns: tuple[Unknown, ...]
     initial_unknowns: tuple[Unknown, ...]
     step: float = SOLVER_STEP.start
+    tolerance: float = TOLERANCE.start
 
     @property
     def variables(self) -> tuple[Entry, ...]:
         """All variables, by value reference."""
-        return (*self.states, *self.derivatives, *self.inputs, *self.parameters, *self.outputs, *self.enumerations)
+        sections = (self.states, self.derivatives, self.inputs, self.parameters, self.outputs, self.enumerations)
+        return (*itertools.chain.from_iterable(sections), self.time)
 
     @property
     def units(self) -> Iterator[UnitEntry]:
@@ -187,7 +211,7 @@ def tabulate(model: OdeModel) -> Table:
         for state in states
     )
     inputs = entries("input", model.inputs)
-    parameters = entries("parameter", (*model.reals, SOLVER_STEP))
+    parameters = entries("parameter", (*model.reals, SOLVER_STEP, TOLERANCE))
     outputs = tuple(
         Entry(
             reference=next(references),
@@ -214,11 +238,12 @@ def tabulate(model: OdeModel) -> Table:
             max=len(enumeration.items),
             items=tuple(Item(name, i + 1, text) for i, (name, text) in enumerate(enumeration.items.items())),
         )
-        for enumeration in (*model.enumerations, SOLVER)
+        for enumeration in (*model.enumerations, SOLVER, *([AT_SINGULARITY] if model.limits else []))
     )
+    time = Entry(next(references), TIME.name, "independent", "continuous", None, "Time", unit="s")
 
-    # While the simulation runs, states and inputs are what the unknowns depend on; at the start, parameters too.
-    running = [*_named(states, model.states), *_named(inputs, model.inputs)]
+    # While the simulation runs, unknowns depend on states, inputs and time; at the start, on parameters too.
+    running = [*_named(states, model.states), *_named(inputs, model.inputs), (time, TIME)]
     at_start = [*running, *_named(parameters, model.reals), *_named(enumerations, model.enumerations)]
     derivative_of = list(zip(derivatives, map(model.expand, model.derivatives), strict=True))
     output_of = list(zip(outputs, (model.expand(output.expression) for output in model.outputs), strict=True))
@@ -231,6 +256,7 @@ def tabulate(model: OdeModel) -> Table:
         parameters,
         outputs,
         enumerations,
+        time,
         output_unknowns=tuple(_unknown(*pair, running, fixed) for pair in (*itself, *output_of)),
         derivative_unknowns=tuple(_unknown(*pair, running, fixed) for pair in derivative_of),
         initial_unknowns=tuple(_unknown(*pair, at_start, set()) for pair in (*derivative_of, *output_of)),
@@ -240,7 +266,7 @@ def tabulate(model: OdeModel) -> Table:
 def _named(
     entries: Iterable[Entry], declared: Iterable[Variable | Enumeration]
 ) -> Iterator[tuple[Entry, sympy.Symbol]]:
-    # The solver's parameter at the end of `entries` is not in the model's equations.
+    # Those at the end of `entries` that every FMU has are not in the model's equations.
     return ((entry, variable.symbol) for entry, variable in zip(entries, declared, strict=False))
 
 
@@ -254,7 +280,7 @@ def _unknown(
             continue
         slope = expression.diff(symbol) if not other.items else symbol
         if slope != 0:
-            dependencies.append(other.reference + 1)
+            dependencies.append(other.reference)
             free = slope.free_symbols
             kinds.append("constant" if not free else "fixed" if free <= fixed else "dependent")
-    return Unknown(entry.reference + 1, tuple(dependencies), tuple(kinds))
+    return Unknown(entry.reference, tuple(dependencies), tuple(kinds))

@@ -194,7 +194,11 @@ def test_description_says_what_the_model_says(fmu: Path) -> None:
         assert (variable.causality, variable.variability, variable.unit) == ("parameter", "fixed", parameter.unit)
         assert (float(variable.start), float(variable.min)) == (parameter.start, parameter.min)
     assert [item.name for item in variables["drive"].declaredType.items] == ["as_printed", "front_wheel", "rear_wheel"]
-    assert [item.name for item in variables["solver"].declaredType.items] == ["euler", "runge_kutta_4"]
+    assert [item.name for item in variables["solver"].declaredType.items] == [
+        "euler",
+        "runge_kutta_4",
+        "dormand_prince_45",
+    ]
     units = {unit.name: unit for unit in description.unitDefinitions}
     assert (units["N.m"].baseUnit.kg, units["N.m"].baseUnit.m, units["N.m"].baseUnit.s) == (1, 2, -2)
     assert units["rad"].displayUnits[0].name == "deg"

@@ -5,7 +5,7 @@
 
 #include "config.h"
 
-/* Value references. Reals first, in the order of an instance's array of values, then the enumerations. */
+/* Value references. Reals first, in the order of an instance's array of values, then the enumerations, then the time. */
 enum {
     FIRST_STATE = 0,
     FIRST_DERIVATIVE = FIRST_STATE + N_STATES,
@@ -14,26 +14,58 @@ enum {
     FIRST_OUTPUT = FIRST_PARAMETER + N_PARAMETERS,
     N_REALS = FIRST_OUTPUT + N_OUTPUTS,
     FIRST_ENUMERATION = N_REALS,
-    N_VARIABLES = FIRST_ENUMERATION + N_ENUMERATIONS
+    TIME = FIRST_ENUMERATION + N_ENUMERATIONS,
+    N_VARIABLES
 };
+
+/* C has no empty arrays. */
+#define ROOM(n) ((n) > 0 ? (n) : 1)
 
 typedef struct {
     const char *name;
-    const char *unit;  /* of an enumeration: its items, for messages */
+    const char *unit; /* of an enumeration: its items, for messages */
     double start;
     double min;
     double max;
+    double nominal;
 } Variable;
 
-/* All variables, by value reference. */
-extern const Variable model_variables[N_VARIABLES];
+/* An expression that the equations hold for only between two bounds. */
+typedef struct {
+    const char *name;
+    const char *unit;
+    double min;
+    double max;
+    const char *reason;
+} Limit;
+
+/* The partial derivative of one variable with respect to another, by value reference. */
+typedef struct {
+    unsigned unknown;
+    unsigned known;
+} Partial;
+
+extern const Variable model_variables[N_VARIABLES]; /* by value reference */
+extern const Limit model_limits[ROOM(N_LIMITS)];
+extern const Partial model_partials[ROOM(N_PARTIALS)];                     /* with respect to states, inputs and time */
+extern const Partial model_parameter_partials[ROOM(N_PARAMETER_PARTIALS)]; /* with respect to parameters */
 
 /* der(x) = f(time, x, u, p) */
-void model_derivatives(double time, const double *states, const double *inputs, const double *parameters,
-                       const int *enumerations, double *derivatives);
+void model_get_derivatives(double time, const double *states, const double *inputs, const double *parameters,
+                           const int *enumerations, double *derivatives);
 
 /* y = g(time, x, u, p) */
-void model_outputs(double time, const double *states, const double *inputs, const double *parameters,
-                   const int *enumerations, double *outputs);
+void model_get_outputs(double time, const double *states, const double *inputs, const double *parameters,
+                       const int *enumerations, double *outputs);
+
+/* The expressions that have limits. */
+void model_get_limited(double time, const double *states, const double *inputs, const double *parameters,
+                       const int *enumerations, double *limited);
+
+/* The partial derivatives of f, g and of states that are outputs: those that are not listed are zero. */
+void model_get_partials(double time, const double *states, const double *inputs, const double *parameters,
+                        const int *enumerations, double *partials);
+void model_get_parameter_partials(double time, const double *states, const double *inputs, const double *parameters,
+                                  const int *enumerations, double *partials);
 
 #endif

@@ -1,41 +1,88 @@
 #include "simulation.h"
 
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "solver.h"
 
-static bool refuse(Simulation *s, const char *format, ...)
+static Status say(Simulation *s, Status status, const char *format, ...)
 #ifdef __GNUC__
-    __attribute__((format(printf, 2, 3)))
+    __attribute__((format(printf, 3, 4)))
 #endif
     ;
 
-static bool refuse(Simulation *s, const char *format, ...)
+static Status say(Simulation *s, Status status, const char *format, ...)
 {
+    /* Several notes may come together before they are read. */
+    size_t length = strlen(s->message);
+    if (length > 0 && length + 3 < sizeof s->message) {
+        memcpy(&s->message[length], "; ", 3);
+        length += 2;
+    }
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(s->message, sizeof s->message, format, arguments);
+    vsnprintf(&s->message[length], sizeof s->message - length, format, arguments);
     va_end(arguments);
-    return false;
+    return status;
+}
+
+static bool is_state(unsigned reference)
+{
+    return reference < FIRST_DERIVATIVE;
+}
+
+static bool is_derivative(unsigned reference)
+{
+    return reference >= FIRST_DERIVATIVE && reference < FIRST_INPUT;
+}
+
+static bool is_input(unsigned reference)
+{
+    return reference >= FIRST_INPUT && reference < FIRST_PARAMETER;
+}
+
+static bool is_parameter(unsigned reference)
+{
+    return (reference >= FIRST_PARAMETER && reference < FIRST_OUTPUT)
+        || (reference >= FIRST_ENUMERATION && reference < TIME);
+}
+
+static bool is_output(unsigned reference)
+{
+    return reference >= FIRST_OUTPUT && reference < N_REALS;
 }
 
 static const char *kind(unsigned reference)
 {
-    if (reference < FIRST_DERIVATIVE) return "state";
-    if (reference < FIRST_INPUT) return "derivative";
-    if (reference < FIRST_PARAMETER) return "input";
-    if (reference < FIRST_OUTPUT) return "parameter";
-    if (reference < FIRST_ENUMERATION) return "output";
-    return "parameter";
+    if (is_state(reference)) return "state";
+    if (is_derivative(reference)) return "derivative";
+    if (is_input(reference)) return "input";
+    if (is_output(reference)) return "output";
+    return reference == TIME ? "independent variable" : "parameter";
 }
+
+static Status no_real(Simulation *s, unsigned reference)
+{
+    return say(s, STATUS_ERROR, "there is no Real variable with value reference %u: they are 0 to %d, and %d", reference,
+               N_REALS - 1, TIME);
+}
+
+static Status no_enumeration(Simulation *s, unsigned reference)
+{
+    return say(s, STATUS_ERROR, "there is no enumeration with value reference %u: they are %d to %d", reference,
+               FIRST_ENUMERATION, TIME - 1);
+}
+
+/* ---- values ---- */
 
 void simulation_reset(Simulation *s)
 {
+    memset(s, 0, sizeof *s);
     s->phase = BEFORE_START;
-    s->time = 0.0;
     s->stop_time = INFINITY;
     for (int i = 0; i < N_REALS; i++) {
         s->values[i] = model_variables[i].start;
@@ -43,183 +90,510 @@ void simulation_reset(Simulation *s)
     for (int i = 0; i < N_ENUMERATIONS; i++) {
         s->enumerations[i] = (int)model_variables[FIRST_ENUMERATION + i].start;
     }
-    s->current = false;
-    s->message[0] = '\0';
 }
 
 /* Whether a variable may be set now: inputs always, states and parameters until the start, results never. */
-static bool is_settable(Simulation *s, unsigned reference)
+static Status check_settable(Simulation *s, unsigned reference)
 {
-    const char *const kind_name = kind(reference);
-    const bool is_result = (reference >= FIRST_DERIVATIVE && reference < FIRST_INPUT)
-        || (reference >= FIRST_OUTPUT && reference < FIRST_ENUMERATION);
-    if (is_result) {
-        return refuse(s, "%s %s is computed: it cannot be set", kind_name, model_variables[reference].name);
+    const char *const name = model_variables[reference].name;
+    if (is_derivative(reference) || is_output(reference) || reference == TIME) {
+        return say(s, STATUS_ERROR, "%s %s is computed: it cannot be set", kind(reference), name);
     }
-    const bool is_input = reference >= FIRST_INPUT && reference < FIRST_PARAMETER;
-    if (s->phase == RUNNING && !is_input) {
-        return refuse(s, "%s %s is fixed: set at time %.16g s, it can be set before the simulation starts", kind_name,
-                      model_variables[reference].name, s->time);
+    if (s->phase == RUNNING && !is_input(reference)) {
+        return say(s, STATUS_ERROR, "%s %s is fixed: set at time %.16g s, it can be set before the simulation starts",
+                   kind(reference), name, s->time);
     }
-    return true;
+    return STATUS_OK;
 }
 
-bool simulation_set_real(Simulation *s, unsigned reference, double value)
+Status simulation_set_real(Simulation *s, unsigned reference, double value)
 {
-    if (reference >= N_REALS) {
-        return refuse(s, "there is no Real variable with value reference %u: the last is %u", reference, N_REALS - 1U);
-    }
-    if (!is_settable(s, reference)) {
-        return false;
-    }
+    if (reference >= N_REALS && reference != TIME) return no_real(s, reference);
+    const Status settable = check_settable(s, reference);
+    if (settable != STATUS_OK) return settable;
     if (!isfinite(value)) {
-        return refuse(s, "%s %s is set to %g at time %.16g s: must be a finite number", kind(reference),
-                      model_variables[reference].name, value, s->time);
+        return say(s, STATUS_ERROR, "%s %s is set to %g at time %.16g s: must be a finite number", kind(reference),
+                   model_variables[reference].name, value, s->time);
     }
     s->values[reference] = value;
     s->current = false;
-    return true;
+    return STATUS_OK;
+}
+
+Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
+{
+    if (reference >= N_VARIABLES || !is_input(reference)) {
+        return say(s, STATUS_ERROR, "value reference %u is not an input: only inputs have time derivatives that can be set",
+                   reference);
+    }
+    if (!isfinite(slope)) {
+        return say(s, STATUS_ERROR, "the time derivative of input %s is set to %g at time %.16g s: must be a finite number",
+                   model_variables[reference].name, slope, s->time);
+    }
+    s->slopes[reference - FIRST_INPUT] = slope;
+    s->ramps = s->ramps || slope != 0.0;
+    return STATUS_OK;
 }
 
 static void evaluate(Simulation *s)
 {
     double *const v = s->values;
-    model_derivatives(s->time, &v[FIRST_STATE], &v[FIRST_INPUT], &v[FIRST_PARAMETER], s->enumerations,
-                      &v[FIRST_DERIVATIVE]);
-    model_outputs(s->time, &v[FIRST_STATE], &v[FIRST_INPUT], &v[FIRST_PARAMETER], s->enumerations, &v[FIRST_OUTPUT]);
+    const double *const x = &v[FIRST_STATE], *const u = &v[FIRST_INPUT], *const p = &v[FIRST_PARAMETER];
+    model_get_derivatives(s->time, x, u, p, s->enumerations, &v[FIRST_DERIVATIVE]);
+    model_get_outputs(s->time, x, u, p, s->enumerations, &v[FIRST_OUTPUT]);
     s->current = true;
 }
 
-bool simulation_get_real(Simulation *s, unsigned reference, double *value)
+Status simulation_get_real(Simulation *s, unsigned reference, double *value)
 {
-    if (reference >= N_REALS) {
-        return refuse(s, "there is no Real variable with value reference %u: the last is %u", reference, N_REALS - 1U);
+    if (reference == TIME) {
+        *value = s->time;
+        return STATUS_OK;
     }
+    if (reference >= N_REALS) return no_real(s, reference);
     /* States, inputs and parameters are always there; the rest is computed when asked for. */
     if (!s->current && reference >= FIRST_DERIVATIVE) {
         evaluate(s);
     }
     *value = s->values[reference];
-    return true;
+    return STATUS_OK;
 }
 
-bool simulation_set_enumeration(Simulation *s, unsigned reference, int value)
+static Status bad_variant(Simulation *s, unsigned reference, long long value)
 {
-    if (reference < FIRST_ENUMERATION || reference >= N_VARIABLES) {
-        return refuse(s, "there is no enumeration with value reference %u: they are %d to %d", reference,
-                      FIRST_ENUMERATION, N_VARIABLES - 1);
-    }
-    if (!is_settable(s, reference)) {
-        return false;
-    }
-    s->enumerations[reference - FIRST_ENUMERATION] = value;
+    const Variable *const variable = &model_variables[reference];
+    return say(s, STATUS_ERROR, "parameter %s is %lld: must be one of %s", variable->name, value, variable->unit);
+}
+
+Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value)
+{
+    if (reference < FIRST_ENUMERATION || reference >= TIME) return no_enumeration(s, reference);
+    const Status settable = check_settable(s, reference);
+    if (settable != STATUS_OK) return settable;
+    if (value < INT_MIN || value > INT_MAX) return bad_variant(s, reference, value);
+    s->enumerations[reference - FIRST_ENUMERATION] = (int)value;
     s->current = false;
-    return true;
+    return STATUS_OK;
 }
 
-bool simulation_get_enumeration(Simulation *s, unsigned reference, int *value)
+Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value)
 {
-    if (reference < FIRST_ENUMERATION || reference >= N_VARIABLES) {
-        return refuse(s, "there is no enumeration with value reference %u: they are %d to %d", reference,
-                      FIRST_ENUMERATION, N_VARIABLES - 1);
-    }
+    if (reference < FIRST_ENUMERATION || reference >= TIME) return no_enumeration(s, reference);
     *value = s->enumerations[reference - FIRST_ENUMERATION];
-    return true;
+    return STATUS_OK;
 }
 
-bool simulation_setup(Simulation *s, double start_time, double stop_time)
+/* ---- start ---- */
+
+Status simulation_setup(Simulation *s, double start_time, double stop_time)
 {
     if (!isfinite(start_time) || !(stop_time >= start_time)) {
-        return refuse(s, "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop",
-                      start_time, stop_time);
+        return say(s, STATUS_ERROR,
+                   "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop", start_time,
+                   stop_time);
     }
     s->time = start_time;
     s->stop_time = stop_time;
     s->current = false;
-    return true;
+    return STATUS_OK;
 }
 
-static bool check_bounds(Simulation *s, unsigned reference)
+static Status check_bounds(Simulation *s, unsigned reference)
 {
     const Variable *const variable = &model_variables[reference];
-    const char *const kind_name = kind(reference);
     const double value = s->values[reference];
-    if (value < variable->min) {
-        return refuse(s, "%s %s is %.16g %s: must be at least %g %s", kind_name, variable->name, value, variable->unit,
-                      variable->min, variable->unit);
-    }
-    if (value > variable->max) {
-        return refuse(s, "%s %s is %.16g %s: must be at most %g %s", kind_name, variable->name, value, variable->unit,
-                      variable->max, variable->unit);
-    }
-    return true;
+    const bool is_low = value < variable->min;
+    if (!is_low && value <= variable->max) return STATUS_OK;
+    return say(s, STATUS_ERROR, "%s %s is %.16g %s: must be at %s %g %s", kind(reference), variable->name, value,
+               variable->unit, is_low ? "least" : "most", is_low ? variable->min : variable->max, variable->unit);
 }
 
-bool simulation_start(Simulation *s)
+static Status check_parameters(Simulation *s)
 {
-    for (unsigned i = FIRST_STATE; i < FIRST_OUTPUT; i++) {
-        const bool is_derivative = i >= FIRST_DERIVATIVE && i < FIRST_INPUT;
-        if (!is_derivative && !check_bounds(s, i)) {
-            return false;
-        }
+    for (unsigned i = FIRST_PARAMETER; i < FIRST_OUTPUT; i++) {
+        const Status status = check_bounds(s, i);
+        if (status != STATUS_OK) return status;
     }
     for (unsigned i = 0; i < N_ENUMERATIONS; i++) {
         const Variable *const variable = &model_variables[FIRST_ENUMERATION + i];
         if (s->enumerations[i] < (int)variable->min || s->enumerations[i] > (int)variable->max) {
-            return refuse(s, "parameter %s is %d: must be one of %s", variable->name, s->enumerations[i], variable->unit);
+            return bad_variant(s, FIRST_ENUMERATION + i, s->enumerations[i]);
         }
     }
-    s->phase = RUNNING;
-    return true;
+    return STATUS_OK;
 }
 
-bool simulation_step(Simulation *s, double time, double step)
+/* Whether the equations hold for these states: a message when a limit is left or kept again, a warning as long as it
+ * is left, or an error with nothing changed if the simulation is to stop there. */
+static Status check_limits(Simulation *s, double time, const double *states, const double *inputs)
+{
+    if (N_LIMITS == 0) return STATUS_OK;
+    double limited[ROOM(N_LIMITS)];
+    model_get_limited(time, states, inputs, &s->values[FIRST_PARAMETER], s->enumerations, limited);
+    Status status = STATUS_OK;
+    for (int i = 0; i < N_LIMITS; i++) {
+        const Limit *const limit = &model_limits[i];
+        const bool is_low = limited[i] < limit->min;
+        const bool is_outside = is_low || !(limited[i] <= limit->max);
+        const bool must_stop = is_outside && s->enumerations[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
+        if (must_stop || (is_outside && !s->outside[i])) {
+            say(s, STATUS_WARNING, "%s is %.16g %s at time %.16g s, %s its limit of %.16g %s: %s", limit->name, limited[i],
+                limit->unit, time, is_low ? "below" : "above", is_low ? limit->min : limit->max, limit->unit,
+                limit->reason);
+        } else if (!is_outside && s->outside[i]) {
+            say(s, STATUS_OK, "%s is %.16g %s at time %.16g s, within its limits again", limit->name, limited[i],
+                limit->unit, time);
+        }
+        if (must_stop) return STATUS_ERROR;
+        if (is_outside) status = STATUS_WARNING;
+        s->outside[i] = is_outside;
+    }
+    return status;
+}
+
+Status simulation_start(Simulation *s)
+{
+    for (unsigned i = FIRST_STATE; i < FIRST_PARAMETER; i++) {
+        const Status status = is_derivative(i) ? STATUS_OK : check_bounds(s, i);
+        if (status != STATUS_OK) return status;
+    }
+    Status status = check_parameters(s);
+    if (status != STATUS_OK) return status;
+    status = check_limits(s, s->time, &s->values[FIRST_STATE], &s->values[FIRST_INPUT]);
+    if (status == STATUS_ERROR) return status;
+    s->phase = RUNNING;
+    return status;
+}
+
+/* ---- steps ---- */
+
+/* The inputs at a time within a step. */
+static void move_inputs(const Simulation *s, double since_start, double inputs[])
+{
+    for (int i = 0; i < N_INPUTS; i++) {
+        inputs[i] = s->values[FIRST_INPUT + i] + s->slopes[i] * since_start;
+    }
+}
+
+/* Take over the states after an internal step that began at `time`, unless they are no good. */
+static Status accept(Simulation *s, const Drive *drive, double time, double step, const double next[])
+{
+    for (int i = 0; i < N_STATES; i++) {
+        if (!isfinite(next[i])) {
+            return say(s, STATUS_ERROR, "state %s becomes %g after time %.16g s: the simulation diverges",
+                       model_variables[i].name, next[i], time);
+        }
+    }
+    double moved[ROOM(N_INPUTS)];
+    if (s->ramps) {
+        move_inputs(s, time + step - drive->start, moved);
+    }
+    const Status status = check_limits(s, time + step, next, s->ramps ? moved : drive->inputs);
+    if (status != STATUS_ERROR) {
+        for (int i = 0; i < N_STATES; i++) {
+            s->values[FIRST_STATE + i] = next[i];
+        }
+    }
+    return status;
+}
+
+static Status take_fixed_steps(Simulation *s, const Drive *drive, double time, double step, int n)
+{
+    const int solver = s->enumerations[ENUMERATION_solver];
+    const double internal_step = n == 1 ? step : step / n;
+    Status worst = STATUS_OK;
+    for (int k = 0; k < n; k++) {
+        const double now = time + k * internal_step;
+        double next[N_STATES];
+        solver_step(solver, drive, now, internal_step, &s->values[FIRST_STATE], next, NULL);
+        const Status status = accept(s, drive, now, internal_step, next);
+        if (status == STATUS_ERROR) {
+            s->time = now;
+            return status;
+        }
+        worst = status > worst ? status : worst;
+    }
+    return worst;
+}
+
+/* The largest error of a state relative to what is tolerated, and which state that is; NaN and infinity count as most. */
+static double error_ratio(const Simulation *s, const double next[], const double error[], int *worst)
+{
+    const double tolerance = s->values[FIRST_PARAMETER + PARAMETER_tolerance];
+    double largest = 0.0;
+    *worst = 0;
+    for (int i = 0; i < N_STATES; i++) {
+        const double magnitude = fmax(fabs(s->values[FIRST_STATE + i]), fabs(next[i]));
+        const double ratio = fabs(error[i]) / (tolerance * (model_variables[i].nominal + magnitude));
+        if (!isfinite(next[i]) || !isfinite(ratio)) {
+            *worst = i;
+            return INFINITY;
+        }
+        if (ratio > largest) {
+            *worst = i;
+            largest = ratio;
+        }
+    }
+    return largest;
+}
+
+/* E. Hairer, S. P. Norsett, G. Wanner: Solving Ordinary Differential Equations I, section II.4. Each communication step
+ * begins with the largest step allowed, so that its result depends on nothing but where it begins. */
+static Status take_adaptive_steps(Simulation *s, const Drive *drive, double time, double step)
+{
+    const int solver = s->enumerations[ENUMERATION_solver];
+    const double largest = s->values[FIRST_PARAMETER + PARAMETER_solver_step];
+    double done = 0.0, trial = largest;
+    Status worst = STATUS_OK;
+    while (done < step) {
+        const double now = time + done, remaining = step - done;
+        const bool is_last = remaining <= trial * (1.0 + 1e-6);
+        const double internal_step = is_last ? remaining : trial;
+        double next[N_STATES], error[N_STATES];
+        int worst_state;
+        solver_step(solver, drive, now, internal_step, &s->values[FIRST_STATE], next, error);
+        const double ratio = error_ratio(s, next, error, &worst_state);
+        if (ratio <= 1.0) {
+            const Status status = accept(s, drive, now, internal_step, next);
+            if (status == STATUS_ERROR) {
+                s->time = now;
+                return status;
+            }
+            worst = status > worst ? status : worst;
+            done = is_last ? step : done + internal_step;
+        }
+        /* The error goes with the fifth power of the step: aim a little below what is tolerated. */
+        trial = internal_step * fmin(5.0, fmax(0.2, 0.9 * pow(ratio, -1.0 / 5.0)));
+        trial = fmin(trial, largest);
+        if (ratio > 1.0 && trial <= 16.0 * DBL_EPSILON * fmax(fabs(now), step)) {
+            s->time = now;
+            return say(s, STATUS_ERROR,
+                       "the step size underflows after time %.16g s: state %s cannot be kept within a tolerance of %g, the "
+                       "simulation diverges",
+                       now, model_variables[worst_state].name, s->values[FIRST_PARAMETER + PARAMETER_tolerance]);
+        }
+    }
+    return worst;
+}
+
+Status simulation_step(Simulation *s, double time, double step)
 {
     enum { MAX_INTERNAL_STEPS = 1000000000 };
-    double *const states = &s->values[FIRST_STATE];
-    const double *const inputs = &s->values[FIRST_INPUT];
-    const double *const parameters = &s->values[FIRST_PARAMETER];
-    const double solver_step_max = parameters[PARAMETER_solver_step];
-    const int solver = s->enumerations[ENUMERATION_solver];
+    const double solver_step_max = s->values[FIRST_PARAMETER + PARAMETER_solver_step];
+    const Drive drive = {.inputs = &s->values[FIRST_INPUT],
+                         .slopes = s->ramps ? s->slopes : NULL,
+                         .start = time,
+                         .parameters = &s->values[FIRST_PARAMETER],
+                         .enumerations = s->enumerations};
 
     if (!(step > 0.0) || !isfinite(step)) {
-        return refuse(s, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
+        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
     }
     /* Masters that add up their time arrive some rounding errors off. */
     const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
     if (!(fabs(time - s->time) <= tolerance)) {
-        return refuse(s, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
+        return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
     }
     if (time + step > s->stop_time + tolerance) {
-        return refuse(s, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
-                      s->stop_time);
+        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
+                   s->stop_time);
     }
     const double ratio = ceil(step / solver_step_max - 1e-6);
     if (ratio > MAX_INTERNAL_STEPS) {
-        return refuse(s, "the communication step of %.16g s needs %g internal steps of %.16g s: at most %d are allowed",
-                      step, ratio, solver_step_max, MAX_INTERNAL_STEPS);
+        return say(s, STATUS_ERROR,
+                   "the communication step of %.16g s needs %g internal steps of %.16g s: at most %d are allowed", step,
+                   ratio, solver_step_max, MAX_INTERNAL_STEPS);
     }
-    const int n = ratio < 1.0 ? 1 : (int)ratio;
-    const double internal_step = n == 1 ? step : step / n;
 
     s->current = false;
-    for (int k = 0; k < n; k++) {
-        double next[N_STATES];
-        for (int i = 0; i < N_STATES; i++) {
-            next[i] = states[i];
-        }
-        solver_step(solver, time + k * internal_step, internal_step, next, inputs, parameters, s->enumerations);
-        for (unsigned i = 0; i < N_STATES; i++) {
-            if (!isfinite(next[i])) {
-                s->time = time + k * internal_step;
-                return refuse(s, "state %s becomes %g after time %.16g s: the simulation diverges",
-                              model_variables[i].name, next[i], s->time);
-            }
-        }
-        for (int i = 0; i < N_STATES; i++) {
-            states[i] = next[i];
-        }
+    const Status status = solver_is_adaptive(s->enumerations[ENUMERATION_solver])
+        ? take_adaptive_steps(s, &drive, time, step)
+        : take_fixed_steps(s, &drive, time, step, ratio < 1.0 ? 1 : (int)ratio);
+    if (status == STATUS_ERROR) return status;
+    if (s->ramps) {
+        /* The inputs have arrived where they were going, and stay there unless they are set again. */
+        move_inputs(s, step, &s->values[FIRST_INPUT]);
+        memset(s->slopes, 0, sizeof s->slopes);
+        s->ramps = false;
     }
     s->time = time + step;
-    return true;
+    return status;
+}
+
+Status simulation_set_time(Simulation *s, double time)
+{
+    if (!isfinite(time)) return say(s, STATUS_ERROR, "the time is set to %g: must be a finite number", time);
+    s->time = time;
+    s->current = false;
+    return STATUS_OK;
+}
+
+Status simulation_set_states(Simulation *s, const double states[])
+{
+    for (int i = 0; i < N_STATES; i++) {
+        if (!isfinite(states[i])) {
+            return say(s, STATUS_ERROR, "state %s is set to %g at time %.16g s: must be a finite number",
+                       model_variables[i].name, states[i], s->time);
+        }
+    }
+    memcpy(&s->values[FIRST_STATE], states, N_STATES * sizeof(double));
+    s->current = false;
+    return STATUS_OK;
+}
+
+Status simulation_get_derivatives(Simulation *s, double derivatives[])
+{
+    if (!s->current) {
+        evaluate(s);
+    }
+    for (int i = 0; i < N_STATES; i++) {
+        const double derivative = s->values[FIRST_DERIVATIVE + i];
+        if (!isfinite(derivative)) {
+            return say(s, STATUS_DISCARD, "the derivative of state %s is %g at time %.16g s: try a smaller step",
+                       model_variables[i].name, derivative, s->time);
+        }
+        derivatives[i] = derivative;
+    }
+    /* A trial beyond a limit where the simulation must stop is no use; otherwise only accepted states count. */
+    const bool must_stop = N_LIMITS > 0 && s->enumerations[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
+    return must_stop && simulation_complete_step(s) == STATUS_ERROR ? STATUS_DISCARD : STATUS_OK;
+}
+
+Status simulation_complete_step(Simulation *s)
+{
+    return check_limits(s, s->time, &s->values[FIRST_STATE], &s->values[FIRST_INPUT]);
+}
+
+/* ---- partial derivatives ---- */
+
+static Status check_differentiable(Simulation *s, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[],
+                                   size_t n_knowns)
+{
+    for (size_t i = 0; i < n_unknowns; i++) {
+        const unsigned r = unknowns[i];
+        if (!(is_state(r) || is_derivative(r) || is_output(r))) {
+            return say(s, STATUS_ERROR, "the variable with value reference %u is no unknown: derivatives and outputs are", r);
+        }
+    }
+    for (size_t j = 0; j < n_knowns; j++) {
+        const unsigned r = knowns[j];
+        const bool is_known = is_state(r) || is_input(r) || r == TIME
+            || (is_parameter(r) && r < FIRST_OUTPUT && s->phase == BEFORE_START);
+        if (!is_known) {
+            return say(s, STATUS_ERROR,
+                       "the variable with value reference %u is no known: states, inputs and the time are, and until the "
+                       "simulation starts the parameters that are numbers",
+                       r);
+        }
+    }
+    return STATUS_OK;
+}
+
+static void add_products(bool adjoint, const Partial table[], const double partials[], int n, const double seeds[],
+                         double sums[])
+{
+    for (int k = 0; k < n; k++) {
+        const unsigned from = adjoint ? table[k].unknown : table[k].known;
+        const unsigned to = adjoint ? table[k].known : table[k].unknown;
+        sums[to] += partials[k] * seeds[from];
+    }
+}
+
+Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unknowns[], size_t n_unknowns,
+                                const unsigned knowns[], size_t n_knowns, const double seed[], double sensitivity[])
+{
+    const Status status = check_differentiable(s, unknowns, n_unknowns, knowns, n_knowns);
+    if (status != STATUS_OK) return status;
+    const unsigned *const from = adjoint ? unknowns : knowns, *const to = adjoint ? knowns : unknowns;
+    const size_t n_from = adjoint ? n_unknowns : n_knowns, n_to = adjoint ? n_knowns : n_unknowns;
+
+    double seeds[N_VARIABLES] = {0.0}, sums[N_VARIABLES] = {0.0};
+    bool has_parameters = false;
+    for (size_t i = 0; i < n_from; i++) {
+        seeds[from[i]] += seed[i];
+    }
+    for (size_t j = 0; j < n_knowns; j++) {
+        has_parameters = has_parameters || is_parameter(knowns[j]);
+    }
+
+    const double *const x = &s->values[FIRST_STATE], *const u = &s->values[FIRST_INPUT];
+    const double *const p = &s->values[FIRST_PARAMETER];
+    double partials[ROOM(N_PARTIALS)];
+    model_get_partials(s->time, x, u, p, s->enumerations, partials);
+    add_products(adjoint, model_partials, partials, N_PARTIALS, seeds, sums);
+    if (has_parameters) {
+        double by_parameter[ROOM(N_PARAMETER_PARTIALS)];
+        model_get_parameter_partials(s->time, x, u, p, s->enumerations, by_parameter);
+        add_products(adjoint, model_parameter_partials, by_parameter, N_PARAMETER_PARTIALS, seeds, sums);
+    }
+    for (size_t i = 0; i < n_to; i++) {
+        sensitivity[i] = sums[to[i]];
+    }
+    return STATUS_OK;
+}
+
+/* ---- as bytes ---- */
+
+static unsigned char *put(unsigned char *to, const void *from, size_t size)
+{
+    memcpy(to, from, size);
+    return to + size;
+}
+
+static const unsigned char *take(void *to, const unsigned char *from, size_t size)
+{
+    memcpy(to, from, size);
+    return from + size;
+}
+
+void simulation_serialize(const Simulation *s, unsigned char bytes[])
+{
+    const int phase = (int)s->phase;
+    unsigned char *to = put(bytes, &phase, sizeof phase);
+    to = put(to, &s->time, sizeof s->time);
+    to = put(to, &s->stop_time, sizeof s->stop_time);
+    to = put(to, &s->values[FIRST_STATE], sizeof(double) * N_STATES);
+    to = put(to, &s->values[FIRST_INPUT], sizeof(double) * (N_INPUTS + N_PARAMETERS));
+    to = put(to, s->slopes, sizeof(double) * N_INPUTS);
+    to = put(to, s->enumerations, sizeof(int) * N_ENUMERATIONS);
+    for (int i = 0; i < N_LIMITS; i++) {
+        *to++ = s->outside[i] ? 1 : 0;
+    }
+}
+
+Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
+{
+    Simulation read;
+    simulation_reset(&read);
+    int phase;
+    const unsigned char *from = take(&phase, bytes, sizeof phase);
+    from = take(&read.time, from, sizeof read.time);
+    from = take(&read.stop_time, from, sizeof read.stop_time);
+    from = take(&read.values[FIRST_STATE], from, sizeof(double) * N_STATES);
+    from = take(&read.values[FIRST_INPUT], from, sizeof(double) * (N_INPUTS + N_PARAMETERS));
+    from = take(read.slopes, from, sizeof(double) * N_INPUTS);
+    from = take(read.enumerations, from, sizeof(int) * N_ENUMERATIONS);
+    bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time);
+    for (int i = 0; i < N_LIMITS; i++) {
+        is_good = is_good && *from <= 1;
+        read.outside[i] = *from++ != 0;
+    }
+    for (unsigned i = 0; i < FIRST_OUTPUT; i++) {
+        is_good = is_good && (is_derivative(i) || isfinite(read.values[i]));
+    }
+    for (int i = 0; i < N_INPUTS; i++) {
+        is_good = is_good && isfinite(read.slopes[i]);
+        read.ramps = read.ramps || read.slopes[i] != 0.0;
+    }
+    if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
+    read.phase = (Phase)phase;
+    if (read.phase == RUNNING) {
+        const Status status = check_parameters(&read);
+        if (status != STATUS_OK) {
+            memcpy(s->message, read.message, sizeof s->message);
+            return status;
+        }
+    }
+    *s = read;
+    return STATUS_OK;
 }

@@ -1,15 +1,24 @@
-/* One running instance of the model: its values, its clock, its steps. Knows no FMI: the FMI layers translate.
+/* One running instance of the model: its values, its clock, its steps. Knows no FMI: the layers above translate.
  *
- * A function that returns false has changed nothing but `message`, which then says why; only after a failed
- * simulation_step may the instance have moved: it then stands at the last good internal step. */
+ * Whatever fails has changed nothing but `message`, which then says why; only after a failed simulation_step may the
+ * instance have moved: it then stands at the last good internal step. A message may also come with STATUS_WARNING, or
+ * with STATUS_OK as a note. Who reads a message empties it. */
 #ifndef SIMULATION_H
 #define SIMULATION_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "model.h"
 
-enum { MESSAGE_SIZE = 256 };
+enum { MESSAGE_SIZE = 384 };
+
+typedef enum {
+    STATUS_OK,
+    STATUS_WARNING, /* done, but look at it */
+    STATUS_DISCARD, /* not here: try a smaller step */
+    STATUS_ERROR
+} Status;
 
 typedef enum { BEFORE_START, RUNNING } Phase;
 
@@ -18,26 +27,54 @@ typedef struct {
     double time;      /* of the last communication point, s */
     double stop_time; /* INFINITY unless set */
     double values[N_REALS];
+    double slopes[ROOM(N_INPUTS)]; /* time derivatives of the inputs, for the next step */
+    bool ramps;                    /* any of them is not zero */
     int enumerations[N_ENUMERATIONS];
-    bool current; /* derivatives and outputs belong to the other values */
+    bool outside[ROOM(N_LIMITS)]; /* which limits are left */
+    bool current;                 /* derivatives and outputs belong to the other values */
     char message[MESSAGE_SIZE];
 } Simulation;
 
 /* Everything to its start value. */
 void simulation_reset(Simulation *s);
 
-bool simulation_set_real(Simulation *s, unsigned reference, double value);
-bool simulation_get_real(Simulation *s, unsigned reference, double *value);
-bool simulation_set_enumeration(Simulation *s, unsigned reference, int value);
-bool simulation_get_enumeration(Simulation *s, unsigned reference, int *value);
+Status simulation_set_real(Simulation *s, unsigned reference, double value);
+Status simulation_get_real(Simulation *s, unsigned reference, double *value);
+Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value);
+Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value);
+
+/* Let an input ramp during the next step, by its first time derivative. */
+Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
 
 /* The experiment: start and stop time in s. */
-bool simulation_setup(Simulation *s, double start_time, double stop_time);
+Status simulation_setup(Simulation *s, double start_time, double stop_time);
 
-/* Check start values and parameters against their bounds, and fix them. */
-bool simulation_start(Simulation *s);
+/* Check start values, parameters and limits, and fix them. */
+Status simulation_start(Simulation *s);
 
-/* One communication step: n equal internal steps, n the smallest number that makes them no longer than solver_step. */
-bool simulation_step(Simulation *s, double time, double step);
+/* One communication step. Methods of fixed step divide it into the fewest equal internal steps that are no longer than
+ * solver_step; an adaptive one takes steps as the tolerance asks for, none longer than that. */
+Status simulation_step(Simulation *s, double time, double step);
+
+/* For a solver outside: place the model, evaluate it, and say that an integrator's step is accepted. */
+Status simulation_set_time(Simulation *s, double time);
+Status simulation_set_states(Simulation *s, const double states[]);
+Status simulation_get_derivatives(Simulation *s, double derivatives[]);
+Status simulation_complete_step(Simulation *s);
+
+/* Directional derivatives, sensitivity[i] = sum over j of d unknown[i] / d known[j] * seed[j], or the adjoint ones,
+ * sensitivity[j] = sum over i of seed[i] * d unknown[i] / d known[j]. */
+Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unknowns[], size_t n_unknowns,
+                                const unsigned knowns[], size_t n_knowns, const double seed[], double sensitivity[]);
+
+/* All that a simulation needs to go on, as bytes, for the same model on the same kind of machine. */
+enum {
+    SERIALIZED_SIZE = sizeof(int) + 2 * sizeof(double) + sizeof(double) * (2 * N_INPUTS + N_STATES + N_PARAMETERS)
+        + sizeof(int) * N_ENUMERATIONS + N_LIMITS
+};
+void simulation_serialize(const Simulation *s, unsigned char bytes[]);
+
+/* Back from bytes, which may come from anywhere: refused if they are no simulation's. */
+Status simulation_deserialize(Simulation *s, const unsigned char bytes[]);
 
 #endif
