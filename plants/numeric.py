@@ -3,18 +3,29 @@
 All arrays may have leading batch dimensions, which broadcast: x (..., states), u (..., inputs), p (..., parameters).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import sympy
 
 from plants.errors import ModelError
-from plants.ode import TIME, Enumeration, OdeModel
+from plants.jacobian import differentiate
+from plants.ode import TIME, Enumeration, OdeModel, Term
 
 Array = npt.NDArray[np.float64]
+
+
+class Jacobians(NamedTuple):
+    """Partial derivatives of f and g: A = df/dx, B = df/du, C = dg/dx, D = dg/du, each (..., rows, columns)."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
 
 
 @dataclass(frozen=True)
@@ -31,9 +42,9 @@ class NumericModel:
     _derivatives: Callable[..., Any]
     _outputs: Callable[..., Any]
 
-    def start(self) -> Array:
-        """Return the start values of the states, (states,)."""
-        return np.array([state.start for state in self.model.states])
+    def start(self, **values: npt.ArrayLike) -> Array:
+        """Return x with some states set by name, the others at their start values, (..., states)."""
+        return _vector("state", {s.name: s.start for s in self.model.states}, values)
 
     def inputs(self, **values: npt.ArrayLike) -> Array:
         """Return u with some inputs set by name, the others at their start values, (..., inputs)."""
@@ -60,6 +71,25 @@ class NumericModel:
         """Return the computed outputs, (..., outputs); states that are outputs too are not among them."""
         return _call(self._outputs, t, x, u, p)
 
+    def jacobians(self, t: npt.ArrayLike, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Jacobians:
+        """Return the exact partial derivatives of `rhs` and `outputs` with respect to x and u.
+
+        Where a piecewise expression has a kink, they are those of the branch in use.
+        """
+        n, m, k = len(self.model.states), len(self.model.inputs), len(self.model.outputs)
+        entries = _call(self._partials, t, x, u, p)
+        matrix = entries.reshape(*entries.shape[:-1], n + k, n + m)
+        return Jacobians(matrix[..., :n, :n], matrix[..., :n, n:], matrix[..., n:, :n], matrix[..., n:, n:])
+
+    @cached_property
+    def _partials(self) -> Callable[..., Any]:
+        """The entries of the Jacobian of (f, g) with respect to (x, u), row by row."""
+        model = self.model
+        unknowns = (*model.derivatives, *(output.expression for output in model.outputs))
+        knowns = (variable.symbol for variable in (*model.states, *model.inputs))
+        terms, jacobian = differentiate(model, unknowns, knowns)
+        return _function(model, list(jacobian), terms)
+
     def euler(self, t: float, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike, h: float) -> Array:
         """Return the states after one explicit Euler step of length h, inputs held."""
         return np.asarray(x, dtype=float) + h * self.rhs(t, x, u, p)
@@ -76,17 +106,20 @@ class NumericModel:
 
 def compile(model: OdeModel) -> NumericModel:
     """Turn a model into NumPy functions."""
+    outputs = [output.expression for output in model.outputs]
     return NumericModel(
-        model, _function(model, model.derivatives), _function(model, tuple(o.expression for o in model.outputs))
+        model,
+        _function(model, model.derivatives, model.terms_of(model.derivatives)),
+        _function(model, outputs, model.terms_of(outputs)),
     )
 
 
-def _function(model: OdeModel, expressions: tuple[sympy.Expr, ...]) -> Callable[..., Any]:
-    terms = [(term.symbol, term.expression) for term in model.terms_of(expressions)]
+def _function(model: OdeModel, expressions: Sequence[sympy.Expr], terms: Iterable[Term]) -> Callable[..., Any]:
+    named = [(term.symbol, term.expression) for term in terms]
     groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
     # The named terms take the place of the common subexpressions that SymPy would look for.
     function: Callable[..., Any] = sympy.lambdify(
-        [TIME, *groups], expressions, modules="numpy", cse=lambda reduced: (terms, list(reduced)), docstring_limit=0
+        [TIME, *groups], expressions, modules="numpy", cse=lambda reduced: (named, list(reduced)), docstring_limit=0
     )
     return function
 

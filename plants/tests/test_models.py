@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 import sympy
 
@@ -47,29 +46,11 @@ def test_numpy_functions() -> None:
     assert model.outputs(0.0, [2.0, 3.0], [1.0], p).tolist() == pytest.approx([4.5 + math.pi])
     assert model.start().tolist() == [0.1, 0.0]
     assert model.inputs().tolist() == [0.0]
+    assert model.start(rate=2.0).tolist() == [0.1, 2.0]
     with pytest.raises(ModelError, match="no parameter 'mass'; there are k, c, spring"):
         model.parameters(mass=1.0)
     with pytest.raises(ModelError, match="spring has no variant 'soft'"):
         model.parameters(spring="soft")
-
-
-def test_batches_broadcast() -> None:
-    """States (5, 1, 6), inputs (7, 6) and parameters (6-vector each) give (5, 7, 6), equal to one by one."""
-    model = numeric.compile(plants.load("car_like"))
-    rng = np.random.default_rng(2)
-    x, u = rng.uniform(-1, 1, (5, 1, 6)), rng.uniform(-9, 9, (7, 6))
-    p = np.stack([model.parameters(drive=drive) for drive in ("as_printed", "front_wheel", "rear_wheel")])[
-        rng.integers(3, size=7)
-    ]
-    for method in (
-        model.rhs,
-        lambda t, x, u, p: model.euler(t, x, u, p, 0.1),
-        lambda t, x, u, p: model.rk4(t, x, u, p, 0.1),
-    ):
-        batch = method(0.0, x, u, p)
-        assert batch.shape == (5, 7, 6)
-        for i, j in np.ndindex(5, 7):
-            np.testing.assert_allclose(batch[i, j], method(0.0, x[i, 0], u[j], p[j]), rtol=1e-14, atol=1e-15)
 
 
 @pytest.mark.parametrize(
