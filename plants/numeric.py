@@ -13,7 +13,7 @@ import numpy.typing as npt
 import sympy
 
 from plants.errors import ModelError
-from plants.jacobian import differentiate
+from plants.factory.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
 
 Array = npt.NDArray[np.float64]
@@ -85,10 +85,13 @@ class NumericModel:
     def _partials(self) -> Callable[..., Any]:
         """The entries of the Jacobian of (f, g) with respect to (x, u), row by row."""
         model = self.model
-        unknowns = (*model.derivatives, *(output.expression for output in model.outputs))
-        knowns = (variable.symbol for variable in (*model.states, *model.inputs))
-        terms, jacobian = differentiate(model, unknowns, knowns)
-        return _function(model, list(jacobian), terms)
+        unknowns = [(s.name, f, s.unit) for s, f in zip(model.states, model.derivatives, strict=True)]
+        unknowns += [(output.name, output.expression, output.unit) for output in model.outputs]
+        knowns = [variable.name for variable in (*model.states, *model.inputs)]
+        jacobian = differentiate(model, unknowns, knowns)
+        entries = {(partial.unknown, partial.known): partial.expression for partial in jacobian.partials}
+        matrix = [entries.get((name, known), sympy.S.Zero) for name, *_ in unknowns for known in knowns]
+        return _function(model, matrix, jacobian.terms)
 
     def euler(self, t: float, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike, h: float) -> Array:
         """Return the states after one explicit Euler step of length h, inputs held."""
