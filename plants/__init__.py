@@ -9,6 +9,7 @@ Importing this package, listing the models and building one that has been built 
 
 import difflib
 import importlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,7 +50,14 @@ def load(name: str) -> "OdeModel":
     return model
 
 
-def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | str | None = None, cache: bool = True) -> Path:
+def build(
+    model: "str | OdeModel",
+    *,
+    fmi: str = "2.0",
+    platforms: str | Iterable[str] | None = None,
+    out: Path | str | None = None,
+    cache: bool = True,
+) -> Path:
     """Make the FMU of a model, unless it has been made before.
 
     Parameters
@@ -57,7 +65,11 @@ def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | str | None =
     model
         Name of a built-in model, or a model.
     fmi
-        Version of FMI; 2.0 (Co-Simulation) is the one there is.
+        Version of FMI: ``2.0`` or ``3.0`` (``2`` and ``3`` mean the same). Either way the FMU holds both
+        Co-Simulation and Model Exchange.
+    platforms
+        Names of the platforms to compile for, or ``all``, by the compiler that the Python package ziglang brings. By
+        default this machine's platform alone, by its own C compiler.
     out
         A folder to copy the FMU to, made if need be. By default the FMU stays in the cache.
     cache
@@ -73,14 +85,17 @@ def build(model: "str | OdeModel", *, fmi: str = "2.0", out: Path | str | None =
     ------
     UnknownModel
         There is no built-in model of this name.
+    ModelError
+        The model uses a function that cannot be written in C, or not differentiated.
     BuildError
-        The FMU could not be made: no compiler (NoCompiler), a compiler that fails, a folder that cannot be written.
+        The FMU could not be made: a version of FMI or a platform that is not known, no compiler (NoCompiler), a
+        compiler that fails, a folder that cannot be written.
     """
     if isinstance(model, str):
         _check_known(model)
     from plants.factory.build import build as build_fmu
 
-    return build_fmu(model, fmi=fmi, out=out, cache=cache)
+    return build_fmu(model, fmi=fmi, platforms=platforms, out=out, cache=cache)
 
 
 def _check_known(name: str) -> None:

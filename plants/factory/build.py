@@ -4,14 +4,16 @@ SymPy, Jinja and FMPy's headers are touched only if something has to be generate
 """
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import plants
 from plants.errors import BuildError
 from plants.factory import store
-from plants.factory.compile import Compiler, compile_library, find_compiler, host
+from plants.factory.compile import Compiler, compile_library, cross_compiler, find_compiler
 from plants.factory.package import package
+from plants.factory.platforms import Platform, choose, host, universal
 
 if TYPE_CHECKING:
     from plants.ode import OdeModel
@@ -20,13 +22,25 @@ FMI_VERSIONS = {"2": "2.0", "2.0": "2.0", "3": "3.0", "3.0": "3.0"}
 """What a user may write, and the version that it means."""
 
 
-def build(model: "str | OdeModel", *, fmi: str, out: Path | str | None, cache: bool) -> Path:
+def build(
+    model: "str | OdeModel",
+    *,
+    fmi: str,
+    platforms: str | Iterable[str] | None,
+    out: Path | str | None,
+    cache: bool,
+) -> Path:
     """Make the FMU of a model; see `plants.build`."""
     if fmi not in FMI_VERSIONS:
         raise BuildError(f"FMI {fmi} is not offered; choose {' or '.join(sorted(set(FMI_VERSIONS.values())))}")
     version = FMI_VERSIONS[fmi]
-    compiler = find_compiler()
-    tools = [store.package_digest(), host().folder, *compiler.command, compiler.version, version]
+    if platforms is None:
+        compilers = {host(): find_compiler()}
+    else:
+        compilers = {platform: cross_compiler(platform) for platform in choose(platforms, version)}
+    tools = [store.package_digest(), version]
+    for platform, compiler in compilers.items():
+        tools += [platform.name, *compiler.command, compiler.version]
 
     # What a built-in model's FMU holds follows from this package; another model's is known once it is generated.
     name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model, version))
@@ -36,7 +50,7 @@ def build(model: "str | OdeModel", *, fmi: str, out: Path | str | None, cache: b
     fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
     if not (cache and fmu.is_file()):
         files = files or _generate(plants.load(name), version)
-        store.write(fmu, lambda path: _make(name, files, compiler, path))
+        store.write(fmu, lambda path: _make(name, version, files, compilers, path))
     return fmu if out is None else store.copy(fmu, Path(out) / fmu.name)
 
 
@@ -46,13 +60,19 @@ def _generate(model: "OdeModel", fmi: str) -> dict[str, bytes]:
     return generate(model, fmi)
 
 
-def _make(name: str, files: dict[str, bytes], compiler: Compiler, fmu: Path) -> None:
-    """Write the files to a folder, compile the sources among them, and zip it all to `fmu`."""
+def _make(name: str, fmi: str, files: dict[str, bytes], compilers: dict[Platform, Compiler], fmu: Path) -> None:
+    """Write the files to a folder, compile the sources among them for each platform, and zip it all to `fmu`."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         for path, content in files.items():
             (root / path).parent.mkdir(parents=True, exist_ok=True)
             (root / path).write_bytes(content)
         sources = sorted(path for path in files if path.endswith(".c"))
-        compile_library(compiler, host(), root, sources, name)
+        libraries: dict[str, list[bytes]] = {}
+        for platform, compiler in compilers.items():
+            path = f"binaries/{platform.folder(fmi)}/{name}{platform.suffix}"
+            libraries.setdefault(path, []).append(compile_library(compiler, platform, root, sources, name))
+        for path, parts in libraries.items():
+            (root / path).parent.mkdir(parents=True)
+            (root / path).write_bytes(parts[0] if len(parts) == 1 else universal(parts))
         package(root, fmu)

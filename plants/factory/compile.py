@@ -1,15 +1,19 @@
-"""The C compiler of this machine, and the shared library that it makes of an FMU's sources."""
+"""C compilers, this machine's own and zig for all platforms, and the shared library made of an FMU's sources."""
 
+import importlib.util
 import os
 import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from plants.errors import BuildError, NoCompiler
+from plants.factory import store
+from plants.factory.platforms import Platform, host
 
 # No contraction to fused multiply-add: the same numbers on every machine.
 FLAGS = (
@@ -28,24 +32,8 @@ there is no C compiler: neither $CC nor cc, gcc or clang was found. Install one:
   Debian, Ubuntu  sudo apt install gcc libc6-dev
   Fedora          sudo dnf install gcc
   macOS           xcode-select --install
-  Windows         winget install LLVM.LLVM, or MinGW-w64 from https://www.mingw-w64.org, and add it to PATH"""
-
-
-@dataclass(frozen=True)
-class Platform:
-    """Where FMI 2.0 wants a binary (section 2.3), and how it is linked."""
-
-    folder: str
-    suffix: str
-    flags: tuple[str, ...]
-    libraries: tuple[str, ...]
-
-
-PLATFORMS = {
-    "linux": Platform("linux64", ".so", ("-fPIC", "-Wl,--no-undefined"), ("-lm",)),
-    "darwin": Platform("darwin64", ".dylib", ("-fPIC",), ("-lm",)),
-    "win32": Platform("win64", ".dll", (), ()),
-}
+  Windows         winget install LLVM.LLVM, or MinGW-w64 from https://www.mingw-w64.org, and add it to PATH
+  anywhere        pip install "formation-cosim[cross]", which brings one"""
 
 
 @dataclass(frozen=True)
@@ -56,16 +44,8 @@ class Compiler:
     version: str
 
 
-def host() -> Platform:
-    """Return the platform of this machine."""
-    if sys.platform not in PLATFORMS or sys.maxsize <= 2**32:
-        known = ", ".join(PLATFORMS)
-        raise BuildError(f"cannot build for {sys.platform}: only for {known}, with 64 bits")
-    return PLATFORMS[sys.platform]
-
-
 def find_compiler() -> Compiler:
-    """Return the compiler that $CC names, or else the first of cc, gcc and clang.
+    """Return the compiler that $CC names, or else the first of cc, gcc and clang, or else zig.
 
     Raises
     ------
@@ -80,12 +60,31 @@ def find_compiler() -> Compiler:
             return Compiler(full, _run([*full, "--version"]).stdout.partition("\n")[0])
     if named:
         raise NoCompiler(f"the C compiler that $CC names, {named[0]!r}, was not found: correct CC or unset it")
-    raise NoCompiler(_INSTALL)
+    if importlib.util.find_spec("ziglang") is None:
+        raise NoCompiler(_INSTALL)
+    return cross_compiler(host())
+
+
+def cross_compiler(platform: Platform) -> Compiler:
+    """Return zig's C compiler, from the Python package ziglang, for any platform.
+
+    Raises
+    ------
+    NoCompiler
+        The package is not installed.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise NoCompiler(
+            f"a binary for {platform.name} needs the Python package ziglang, which compiles for all platforms:"
+            ' pip install "formation-cosim[cross]"'
+        )
+    command = (sys.executable, "-m", "ziglang", "cc", "-target", platform.target, "-s")
+    return Compiler(command, f"ziglang {store.version('ziglang')}")
 
 
 def compile_library(
     compiler: Compiler, platform: Platform, root: Path, sources: Sequence[str], name: str, flags: Sequence[str] = ()
-) -> Path:
+) -> bytes:
     """Compile an FMU's sources to the shared library of one platform.
 
     Parameters
@@ -103,25 +102,26 @@ def compile_library(
 
     Returns
     -------
-    Path
-        The library, in the folder of `root` where FMI wants it.
+    bytes
+        The library.
 
     Raises
     ------
     BuildError
         The compiler failed; its message is shown.
     """
-    library = f"binaries/{platform.folder}/{name}{platform.suffix}"
-    (root / library).parent.mkdir(parents=True, exist_ok=True)
-    # Relative paths and this folder: nothing of this machine enters the binary.
-    arguments = [*FLAGS, *platform.flags, *flags, "-o", library, *sources, *platform.libraries]
-    result = _run([*compiler.command, *arguments], cwd=root)
-    if result.returncode != 0:
-        message = (result.stderr or result.stdout).strip()
-        raise BuildError(
-            f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}"
-        )
-    return root / library
+    with tempfile.TemporaryDirectory(dir=root) as scratch:
+        # Relative paths from this folder: nothing of this machine enters the binary.
+        paths = [os.path.relpath(root / source, scratch) for source in sources]
+        library = name + platform.suffix
+        arguments = [*FLAGS, *platform.flags, *flags, "-o", library, *paths, *platform.libraries]
+        result = _run([*compiler.command, *arguments], cwd=Path(scratch))
+        if result.returncode != 0:
+            message = (result.stderr or result.stdout).strip()
+            raise BuildError(
+                f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}"
+            )
+        return (Path(scratch) / library).read_bytes()
 
 
 def _run(command: Sequence[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
