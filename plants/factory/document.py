@@ -1,6 +1,7 @@
 """The documentation page of an FMU: the model's equations as MathML, which browsers show without any script."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
@@ -58,22 +59,38 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
 
     def dot(self, symbol: sympy.Symbol) -> str:
         """Return the time derivative of a symbol."""
-        return f"<mover>{self.render(symbol)}<mo>&#x2D9;</mo></mover>"
+        return f"<mover>{self.render(symbol)}<mo>˙</mo></mover>"
 
     def between(self, low: float, expression: sympy.Expr, high: float) -> str:
         """Return an expression with its bounds."""
-        left = f"<mn>{low:g}</mn><mo>&#x2264;</mo>" if low > -float("inf") else ""
-        right = f"<mo>&#x2264;</mo><mn>{high:g}</mn>" if high < float("inf") else ""
+        left = f"<mn>{low:g}</mn><mo>≤</mo>" if low > -float("inf") else ""
+        right = f"<mo>≤</mo><mn>{high:g}</mn>" if high < float("inf") else ""
         return f"<mrow>{left}{self.render(expression)}{right}</mrow>"
 
-    def _print_Equality(self, expression: sympy.Eq) -> object:
+    def _element(self, tag: str, *children: Any, **attributes: str) -> Any:
+        """Return an element with child nodes; text is a child too."""
+        element = self.dom.createElement(tag)
+        for child in children:
+            element.appendChild(self.dom.createTextNode(child) if isinstance(child, str) else child)
+        for name, value in attributes.items():
+            element.setAttribute(name, value)
+        return element
+
+    def _print_Piecewise(self, expression: sympy.Piecewise) -> Any:
+        rows = []
+        for value, condition in expression.args:
+            told = [self._element("mtext", "otherwise")]
+            if condition != sympy.true:
+                told = [self._element("mtext", "if\u00a0"), self._print(condition)]
+            cells = (self._element("mtd", self._print(value)), self._element("mtd", *told))
+            rows.append(self._element("mtr", *cells))
+        return self._element("mrow", self._element("mo", "{"), self._element("mtable", *rows))
+
+    def _print_Equality(self, expression: sympy.Eq) -> Any:
         left, right = expression.args
         enumeration = self._enumerations.get(left)
         if enumeration is None or not right.is_Integer:
             return super()._print_Relational(expression)
-        row = self.dom.createElement("mrow")
-        for tag, text in (("mi", enumeration.name), ("mo", "="), ("mtext", list(enumeration.items)[int(right) - 1])):
-            element = self.dom.createElement(tag)
-            element.appendChild(self.dom.createTextNode(text))
-            row.appendChild(element)
-        return row
+        item = list(enumeration.items)[int(right) - 1]
+        parts = (("mi", enumeration.name), ("mo", "="), ("mtext", item))
+        return self._element("mrow", *(self._element(tag, text) for tag, text in parts))
