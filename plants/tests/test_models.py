@@ -115,6 +115,24 @@ def pendulum_on_wheels() -> NonholonomicSystem:
     )
 
 
+def test_abbreviations_of_a_nonholonomic_system() -> None:
+    """A term that M1 uses is written as it is named; one that cancels does not become part of the model."""
+    m, load, spare = sympy.symbols("m load spare", real=True)
+    stated = replace(
+        pendulum_on_wheels(),
+        terms=(Term(load, 2 * m, "kg"), Term(spare, 3 * m, "kg")),
+        M1=sympy.diag(load, spare),
+        A=sympy.Matrix([[0, 1]]),
+    ).ode()
+    assert [term.symbol.name for term in stated.terms if term.symbol in (load, spare)] == ["load"]
+    assert stated.expand(stated.derivatives[2]) == (sympy.Symbol("tau", real=True) - stated.inputs[1].symbol) / (2 * m)
+
+
+def test_terminals_of_a_nonholonomic_system() -> None:
+    terminals = {t.name: [s.name for s in t.symbols] for t in pendulum_on_wheels().ode().terminals}
+    assert terminals == {"pose": ["x", "y"], "velocity": ["v"], "torque": ["tau"], "disturbance": ["d_x", "d_y"]}
+
+
 def test_nonholonomic_with_one_velocity() -> None:
     model = pendulum_on_wheels().ode()
     v, m, tau, d_x = sympy.symbols("v m tau d_x", real=True)
@@ -129,6 +147,12 @@ def test_nonholonomic_with_one_velocity() -> None:
         ({"B1": sympy.eye(2)}, r"B1 is (2, 2), it must be (2, 1)"),
         ({"M1": sympy.Matrix([[1, 1], [0, 1]])}, "M1 is not symmetric"),
         ({"disturbances": ()}, "0 disturbances, one for each of 2 coordinates"),
+        ({"F2": sympy.eye(2)}, "F2 is (2, 2), it must be (1, 1)"),
+        ({"A": sympy.Matrix([[1, 0]])}, "A S is not zero: the motion basis breaks the constraints"),
+        (
+            {"terms": (Term(c, sympy.Symbol("y", real=True), "kg"),), "M1": c * sympy.eye(2)},
+            "S or M1 uses the term c, which is not constant",
+        ),
     ],
 )
 def test_wrong_matrices_are_refused(changes: dict[str, Any], message: str) -> None:

@@ -115,6 +115,24 @@ def assert_close(actual: Any, expected: np.ndarray) -> None:
     assert np.all(np.abs(actual - expected) <= 1e-12 * np.maximum(1.0, np.abs(expected)))
 
 
+def test_directional_derivatives_equal_the_jacobians_of_numpy(plant: Plant) -> None:
+    """The derivatives in C and those in NumPy, with friction and stop at work."""
+    functions, rng = NUMPY[plant.description.modelName], np.random.default_rng(6)
+    model = functions.model
+    states, inputs = [s.name for s in model.states], [i.name for i in model.inputs]
+    unknowns = [plant.references[n] for n in (*(f"der({name})" for name in states), *(o.name for o in model.outputs))]
+    for _ in range(50):
+        x, u, values = draw(rng, model, effects=True)
+        plant.fmu.reset()
+        named = dict(zip([*states, *inputs], map(float, [*x, *u]), strict=True))
+        plant.start(**named, **values)
+        A, B, C, D = functions.jacobians(0.0, x, u, functions.parameters(**values))
+        jacobian = np.block([[A, B], [C, D]])
+        for column, known in enumerate((*states, *inputs)):
+            derivative = plant.fmu.getDirectionalDerivative(unknowns, [plant.references[known]], [1.0])
+            assert_close(derivative, jacobian[:, column])
+
+
 def test_fmu_gives_the_reference_result(plant: Plant) -> None:
     reference = REFERENCES[plant.description.modelName]
     plant.fmu.reset()
