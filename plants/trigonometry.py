@@ -35,7 +35,6 @@ def shorten(expression: sympy.Expr) -> sympy.Expr:
     forms = [
         total,
         sympy.factor(total),
-        *(sympy.factor_terms(form) for form in (total, _collect(total))),
         sympy.Add(*(sympy.factor_terms(_collect(group)) for group in groups.values())),
     ]
     return min(forms, key=lambda form: form.count_ops())
