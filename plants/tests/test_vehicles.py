@@ -161,6 +161,15 @@ def test_numpy_converges_to_scipy(name: str, method: str, order: int, steps: tup
     np.testing.assert_allclose(-np.diff(np.log2(errors)), order, atol=0.15)
 
 
+@pytest.mark.parametrize("name", VEHICLES)
+def test_angle_is_limited_to_90_degrees(name: str) -> None:
+    (limit,) = NUMPY[name].model.limits
+    assert (limit.min, limit.max, limit.unit) == (-np.pi / 2, np.pi / 2, "rad")
+    states = [state.symbol for state in NUMPY[name].model.states]
+    x = np.arange(1.0, 7.0)
+    assert sympy.lambdify(states, limit.expression)(*x) == angle_of(VEHICLES[name], x)
+
+
 # ---- friction and stops ----
 
 
