@@ -9,10 +9,14 @@ from typing import NamedTuple
 
 import sympy
 
+from plants.errors import ModelError
 from plants.ode import Parameter, State, Term
 
 SMALLEST = 1e-6
 """Lower bound of a parameter that must be positive (a mass, a length, a velocity), in its unit."""
+
+# Units of the force and of the damping that belong to a unit of velocity.
+_FORCES = {"m/s": ("N", "N.s/m"), "rad/s": ("N.m", "N.m.s/rad")}
 
 
 class Effect(NamedTuple):
@@ -36,9 +40,16 @@ def friction(velocity: State) -> Effect:
     Effect
         Resistance ``friction_v`` in N or N.m, with the parameters ``F_c_v`` (Coulomb, 0), ``F_v_v`` (viscous, 0) and
         ``v_s`` (the velocity at which 76 % of F_c are reached, 0.01).
+
+    Raises
+    ------
+    ModelError
+        The velocity has another unit.
     """
     v, name = velocity.symbol, velocity.name
-    force, slope = {"m/s": ("N", "N.s/m"), "rad/s": ("N.m", "N.m.s/rad")}[velocity.unit]
+    if velocity.unit not in _FORCES:
+        raise ModelError(f"friction on {name!r}: its unit is {velocity.unit!r}, it must be one of {', '.join(_FORCES)}")
+    force, slope = _FORCES[velocity.unit]
     F_c, F_v = sympy.symbols(f"F_c_{name} F_v_{name}", nonnegative=True)
     v_s = sympy.Symbol(f"{name}_s", positive=True)
     resistance = sympy.Symbol(f"friction_{name}", real=True)

@@ -61,8 +61,8 @@ class NonholonomicSystem:
     Raises
     ------
     ModelError
-        The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, or S or M1 uses a term that is not
-        constant.
+        The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, S or M1 uses a term that is not
+        constant, or an angle is not a difference of coordinates.
     """
 
     name: str
@@ -97,7 +97,11 @@ class NonholonomicSystem:
             )
         if self.M1 != self.M1.T:
             raise ModelError(f"model {self.name!r}: M1 is not symmetric")
-        if self.A is not None and not self._short(self.A * self.S).is_zero_matrix:
+        for angle in self.angles:
+            slopes = [angle.expression.diff(q) for q in self.eta]
+            if not any(slopes) or not all(slope.is_number for slope in slopes):
+                raise ModelError(f"model {self.name!r}: the angle {angle.symbol} is not a difference of coordinates")
+        if self.A is not None and any(sympy.simplify(entry) != 0 for entry in self._short(self.A * self.S)):
             raise ModelError(f"model {self.name!r}: A S is not zero: the motion basis breaks the constraints")
         varying = {variable.symbol for variable in (*self.coordinates, *self.velocities)}
         for term in (*self.angles, *self.terms):

@@ -149,6 +149,7 @@ def test_nonholonomic_with_one_velocity() -> None:
         ({"disturbances": ()}, "0 disturbances, one for each of 2 coordinates"),
         ({"F2": sympy.eye(2)}, "F2 is (2, 2), it must be (1, 1)"),
         ({"A": sympy.Matrix([[1, 0]])}, "A S is not zero: the motion basis breaks the constraints"),
+        ({"angles": (Term(sympy.Symbol("q", real=True), c, "rad"),)}, "the angle q is not a difference of coordinates"),
         (
             {"terms": (Term(c, sympy.Symbol("y", real=True), "kg"),), "M1": c * sympy.eye(2)},
             "S or M1 uses the term c, which is not constant",

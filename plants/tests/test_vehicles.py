@@ -17,6 +17,7 @@ import plants
 from plants import numeric
 from plants.car_like import model as car
 from plants.car_like import reference as car_reference
+from plants.effects import friction
 from plants.ode import OdeModel
 from plants.tractor_trailer import model as tractor
 from plants.tractor_trailer import reference as tractor_reference
@@ -270,3 +271,8 @@ def test_effects_take_energy(name: str) -> None:
         assert force @ x[4:] + stored <= 1e-6
         pushed += beyond != 0
     assert pushed > 100
+
+
+def test_friction_needs_a_velocity() -> None:
+    with pytest.raises(plants.ModelError, match="friction on 'v': its unit is 'km/h', it must be one of m/s, rad/s"):
+        friction(replace(car.VELOCITIES[0], unit="km/h"))
