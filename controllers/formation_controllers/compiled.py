@@ -22,13 +22,22 @@ _SOURCES = _sources()
 
 
 def compiled(function: F) -> F:
-    """Compile a function with Numba, strictly (no fast-math), and keep the result on disk.
+    """Compile a function with Numba, strictly (no fast-math), and keep the result on disk where that is possible.
 
     With ``NUMBA_DISABLE_JIT=1`` the function stays the plain Python it is.
     """
-    dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
-    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        # Numba renews a cached function only when that function's own file changes, and would go on with an
-        # old formula inlined from another file. Let all of our sources be the stamp.
-        dispatcher._cache._cache_file._source_stamp = _SOURCES
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    try:
+        dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+        file = dispatcher._cache._cache_file
+        fresh = hasattr(file, "_source_stamp")
+    except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
+        fresh = False
+    if not fresh:
+        dispatcher = numba.njit(error_model="numpy")(function)
+        return dispatcher  # type: ignore[no-any-return]
+    # Numba renews a cached function only when that function's own file changes, and would go on with an
+    # old formula inlined from another file. Let all of our sources be the stamp.
+    file._source_stamp = _SOURCES
     return dispatcher  # type: ignore[no-any-return]

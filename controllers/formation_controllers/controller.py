@@ -131,12 +131,12 @@ class Controller(ABC, Generic[G]):
         ------
         ControllerError
             Before `start`; if a shape does not fit the team or a number is not finite, naming robot and
-            component (the controller is then as it was before the call); or if a torque is not finite (it is
-            then of no use until the next `start`).
+            component (the controller is then as it was before the call); or if the law returns torques of
+            another shape or that are not finite (it is then of no use until the next `start`).
         """
         self._require_start("a step")
         torque = self.on_step(*self._checked(pose, leader, desired))
-        torque = _array("the torque", torque, (self.team.size, 2))
+        torque = _array(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
         if not finite(torque):
             robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
             values = ", ".join(f"{s.name} = {self._telemetry[s.name][robot]} {s.unit}" for s in self.signals)

@@ -40,8 +40,8 @@ def posture_error(pose: ArrayLike, leader_pose: ArrayLike) -> Floats:
 def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> Floats:
     """Virtual range [m] and bearing [rad] of followers with respect to the leader, q of (7).
 
-    The bearing is atan2(e2, e1 - a) - gamma as it stands, so that it jumps where atan2 does: unwrap it over
-    time.
+    The bearing is atan2(e2, e1 - a) - gamma as it stands, so that it jumps where atan2 does: see
+    `unwrapped_bearing`.
 
     Parameters
     ----------
@@ -64,6 +64,42 @@ def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> 
     q = np.empty((len(poses), 2))
     _range_bearing(poses, leaders, vehicle_record(vehicle), q)
     return q.reshape(*shape, 2)
+
+
+def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
+    """Bearing without the jumps of atan2: a course in time to which whole turns are added.
+
+    The first sample takes the turn nearest to the desired bearing, each other sample the turn nearest to the
+    sample before it. Two courses of the same motion, one measured and one true, then differ by a turn only if
+    the motion starts with a bearing error of 180 degrees, give or take the noise.
+
+    Parameters
+    ----------
+    bearing
+        Bearings (T, ...) [rad], the first dimension time.
+    desired
+        Desired bearings (T, ...) [rad], or anything that broadcasts to it; the first sample counts.
+
+    Returns
+    -------
+    ndarray
+        Shape (T, ...).
+
+    Raises
+    ------
+    ControllerError
+        If the shapes do not fit.
+    """
+    course = np.array(bearing, dtype=float, order="C")
+    try:
+        wanted = np.broadcast_to(np.asarray(desired, dtype=float), course.shape)
+    except ValueError:
+        raise ControllerError(f"the desired bearing does not broadcast to {course.shape}") from None
+    if course.ndim == 0:
+        raise ControllerError("the bearing has no dimension: the first one must be time")
+    if course.size:
+        _unwrap(course.reshape(len(course), -1), np.array(wanted[0]).ravel())
+    return course
 
 
 def formation_rates(
@@ -152,6 +188,14 @@ def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: NDArray[np.void],
         e_1, e_2, _, _ = kinematics.posture_error(pose[i], leader_pose[i])
         rho, phi = kinematics.line_of_sight(e_1, e_2, vehicle[0]["length"])
         q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i])
+
+
+@compiled
+def _unwrap(bearing: Floats, desired: Floats) -> None:
+    for i in range(bearing.shape[1]):
+        before = desired[i]
+        for k in range(bearing.shape[0]):
+            bearing[k, i] = before = kinematics.unwrapped(bearing[k, i], before)
 
 
 @compiled

@@ -71,9 +71,21 @@ class Desired(NamedTuple):
 
 @dataclass(frozen=True)
 class Signal:
-    """One telemetry signal: an array of shape (N,), or (N, len(components)) if it has components."""
+    """One telemetry signal: an array of shape (N,), or (N, len(components)) if it has components.
+
+    Attributes
+    ----------
+    name, unit, description : str
+        What it is.
+    components : tuple of str
+        Names of its components, if it has any.
+    singular_at_zero : str
+        What is singular where the signal is zero, as a clause: "the law is singular". A change of its sign
+        then means that a step has jumped over a singularity. Empty if zero is a value like any other.
+    """
 
     name: str
     unit: str
     description: str
     components: tuple[str, ...] = ()
+    singular_at_zero: str = ""

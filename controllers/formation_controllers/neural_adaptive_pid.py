@@ -15,7 +15,7 @@ from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.errors import GainError
 from formation_controllers.gains import Gains, gain, gain_records
-from formation_controllers.geometry import range_bearing
+from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import vehicle_record
 
@@ -97,8 +97,8 @@ class NeuralAdaptivePid(Controller[NeuralAdaptivePidGains]):
         Signal("weight_norm", "N", "Frobenius norm of the network's weights W, (29)"),
         Signal("gain_estimate", "N", "robust gain theta_hat, (30)"),
         Signal("torque_command", "N.m", "torque before any saturation, (24)", ("tau_1", "tau_2")),
-        Signal("drive_gain", "1", "(1, 1) entry of B2, (3); where its sign changes the law is singular"),
-        Signal("det_R", "1", "determinant of R, (8); where its sign changes the formation model is singular"),
+        Signal("drive_gain", "1", "(1, 1) entry of B2, (3)", singular_at_zero="the law is singular"),
+        Signal("det_R", "1", "determinant of R, (8)", singular_at_zero="the formation model is singular"),
     )
 
     def __init__(self, team: Team, gains: NeuralAdaptivePidGains | None = None) -> None:
@@ -122,6 +122,7 @@ class NeuralAdaptivePid(Controller[NeuralAdaptivePidGains]):
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
         q = range_bearing(pose, leader.pose, self.team.vehicle)
+        q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
         self._state["q_hat"] = q
         self._state["bearing"] = q[:, 1]
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Final
 
 from formation_controllers.errors import ControllerError, IncompatibleInterface, UnknownController, unknown
-from formation_controllers.interface import INTERFACE_VERSION
+from formation_controllers.gains import Gains
+from formation_controllers.interface import INTERFACE_VERSION, Signal
 
 if TYPE_CHECKING:
     from formation_controllers.controller import Controller
@@ -64,7 +66,7 @@ def load(name: str) -> type[Controller[Any]]:
     IncompatibleInterface
         If it speaks another version of the interface.
     ControllerError
-        If it cannot be imported or is no controller.
+        If it cannot be imported, is no controller, or does not state properly what it is.
     """
     known = installed()
     if name not in known:
@@ -78,12 +80,41 @@ def load(name: str) -> type[Controller[Any]]:
 
     if not (isinstance(loaded, type) and issubclass(loaded, Controller)):
         raise ControllerError(f"{which} is {loaded!r}: expected a subclass of {Controller.__name__}")
-    if not compatible(getattr(loaded, "interface", None)):
+    if not hasattr(loaded, "interface"):
+        raise ControllerError(f"{which} states no interface: expected a version such as {INTERFACE_VERSION!r}")
+    if not compatible(loaded.interface):
         raise IncompatibleInterface(
-            f"{which} speaks version {getattr(loaded, 'interface', None)} of the controller interface, and "
+            f"{which} speaks version {loaded.interface} of the controller interface, and "
             f"version {INTERFACE_VERSION} is spoken here: install releases that agree in the first number"
         )
+    fault = _fault(loaded)
+    if fault:
+        raise ControllerError(f"{which} {fault}")
     return loaded
+
+
+def _fault(law: type[Controller[Any]]) -> str:
+    """Say what is wrong with what a class states about itself, if anything."""
+    missing = ", ".join(sorted(getattr(law, "__abstractmethods__", ())))
+    if missing:
+        return f"lacks {missing}: a controller must implement them"
+    vehicles = getattr(law, "vehicles", None)
+    if not (isinstance(vehicles, tuple) and vehicles and all(isinstance(kind, str) for kind in vehicles)):
+        return f"has vehicles = {vehicles!r}: expected a tuple of kinds, such as ('car_like',)"
+    gains_type = getattr(law, "gains_type", None)
+    if not (isinstance(gains_type, type) and issubclass(gains_type, Gains)):
+        return f"has gains_type = {gains_type!r}: expected a dataclass derived from Gains"
+    bare = [field.name for field in dataclasses.fields(gains_type) if "gain" not in field.metadata]
+    if bare:
+        return f"has a gain {bare[0]!r} that is not stated with gain(...)"
+    signals = getattr(law, "signals", None)
+    if not (isinstance(signals, tuple) and all(isinstance(signal, Signal) for signal in signals)):
+        return f"has signals = {signals!r}: expected a tuple of Signal"
+    names = [signal.name for signal in signals]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        return f"has two signals named {twice[0]!r}: their names must differ"
+    return ""
 
 
 def compatible(version: object) -> bool:

@@ -195,12 +195,21 @@ def test_a_torque_that_is_not_finite_is_refused_with_what_is_known():
     assert not e.value.message.startswith("robot")
 
 
-def test_a_torque_of_the_wrong_shape_is_refused():
+@pytest.mark.parametrize(
+    ("torque", "message"),
+    [
+        (np.zeros(2), r"the torque of Broken has shape \(2,\): expected \(3, 2\)"),
+        ([1.0], r"the torque of Broken has shape \(1,\): expected \(3, 2\)"),
+        (None, r"the torque of Broken has shape \(\): expected \(3, 2\)"),
+        ("much", "the torque of Broken is not an array of numbers"),
+    ],
+)
+def test_a_torque_of_the_wrong_shape_is_refused(torque, message):
     class Broken(Integral):
         def on_step(self, pose, leader, desired):
-            return np.zeros(2)
+            return torque
 
-    with pytest.raises(ControllerError, match=r"the torque has shape \(2,\): expected \(3, 2\)"):
+    with pytest.raises(ControllerError, match=message):
         started(Broken).step(POSE, LEADER, DESIRED)
 
 

@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 from formation_controllers import CarLike, ControllerError, kinematics
-from formation_controllers.geometry import formation_rates, input_matrix, posture_error, range_bearing
+from formation_controllers.geometry import (
+    formation_rates,
+    input_matrix,
+    posture_error,
+    range_bearing,
+    unwrapped_bearing,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -119,6 +125,28 @@ def test_unwrapping_adds_whole_turns_and_stays_near(angle, previous):
     turns = (result - angle) / (2 * math.pi)
     assert abs(turns - round(turns)) < 1e-12
     assert abs(result - previous) <= math.pi + 1e-12
+
+
+def test_an_unwrapped_bearing_starts_near_the_desired_one_and_never_jumps():
+    truth = np.linspace(3.0, 12.0, 200)[:, None] + np.array([0.0, 0.1, 2 * math.pi])
+    jumping = np.arctan2(np.sin(truth), np.cos(truth))
+    np.testing.assert_allclose(unwrapped_bearing(jumping, truth[0]), truth, atol=1e-12)
+    np.testing.assert_array_equal(unwrapped_bearing(truth[:, 0], 3.0), truth[:, 0])  # nothing to do, no bit changed
+    assert unwrapped_bearing(np.zeros((0, 3)), 1.0).shape == (0, 3)
+
+
+def test_a_noisy_bearing_near_180_degrees_does_not_part_from_the_true_one():
+    true, measured = np.full(5, math.pi - 1e-3), np.full(5, -math.pi + 1e-3)
+    for desired in (2.0, -2.0):
+        difference = unwrapped_bearing(true, desired) - unwrapped_bearing(measured, desired)
+        np.testing.assert_allclose(difference, -2e-3, atol=1e-12)
+
+
+def test_bearings_without_time_or_with_another_shape_are_refused():
+    with pytest.raises(ControllerError, match="the first one must be time"):
+        unwrapped_bearing(1.0, 1.0)
+    with pytest.raises(ControllerError, match=r"does not broadcast to \(5, 2\)"):
+        unwrapped_bearing(np.zeros((5, 2)), np.zeros(3))
 
 
 def test_shapes_that_do_not_fit_are_refused():

@@ -167,6 +167,21 @@ def test_the_bearing_stays_continuous_while_the_leader_circles_the_robot():
     assert estimates[-1] == pytest.approx(20.0, abs=0.2)
 
 
+@pytest.mark.parametrize("desired_bearing", [2.0, -2.0])
+def test_the_bearing_starts_on_the_turn_nearest_to_the_desired_one(desired_bearing):
+    """Behind the leader's back: noise decides the sign of atan2, but not the turn that the law works with."""
+    desired = Desired(np.array([[3.0, desired_bearing]]), np.zeros((1, 2)), np.zeros((1, 2)))
+    for side in (1e-3, -1e-3):
+        controller = NeuralAdaptivePid(Team(CarLike(1.2), 1, 0.02))
+        controller.start(np.zeros((1, 4)), Leader(np.array([-3.0, side, 0, 0]), np.zeros(2)), desired)
+        start = controller.get_state()
+        assert (
+            start["bearing"][0]
+            == start["q_hat"][0, 1]
+            == pytest.approx(math.copysign(math.pi, desired_bearing), abs=1e-3)
+        )
+
+
 def test_a_robot_whose_front_axle_is_under_the_leader_is_named():
     controller = NeuralAdaptivePid(Team(CarLike(1.2), 2, 0.02))
     pose = np.array([[-5.0, 0, 0, 0], [0, 0, 0, 0]])

@@ -65,6 +65,27 @@ def test_a_changed_formula_is_compiled_anew_wherever_it_is_used(tmp_path):
     assert run(code, **env).strip() == "5.0"
 
 
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled with NUMBA_DISABLE_JIT=1")
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        "def refuse(*args): raise RuntimeError('cannot cache function: no locator available')\n"
+        "caching.FunctionCache.__init__ = refuse\n",  # a read-only installation without a home to write to
+        "caching.IndexDataCacheFile.__init__ = lambda self, *args, **rest: None\n",  # a Numba of another kind
+    ],
+)
+def test_without_a_place_for_compiled_code_the_package_works_uncached(tmp_path, obstacle):
+    code = (
+        "from numba.core import caching\n"
+        f"{obstacle}"
+        "from formation_controllers import CarLike\n"
+        "from formation_controllers.geometry import range_bearing\n"
+        "print(range_bearing([0, 0, 0, 0], [4, 0, 0, 0], CarLike(1.0))[0])"
+    )
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path)).strip() == "3.0"
+    assert not list(tmp_path.glob("**/*.nbc"))
+
+
 def test_changelog_starts_with_this_version():
     changelog = (DISTRIBUTION / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.search(r"^## (\S+)", changelog, re.MULTILINE)[1] == version("formation-controllers")

@@ -15,7 +15,13 @@ from formation_controllers import (
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 MODULE = """
+from dataclasses import dataclass
+from formation_controllers import Gains, Signal
+from formation_controllers.controller import Controller
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+@dataclass(frozen=True)
+class Bare(Gains):
+    k: float = 1.0
 class Fine(NeuralAdaptivePid):
     pass
 class Older(NeuralAdaptivePid):
@@ -24,6 +30,30 @@ class Newer(NeuralAdaptivePid):
     interface = "1.9"
 class Silent(NeuralAdaptivePid):
     interface = None
+class Vague(Controller):
+    def state_shapes(self): return {}
+    def on_start(self, pose, leader, desired): pass
+    def on_step(self, pose, leader, desired): pass
+class NoInterface(Vague):
+    pass
+class NoSignals(Vague):
+    interface, vehicles, gains_type = "1.0", ("car_like",), Gains
+class NoGains(Vague):
+    interface, vehicles, signals = "1.0", ("car_like",), ()
+class NoVehicles(Vague):
+    interface, gains_type, signals = "1.0", Gains, ()
+class WrongVehicles(Fine):
+    vehicles = "car_like"
+class WrongGains(Fine):
+    gains_type = dict
+class BareGain(Fine):
+    gains_type = Bare
+class WrongSignals(Fine):
+    signals = ("speed",)
+class TwiceASignal(Fine):
+    signals = (Signal("speed", "m/s", "speed"),) * 2
+class Unfinished(Controller):
+    interface, vehicles, gains_type, signals = "1.0", ("car_like",), Gains, ()
 nothing = 3
 """
 
@@ -92,6 +122,27 @@ def test_what_cannot_be_imported_or_is_no_controller_is_refused(distribution):
         load("absent")
     with pytest.raises(ControllerError, match=r"controller 'number' of someones 2.5 is 3: expected a subclass"):
         load("number")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "message"),
+    [
+        ("NoInterface", "states no interface: expected a version such as"),
+        ("NoSignals", "has signals = None: expected a tuple of Signal"),
+        ("NoGains", "has gains_type = None: expected a dataclass derived from Gains"),
+        ("NoVehicles", "has vehicles = None: expected a tuple of kinds"),
+        ("WrongVehicles", "has vehicles = 'car_like': expected a tuple"),
+        ("WrongGains", "has gains_type = <class 'dict'>: expected a dataclass derived from Gains"),
+        ("BareGain", r"has a gain 'k' that is not stated with gain\(...\)"),
+        ("WrongSignals", r"has signals = \('speed',\): expected a tuple of Signal"),
+        ("TwiceASignal", "has two signals named 'speed'"),
+        ("Unfinished", "lacks on_start, on_step, state_shapes: a controller must implement them"),
+    ],
+)
+def test_a_class_that_does_not_state_what_it_is_is_refused(distribution, attribute, message):
+    distribution("someones", {"someones-law": attribute})
+    with pytest.raises(ControllerError, match=rf"controller 'someones-law' of someones 2.5 {message}"):
+        load("someones-law")
 
 
 def test_a_module_that_is_not_there_is_refused(distribution):
