@@ -12,16 +12,17 @@ or step by step:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-from cosim.scenario import Scenario, read_scenario
-
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
     import xarray as xr
 
+    from cosim.changes import Change
+    from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+    from cosim.scenario import Scenario, read_scenario
     from cosim.simulation import Simulation
 
 __all__ = [
@@ -37,15 +38,15 @@ __all__ = [
 ]
 
 
-def run(scenario: str | Path | Scenario, replacements: Iterable[str] = ()) -> xr.Dataset:
+def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -> xr.Dataset:
     """Run a scenario to its horizon and return the result.
 
     Parameters
     ----------
     scenario
         A scenario, or the path of its file.
-    replacements
-        ``XPATH=VALUE`` each, for a file; see `read_scenario`.
+    changes
+        For a file: ``XPATH=VALUE`` each, as for ``--set``; see `read_scenario`.
 
     Raises
     ------
@@ -56,19 +57,25 @@ def run(scenario: str | Path | Scenario, replacements: Iterable[str] = ()) -> xr
     RunInterrupted
         The user pressed Ctrl-C; likewise.
     """
+    from cosim.scenario import Scenario, read_scenario
     from cosim.simulation import Simulation
 
     if not isinstance(scenario, Scenario):
-        scenario = read_scenario(scenario, replacements)
+        scenario = read_scenario(scenario, changes)
     with Simulation(scenario) as simulation:
         return simulation.run()
 
 
-def __getattr__(
-    name: str,
-) -> object:  # the master's libraries take a second to import; a scenario needs none of them
-    if name == "Simulation":
-        from cosim.simulation import Simulation
+_HOMES = {
+    "Scenario": "cosim.scenario",
+    "Simulation": "cosim.simulation",
+    "read_scenario": "cosim.scenario",
+}
 
-        return Simulation
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __getattr__(name: str) -> object:  # the libraries of the master take a second to import
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES.get(name, "cosim.errors")), name)

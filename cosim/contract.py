@@ -5,6 +5,7 @@ The master knows a plant by these roles alone. `bind` finds the variables of an 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,10 @@ from plants import UnitError, units
 
 @dataclass(frozen=True)
 class Role:
-    """What a variable is for: its name in the contract, which causality it must have, and the unit used."""
+    """What a variable is for: its name in the contract, which causality it must have, and the unit used.
+
+    A role without a unit is played by an enumeration, all others by a real variable.
+    """
 
     name: str
     causality: str
@@ -116,6 +120,10 @@ def _match(contract: Contract, description: Any) -> tuple[dict[str, BoundRole], 
         variable = variables.get(role.name)
         if variable is None or variable.causality != role.causality:
             problems.append(f"lacks the {role.causality} {role.name!r}" + (f" [{role.unit}]" if role.unit else ""))
+        elif variable.type != ("Real" if role.unit else "Enumeration"):
+            problems.append(f"has {role.name!r} as {variable.type}, not as {'Real' if role.unit else 'Enumeration'}")
+        elif role in contract.pose and variable.initial not in ("exact", "approx"):
+            problems.append(f"has no start value of {role.name!r} that could be set")
         elif not role.unit:
             bound[role.name] = BoundRole(role, variable, 1.0)
         else:
@@ -154,5 +162,7 @@ def unit_of(description: Any, variable: Any) -> units.Unit:
     for definition in description.unitDefinitions:
         if definition.name == name and definition.baseUnit is not None:
             base = definition.baseUnit
+            if base.offset != 0 or not 0.0 < base.factor < math.inf:
+                raise UnitError(f"{variable.name!r} is in {name}, which has an offset or a factor that is not positive")
             return units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
     return units.parse(name)

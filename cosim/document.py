@@ -8,7 +8,7 @@ outside the file is read. The tree is lxml's, which checks it against the schema
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -17,6 +17,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
+from cosim.changes import Change
 from cosim.errors import InputError, Location, nearest
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
@@ -35,7 +36,7 @@ class Document:
     path : Path
         The file that it was read from.
     text : str
-        The resolved text: what was read, with the replacements of ``--set`` applied.
+        The resolved text: what was read, with every change.
     root : lxml.etree._Element
         The tree; tags carry the namespace.
     """
@@ -50,30 +51,41 @@ class Document:
         return self._places[element]
 
 
-def read_document(path: Path, replacements: Iterable[str] = ()) -> Document:
-    """Read a scenario file and check it against the schema.
+def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
+    """Read a scenario file, change it as asked, and check it against the schema.
 
-    Parameters
-    ----------
-    path
-        The scenario file.
-    replacements
-        ``XPATH=VALUE`` each: the attributes or elements that the XPath selects get the value. Names in the XPath
-        need no namespace prefix.
+    White space around and within the values of attributes is collapsed, as the schema reads it.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not XML, declares a document type, breaks the schema, or a replacement selects
-        nothing; with file, line and column.
+        The file cannot be read, is not XML, declares a document type, breaks the schema, or a change does not apply;
+        with file, line and column.
     """
     data = _read_bytes(path)
     root, places = _parse(data, path)
-    replacements = tuple(replacements)
-    for replacement in replacements:
-        _replace(root, replacement)
-    _validate(root, places, Location(str(path)), replaced=bool(replacements))
-    text = etree.tostring(root, encoding="unicode") if replacements else _decode(data, root)
+    if root.tag != f"{{{NAMESPACE}}}scenario":
+        raise InputError(
+            f"the root element is {etree.QName(root).text}; expected is <scenario xmlns={NAMESPACE!r}>", places[root]
+        )
+    elements = list(places)
+    for element in elements:
+        if etree.QName(element).namespace != NAMESPACE:
+            raise InputError(f"the element {element.tag} is not part of the scenario language", places[element])
+    if changes:
+        for element in elements:
+            element.tag = local_name(element)
+        try:
+            for change in changes:
+                change(root)
+        finally:
+            for element in elements:
+                element.tag = f"{{{NAMESPACE}}}{element.tag}"
+    for element in elements:
+        for name, value in element.attrib.items():
+            element.set(name, " ".join(value.split()))
+    _validate(root, places, changed=bool(changes))
+    text = etree.tostring(root, encoding="unicode") if changes else _decode(data, root)
     return Document(path, text, root, places)
 
 
@@ -83,6 +95,8 @@ def local_name(element: etree._Element) -> str:
 
 
 def _read_bytes(path: Path) -> bytes:
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe or a device may never end
+        raise InputError("is not a regular file", Location(str(path)))
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -145,54 +159,9 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     except expat.ExpatError as error:
         where = Location(str(path), error.lineno, error.offset + 1)
         raise InputError(f"is not well-formed XML: {expat.ErrorString(error.code)}", where) from None
+    except (LookupError, UnicodeDecodeError) as error:
+        raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
     return builder.close(), places
-
-
-# Replacements -----------------------------------------------------------------------------------------------
-
-
-def _replace(root: etree._Element, replacement: str) -> None:
-    xpath, value = _split(replacement)
-    elements = list(root.iter(etree.Element))
-    for element in elements:  # so that the XPath needs no prefix
-        element.tag = element.tag.removeprefix("{" + NAMESPACE + "}")
-    try:
-        selected = root.xpath(xpath)
-    except etree.XPathError as error:
-        raise InputError(f"--set {replacement}: {xpath!r} is not an XPath: {error}") from None
-    finally:
-        for element in elements:
-            if not element.tag.startswith("{"):
-                element.tag = "{" + NAMESPACE + "}" + element.tag
-    if not isinstance(selected, list) or not selected:
-        raise InputError(f"--set {replacement}: {xpath!r} selects nothing in the scenario")
-    for node in selected:
-        if isinstance(node, etree._ElementUnicodeResult) and node.is_attribute:
-            node.getparent().set(node.attrname, value)
-        elif isinstance(node, etree._Element) and len(node) == 0:
-            node.text = value
-        else:
-            raise InputError(
-                f"--set {replacement}: {xpath!r} selects something other than an attribute or an element of text; "
-                "to set an attribute end the XPath with /@NAME"
-            )
-
-
-def _split(replacement: str) -> tuple[str, str]:
-    """Split at the first '=' that is not inside the XPath's brackets or quotes."""
-    depth, quote = 0, ""
-    for index, character in enumerate(replacement):
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "'\"":
-            quote = character
-        elif character in "[(":
-            depth += 1
-        elif character in "])":
-            depth -= 1
-        elif character == "=" and depth == 0:
-            return replacement[:index], replacement[index + 1 :]
-    raise InputError(f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'")
 
 
 # The schema -------------------------------------------------------------------------------------------------
@@ -209,21 +178,15 @@ def _schema() -> etree.XMLSchema:
     return etree.XMLSchema(_schema_tree())
 
 
-def _validate(root: etree._Element, places: dict[etree._Element, Location], file: Location, *, replaced: bool) -> None:
-    if root.tag != f"{{{NAMESPACE}}}scenario":
-        raise InputError(
-            f"the root element is {etree.QName(root).text}; expected is <scenario xmlns={NAMESPACE!r}>",
-            places[root],
-        )
+def _validate(root: etree._Element, places: dict[etree._Element, Location], *, changed: bool) -> None:
     schema = _schema()
     if schema.validate(root):
         return
     error = schema.error_log[0]
-    found = root.getroottree().xpath(error.path) if error.path else []
-    where = places.get(found[0], file) if found else file
-    element = found[0] if found else root
-    suffix = " (after --set)" if replaced else ""
-    raise InputError(_sentence(error.message, element) + suffix, where)
+    found = root.getroottree().xpath(error.path)
+    element = found[0] if isinstance(found, list) and isinstance(found[0], etree._Element) else root
+    suffix = " (as changed on the command line)" if changed else ""
+    raise InputError(_sentence(error.message, element) + suffix, places[element])
 
 
 def _sentence(message: str, element: etree._Element) -> str:
@@ -265,13 +228,11 @@ def _type_of(tag: str) -> str:
 def _attributes_of(tag: str) -> dict[str, str]:
     """Return the attributes that the schema knows for an element, with what the value of each must be."""
     name = _type_of(tag)
-    complex_type = next(t for t in _schema_tree().iter(_XS + "complexType") if t.get("name") == name)
-    return {a.get("name"): _describe_type(a.get("type")) for a in complex_type.iterfind(_XS + "attribute")}
+    complex_types = [t for t in _schema_tree().iter(_XS + "complexType") if t.get("name") == name]
+    return {a.get("name"): _describe_type(a.get("type")) for t in complex_types for a in t.iterfind(_XS + "attribute")}
 
 
 def _describe_type(name: str) -> str:
     """Return what a value of a simple type is, in the words of the type's documentation in the schema."""
-    if name == "xs:nonNegativeInteger":
-        return "a whole number from 0"
     simple_type = next(t for t in _schema_tree().iter(_XS + "simpleType") if t.get("name") == name)
     return " ".join(simple_type.findtext(f".//{_XS}documentation").split())

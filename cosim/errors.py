@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import unicodedata
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -69,10 +71,13 @@ class RunInterrupted(KeyboardInterrupt):
         super().__init__(f"interrupted at t = {time:.6g} s")
 
 
+def printable(text: str) -> str:
+    """Return a text of unknown origin without characters that control a terminal, but for the line's end."""
+    return "".join("?" if unicodedata.category(c) in ("Cc", "Cf", "Cs") and c != "\n" else c for c in text)
+
+
 def nearest(name: str, known: list[str]) -> str:
     """Return a sentence that helps with a mistyped name: the nearest known one, and all of them."""
-    import difflib
-
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name[:100], known, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}Known: {', '.join(sorted(known)) or 'none'}."
+    return f"{hint}{'K' if hint else 'k'}nown: {', '.join(sorted(known)) or 'none'}"

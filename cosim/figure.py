@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,14 +30,19 @@ def save_figure(result: xr.Dataset, path: Path) -> None:
         The file cannot be written.
     """
     buffer = io.BytesIO()
-    draw(result).savefig(buffer, format="png", dpi=120)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a title in letters that the font lacks
+        draw(result).savefig(buffer, format="png", dpi=120)
     write(path, buffer.getbuffer())
 
 
 def draw(result: xr.Dataset) -> Figure:
     """Return the figure: panels (a) to (h) as in the paper; one whose signal was not recorded says so."""
     figure = Figure(figsize=(13, 16), layout="constrained")
-    figure.suptitle(f"{result.attrs['title']} ({result.attrs['scenario_name']})", fontsize=13)
+    title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
+    if result.attrs["status"] != "completed":
+        title += f", ended early at {result['time'].values[-1]:g} s"
+    figure.suptitle(title, fontsize=13, parse_math=False)
     grid = figure.add_gridspec(4, 2, height_ratios=(1.5, 1.2, 1.2, 0.8))
     robots = [str(robot) for robot in result["robot"].values]
     colours = dict(zip(robots, _colours(len(robots)), strict=True))
@@ -55,7 +61,7 @@ def draw(result: xr.Dataset) -> Figure:
         "(c) tracking errors",
         result,
         colours,
-        {"range [m]": result["range_error"], "bearing [deg]": _degrees(result["bearing_error"])},
+        {"range error [m]": result["range_error"], "bearing error [deg]": _degrees(result["bearing_error"])},
     )
     _draw_pair(
         figure,
@@ -75,8 +81,8 @@ def draw(result: xr.Dataset) -> Figure:
         result,
         colours,
         {
-            "range [m]": _error_of("range_estimate", result["range"], result),
-            "bearing [deg]": _degrees(_error_of("bearing_estimate", result["bearing"], result)),
+            "range error [m]": _error_of("range_estimate", result["range"], result),
+            "bearing error [deg]": _degrees(_error_of("bearing_estimate", result["bearing"], result)),
         },
     )
     speed, steering = (result["velocity"].isel(velocity_component=i) for i in range(2))
@@ -87,8 +93,8 @@ def draw(result: xr.Dataset) -> Figure:
         result,
         colours,
         {
-            "v [m/s]": _error_of("speed_estimate", speed, result),
-            "omega [rad/s]": _error_of("steering_rate_estimate", steering, result),
+            "error of v [m/s]": _error_of("speed_estimate", speed, result),
+            "error of omega [rad/s]": _error_of("steering_rate_estimate", steering, result),
         },
     )
     for place, title, name, label in (
@@ -97,7 +103,9 @@ def draw(result: xr.Dataset) -> Figure:
     ):
         axes = figure.add_subplot(place)
         axes.set_title(title)
-        _draw_lines(axes, result, colours, label, result.get(name))
+        signal = result.get(name)
+        unit = f" [{signal.attrs['units']}]" if signal is not None else ""
+        _draw_lines(axes, result, colours, label + unit, signal)
         axes.set_xlabel("time [s]")
     return figure
 
@@ -141,6 +149,15 @@ def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) 
                 zorder=3,
             )
         axes.plot(leader[sample, 0], leader[sample, 1], marker="D", markersize=4, color=_LEADER)
+        time = f"{result['time'].values[sample]:.0f} s"
+        axes.annotate(
+            time,
+            (leader[sample, 0], leader[sample, 1]),
+            textcoords="offset points",
+            xytext=(0, 6),
+            fontsize=8,
+            ha="center",
+        )
     points = np.concatenate([leader[shown, :2], *(pose[shown, :2] for pose in poses.values())])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float(np.max(high - low)) + 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import tempfile
 import zipfile
@@ -10,6 +11,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import fmpy
 
@@ -56,7 +58,10 @@ def open_fmu(path: Path, where: Location | None = None) -> Fmu:
         The file is not an FMU that can be used here: why, and which file; `where` is the place that asks for it.
     """
     try:
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        if path.exists() and not path.is_file():  # a pipe or a device may never end
+            raise InputError(f"the FMU {path} is not a regular file", where)
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
     _check_archive(path, where)
@@ -65,7 +70,7 @@ def open_fmu(path: Path, where: Location | None = None) -> Fmu:
         description = _unpack(path, directory, where)
         _check_interface(path, description, directory, where)
         return Fmu(path, sha256, description, bind(description, str(path), where), directory)
-    except InputError:
+    except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
         raise
 
@@ -97,13 +102,33 @@ def _check_archive(path: Path, where: Location | None) -> None:
                 raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
             if archive.getinfo("modelDescription.xml").file_size > MAX_DESCRIPTION_BYTES:
                 raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
-            if b"<!DOCTYPE" in archive.read("modelDescription.xml"):
+            if has_document_type(archive.read("modelDescription.xml")):
                 raise InputError(f"the FMU {path} declares a document type in its modelDescription.xml", where)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
         raise InputError(f"{path} is not an FMU: {error}", where) from None
 
 
+def has_document_type(xml: bytes) -> bool:
+    """Return whether an XML document, in any encoding, declares a document type; what is not XML does not."""
+
+    def found(*_: object) -> None:
+        raise StopIteration
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = found
+    try:
+        parser.Parse(xml, True)
+    except StopIteration:
+        return True
+    except (expat.ExpatError, LookupError, ValueError):
+        return False
+    return False
+
+
 def _check_interface(path: Path, description: Any, directory: Path, where: Location | None) -> None:
+    identifier = description.coSimulation.modelIdentifier if description.coSimulation else ""
+    if description.coSimulation and not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier or ""):
+        raise InputError(f"the FMU {path} has the model identifier {identifier!r}, which is no C identifier", where)
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         kinds = [
             name

@@ -10,7 +10,7 @@ import ctypes
 import itertools
 from collections import deque
 from collections.abc import Iterable
-from pathlib import Path
+from contextlib import suppress
 from typing import Any, ClassVar
 
 import fmpy
@@ -19,10 +19,10 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException, printLogMessage
 from numpy.typing import NDArray
 
-from cosim.contract import BoundRole, unit_of
-from cosim.errors import InputError, Location, SimulationError, nearest
+from cosim.contract import BoundRole
+from cosim.errors import InputError, Location, SimulationError, printable
 from cosim.fmu import Fmu
-from cosim.scenario import Setting, quantity
+from cosim.parameters import ParameterValue, items
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _WARNING = 1
@@ -46,37 +46,59 @@ class Plant:
         Initial pose in the contract's units.
     stop_time
         End of the run [s].
+    where
+        The place in the scenario that asks for it.
+
+    Attributes
+    ----------
+    messages : list of str
+        What the FMU logged while it ran, with the time; the first ones.
+
+    Raises
+    ------
+    InputError
+        The FMU cannot be loaded, or refuses to start: its own messages.
     """
 
     def __init__(
-        self, fmu: Fmu, robot: str, parameters: Iterable[Setting], pose: Iterable[float], stop_time: float
+        self,
+        fmu: Fmu,
+        robot: str,
+        parameters: Iterable[ParameterValue],
+        pose: Iterable[float],
+        stop_time: float,
+        where: Location | None = None,
     ) -> None:
         self.robot = robot
         self.fmu = fmu
-        contract = fmu.binding.contract
-        values = [(setting, *_understand(fmu, setting)) for setting in parameters]
+        self.messages: list[str] = []
         self._log = _Log()
-        self._instance = fmi2.FMU2Slave(
-            guid=fmu.description.guid,
-            unzipDirectory=str(fmu.directory),
-            modelIdentifier=fmu.description.coSimulation.modelIdentifier,
-            instanceName=robot,
-        )
+        self._instance: Any = None
+        self._initialised = False
+        contract = fmu.binding.contract
         try:
+            self._instance = fmi2.FMU2Slave(
+                guid=fmu.description.guid,
+                unzipDirectory=str(fmu.directory),
+                modelIdentifier=fmu.description.coSimulation.modelIdentifier,
+                instanceName=robot,
+            )
             self._instance.instantiate(callbacks=self._log.callbacks, loggingOn=False)
-            for setting, variable, value in values:
-                self._set(variable, value, setting.where)
+            for parameter in parameters:
+                self._set(parameter)
             for bound, entry in zip(fmu.binding.of(contract.pose), pose, strict=True):
-                self._set(bound.variable, entry / bound.scale, None)
+                self._instance.setReal([bound.variable.valueReference], [entry / bound.scale])
             self._instance.setupExperiment(startTime=0.0, stopTime=stop_time)
             self._instance.enterInitializationMode()
             self._instance.exitInitializationMode()
-        except FMICallException as error:
+            self._initialised = True
+        except InputError:
             self.close()
-            raise InputError(f"the FMU {fmu.path} refuses to start as {robot}: {self._log.text() or error}") from None
-        except Exception as error:  # FMPy raises a bare Exception when instantiation fails
+            raise
+        except Exception as error:  # FMPy raises a bare Exception where loading or instantiation fails
+            said = self._log.take() or str(error)
             self.close()
-            raise InputError(f"the FMU {fmu.path} cannot be started: {self._log.text() or error}") from None
+            raise InputError(f"the FMU {fmu.path} cannot be started as {robot}: {said}", where) from None
         self._outputs = _Block(self._instance, "fmi2GetReal", fmu.binding.of((*contract.pose, *contract.velocity)))
         self._inputs = _Block(self._instance, "fmi2SetReal", fmu.binding.of(contract.torque))
         self._do_step = self._instance.dll["fmi2DoStep"]
@@ -91,12 +113,8 @@ class Plant:
             The FMU did not accept the torques or did not complete the step: its own messages.
         """
         np.divide(torque, self._inputs.scale, out=self._inputs.values)
-        status = self._inputs.call()
-        if status > _WARNING:
-            raise self._failure("set the torques", status, time)
-        status = self._do_step(self._instance.component, time, step, 1)
-        if status > _WARNING:
-            raise self._failure("complete the step", status, time)
+        self._check(self._inputs.call(), "accept the torques", time)
+        self._check(self._do_step(self._instance.component, time, step, 1), "complete the step", time)
 
     def read(self, time: float, out: NDArray[np.float64]) -> None:
         """Write pose and pseudo-velocities in the contract's units into `out` (6,).
@@ -106,9 +124,7 @@ class Plant:
         SimulationError
             The FMU returns no outputs.
         """
-        status = self._outputs.call()
-        if status > _WARNING:
-            raise self._failure("return its outputs", status, time)
+        self._check(self._outputs.call(), "return its outputs", time)
         np.multiply(self._outputs.values, self._outputs.scale, out=out)
 
     def geometry(self) -> dict[str, Any]:
@@ -118,42 +134,46 @@ class Plant:
             bound = self.fmu.binding.bound[role.name]
             reference = [bound.variable.valueReference]
             if bound.variable.type == "Enumeration":
-                geometry[field] = _items(bound.variable)[self._instance.getInteger(reference)[0]]
+                geometry[field] = items(bound.variable).get(self._instance.getInteger(reference)[0])
             else:
                 geometry[field] = self._instance.getReal(reference)[0] * bound.scale
         return geometry
 
     def close(self) -> None:
-        """End the instance and release its library."""
-        if self._instance.component:
+        """Terminate the instance, free it and release its library."""
+        if self._instance is not None and self._instance.component:
+            if self._initialised:
+                with suppress(FMICallException):  # refused after a failed step
+                    self._instance.terminate()
             self._instance.freeInstance()
             self._instance.component = None
         self._log.close()
 
-    def _set(self, variable: Any, value: float | int | bool | str, where: Location | None) -> None:
+    def _set(self, parameter: ParameterValue) -> None:
         setter = {
             "Real": self._instance.setReal,
             "Integer": self._instance.setInteger,
             "Enumeration": self._instance.setInteger,
             "Boolean": self._instance.setBoolean,
             "String": self._instance.setString,
-        }[variable.type]
+        }[parameter.variable.type]
         try:
-            setter([variable.valueReference], [value])
+            setter([parameter.variable.valueReference], [parameter.value])
         except FMICallException as error:
-            raise InputError(
-                f"the FMU {self.fmu.path.name} refuses {variable.name} = {value}: {self._log.text() or error}",
-                where,
-            ) from None
+            what = f"{parameter.variable.name} = {parameter.value}"
+            said = self._log.take() or error
+            raise InputError(f"the FMU {self.fmu.path.name} refuses {what}: {said}", parameter.where) from None
 
-    def _failure(self, what: str, status: int, time: float) -> SimulationError:
-        name = _STATUS[status] if status < len(_STATUS) else str(status)
-        said = self._log.text()
-        return SimulationError(
-            self.robot,
-            time,
-            f"the plant {self.fmu.path.name} did not {what} (status {name})" + (f": {said}" if said else ""),
-        )
+    def _check(self, status: int, what: str, time: float) -> None:
+        if status == 0 and not self._log.messages:
+            return
+        said = self._log.take()
+        if status > _WARNING:
+            name = _STATUS[status] if status < len(_STATUS) else str(status)
+            message = f"the plant {self.fmu.path.name} did not {what} (status {name})"
+            raise SimulationError(self.robot, time, f"{message}: {said}" if said else message)
+        if said and len(self.messages) < _KEPT_MESSAGES:
+            self.messages.append(f"t = {time:.6g} s: {said}")
 
 
 class _Block:
@@ -204,68 +224,14 @@ class _Log:
         else:  # an instance that something else in this process made through FMPy
             printLogMessage(handle, instance, status, category, message)
 
-    def text(self) -> str:
-        return "; ".join(self.messages)
+    def take(self) -> str:
+        """Return the messages since the last time, printable, as one text."""
+        text = printable(" ".join("; ".join(self.messages).split()))
+        self.messages.clear()
+        return text
 
     def close(self) -> None:
         self._open.pop(self._handle, None)
 
 
 _logger = fmi2.fmi2CallbackLoggerTYPE(_Log.receive)
-
-
-# Parameters -------------------------------------------------------------------------------------------------
-
-
-def _understand(fmu: Fmu, setting: Setting) -> tuple[Any, float | int | bool | str]:
-    """Return the variable that a setting is for, and the value in the variable's own unit."""
-    parameters = {v.name: v for v in fmu.description.modelVariables if v.causality == "parameter"}
-    file = Path(fmu.path).name
-    if setting.name not in parameters:
-        raise InputError(
-            f"the FMU {file} has no parameter {setting.name!r}: {nearest(setting.name, list(parameters))}",
-            setting.where,
-        )
-    variable = parameters[setting.name]
-    try:
-        return variable, _value(fmu, variable, setting.value)
-    except ValueError as error:
-        raise InputError(f"parameter {setting.name} of {file}: {error}", setting.where) from None
-
-
-def _value(fmu: Fmu, variable: Any, text: str) -> float | int | bool | str:
-    if variable.type == "Real":
-        return _in_bounds(variable, _real(fmu, variable, text), text)
-    if variable.type == "Integer":
-        try:
-            return int(_in_bounds(variable, int(text), text))
-        except ValueError:
-            raise ValueError(f"{text!r} is not a whole number within the bounds") from None
-    if variable.type == "Enumeration":
-        items = {name: value for value, name in _items(variable).items()}
-        if text not in items:
-            raise ValueError(f"{text!r} is none of its items: {nearest(text, list(items))}")
-        return items[text]
-    if variable.type == "Boolean":
-        if text not in ("true", "false"):
-            raise ValueError(f"{text!r} is neither true nor false")
-        return text == "true"
-    return text
-
-
-def _real(fmu: Fmu, variable: Any, text: str) -> float:
-    has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
-    return quantity(text, unit_of(fmu.description, variable) if has_unit else "1")
-
-
-def _in_bounds(variable: Any, value: float, text: str) -> float:
-    for name, violates in (("min", float.__lt__), ("max", float.__gt__)):
-        bound = getattr(variable, name) or getattr(variable.declaredType, name, None)
-        if bound is not None and violates(float(value), float(bound)):
-            word = {"min": "at least", "max": "at most"}[name]
-            raise ValueError(f"{text} is out of bounds; it must be {word} {bound} {variable.unit or ''}".rstrip())
-    return value
-
-
-def _items(variable: Any) -> dict[int, str]:
-    return {int(item.value): str(item.name) for item in variable.declaredType.items}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,30 +12,34 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Channel:
-    """A recorded signal: its name, dimensions after ``time``, and how a reader is told what it is."""
+    """A recorded signal: its name, dimensions and shape after ``time``, and how a reader is told what it is."""
 
     name: str
     dims: tuple[str, ...]
+    shape: tuple[int, ...]
     units: str
     long_name: str
 
+    @property
+    def bytes_per_sample(self) -> int:
+        """Memory of one sample."""
+        return 8 * math.prod(self.shape)
+
 
 class Recorder:
-    """Arrays of all channels over the samples of a run; a sample that was never recorded stays out of the result.
+    """Arrays of all channels over the samples of a run; what is not recorded is NaN.
 
     Parameters
     ----------
     samples
         How many samples the whole run has.
-    channels, shapes
-        The signals, and the shape of one sample of each.
+    channels
+        The signals.
     """
 
-    def __init__(self, samples: int, channels: Sequence[Channel], shapes: Sequence[tuple[int, ...]]) -> None:
+    def __init__(self, samples: int, channels: Sequence[Channel]) -> None:
         self.channels = {channel.name: channel for channel in channels}
-        self._arrays = {
-            channel.name: np.full((samples, *shape), np.nan) for channel, shape in zip(channels, shapes, strict=True)
-        }
+        self._arrays = {channel.name: np.full((samples, *channel.shape), np.nan) for channel in channels}
         self.recorded = 0
 
     def row(self, name: str, sample: int) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import platform
+import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
@@ -17,18 +18,18 @@ from formation_controllers import CarLike
 from formation_controllers.geometry import range_bearing
 from numpy.typing import NDArray
 
-from cosim.contract import Contract
 from cosim.errors import OutputError
 from cosim.fmu import Fmu
 from cosim.recorder import Recorder
 from cosim.scenario import Scenario
+from cosim.setup import Setup
 from cosim.team import Team
 
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
 
 def dataset(
-    scenario: Scenario, contract: Contract, recorder: Recorder, teams: Sequence[Team], fmus: Mapping[str, Fmu]
+    scenario: Scenario, setup: Setup, recorder: Recorder, teams: Sequence[Team], messages: Sequence[str]
 ) -> xr.Dataset:
     """Return what a run has recorded, with what follows from it.
 
@@ -36,16 +37,17 @@ def dataset(
     each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
 
     Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
-    of every controller, versions of the libraries, and ``status`` (``completed`` or ``incomplete``).
+    of every controller, versions of the libraries, what the plants logged, and ``status`` (``completed`` or
+    ``incomplete``).
     """
     arrays = recorder.arrays()
     samples = recorder.recorded
     coordinates: dict[str, object] = {
         "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
         "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        "pose_component": [role.name for role in contract.pose],
-        "velocity_component": [role.name for role in contract.velocity],
-        "torque_component": [role.name for role in contract.torque],
+        "pose_component": [role.name for role in setup.contract.pose],
+        "velocity_component": [role.name for role in setup.contract.velocity],
+        "torque_component": [role.name for role in setup.contract.torque],
     }
     for team in teams:
         for signal in team.controller.signals:
@@ -71,7 +73,7 @@ def dataset(
         ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
     ):
         variables[name] = (("time", "robot"), values, {"units": units, "long_name": long_name})
-    return xr.Dataset(variables, coordinates, _provenance(scenario, samples, teams, fmus))
+    return xr.Dataset(variables, coordinates, _provenance(scenario, samples, teams, setup.fmus, messages))
 
 
 def save(result: xr.Dataset, path: Path) -> None:
@@ -101,14 +103,24 @@ def write(path: Path, data: bytes | memoryview) -> None:
     OutputError
         The file cannot be written.
     """
-    partial = path.with_name(path.name + ".partial")
+    partial = None
     try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name + ".", delete=False) as partial:
+            partial.write(data)
+        os.chmod(partial.name, 0o666 & ~_umask())
+        os.replace(partial.name, path)
+    except BaseException as error:
+        if partial is not None:
+            with suppress(OSError):
+                os.unlink(partial.name)
+        if isinstance(error, OSError):
+            raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+        raise
+
+
+def _umask() -> int:
+    os.umask(mask := os.umask(0))
+    return mask
 
 
 def load(path: str | Path) -> xr.Dataset:
@@ -126,7 +138,7 @@ def _range_bearing(
 
 
 def _provenance(
-    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu]
+    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu], messages: Sequence[str]
 ) -> dict[str, str | int | float]:
     return {
         "title": scenario.title,
@@ -150,14 +162,15 @@ def _provenance(
         "controllers": json.dumps(
             [
                 {
-                    "name": team.identity.name,
-                    "package": team.identity.package,
-                    "version": team.identity.version,
+                    "name": team.law.source.name,
+                    "package": team.law.package,
+                    "version": team.law.version,
                     "robots": team.robots,
                 }
                 for team in teams
             ]
         ),
+        "plant_messages": json.dumps(messages),
         "versions": json.dumps(
             {"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}}
         ),

@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from lxml import etree
 
+from cosim.changes import Change, set_value
 from cosim.document import NAMESPACE, Document, local_name, read_document
-from cosim.errors import InputError, Location, nearest
+from cosim.errors import InputError, Location, nearest, printable
 from plants import UnitError, units
 
 LEADER = "leader"
 MAX_TICKS = 10_000_000
 
 _NS = "{" + NAMESPACE + "}"
-_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) ?(.*)")
+_QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?) ?(.*)")
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ class ControllerSource:
 
     id: str
     name: str
-    package: str | None
-    version: str | None
+    package: str
+    version: str
     gains: tuple[Setting, ...]
     where: Location
 
@@ -77,10 +78,11 @@ class Follower:
 
 @dataclass(frozen=True)
 class RmsExpectation:
-    """The root mean square of a signal, for each follower, over a window of time [s], is below a bound."""
+    """The root mean square of a signal, for each follower, over a window of time [s], is below a bound in a unit."""
 
     signal: str
-    below: str
+    below: float
+    unit: str
     start: float
     stop: float
     where: Location
@@ -125,45 +127,23 @@ class Scenario:
         return self.ticks * self.step
 
 
-def read_scenario(path: str | Path, replacements: Iterable[str] = ()) -> Scenario:
+def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Scenario:
     """Read a scenario file.
 
     Parameters
     ----------
     path
         The file.
-    replacements
-        ``XPATH=VALUE`` each, applied before the document is checked.
+    changes
+        Made before the document is checked: ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.changes`.
 
     Raises
     ------
     InputError
         What the file says is not a scenario; with file, line and column.
     """
-    return _Reader(read_document(Path(path), replacements)).scenario()
-
-
-def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario with another seed of the noise."""
-    if seed < 0:
-        raise InputError(f"the seed {seed} is negative; expected a whole number from 0")
-    return replace(scenario, seed=seed)
-
-
-def with_fmu(scenario: Scenario, plant: str, fmu: Path) -> Scenario:
-    """Return the scenario with the FMU of one plant replaced; its parameters are kept."""
-    source = _known(scenario.plants, plant, "plant")
-    changed = replace(source, model=None, fmu=fmu.absolute())
-    return replace(scenario, plants={**scenario.plants, plant: changed})
-
-
-def with_controller(scenario: Scenario, controller: str, name: str) -> Scenario:
-    """Return the scenario with one control law replaced, at that law's default gains: gains belong to a law."""
-    source = _known(scenario.controllers, controller, "controller")
-    if name == source.name:
-        return scenario
-    changed = replace(source, name=name, package=None, version=None, gains=())
-    return replace(scenario, controllers={**scenario.controllers, controller: changed})
+    made = [set_value(change) if isinstance(change, str) else change for change in changes]
+    return _Reader(read_document(Path(path), made)).scenario()
 
 
 _T = TypeVar("_T")
@@ -199,7 +179,7 @@ class _Reader:
             path=self.document.path,
             text=self.document.text,
             name=root.get("name", ""),
-            title=" ".join(root.findtext(_NS + "title", "").split()),
+            title=printable(" ".join(root.findtext(_NS + "title", "").split())),
             step=step,
             ticks=ticks,
             seed=int(simulation.get("seed", "0")),
@@ -236,8 +216,8 @@ class _Reader:
         return ControllerSource(
             id=element.get("id", ""),
             name=element.get("name", ""),
-            package=element.get("package"),
-            version=element.get("version"),
+            package=element.get("package", ""),
+            version=element.get("version", ""),
             gains=self._settings(element, "gain"),
             where=self.document.where(element),
         )
@@ -281,9 +261,12 @@ class _Reader:
             raise self._error(
                 element, f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s"
             )
+        match = _QUANTITY.fullmatch(element.get("below", ""))
+        assert match is not None, "the schema demands a quantity"
         return RmsExpectation(
             signal=element.get("signal", ""),
-            below=element.get("below", ""),
+            below=float(match[1]),
+            unit=match[2] or "1",
             start=start,
             stop=stop,
             where=self.document.where(element),
@@ -291,14 +274,16 @@ class _Reader:
 
     def _ticks(self, simulation: etree._Element, step: float) -> int:
         horizon = self._positive(simulation, "horizon", "s")
-        ticks = round(horizon / step)
-        if ticks < 1 or abs(horizon / step - ticks) > 1e-9 * ticks:
+        steps = horizon / step
+        if steps > MAX_TICKS:
             raise self._error(
-                simulation,
-                f"the horizon {horizon:g} s is not a whole number of communication steps of {step:g} s",
+                simulation, f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible"
             )
-        if ticks > MAX_TICKS:
-            raise self._error(simulation, f"the run has {ticks} communication steps; at most {MAX_TICKS} are possible")
+        ticks = round(steps)
+        if ticks < 1 or abs(steps - ticks) > 1e-9 * ticks:
+            raise self._error(
+                simulation, f"the horizon {horizon:g} s is not a whole number of communication steps of {step:g} s"
+            )
         return ticks
 
     # Values

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from collections.abc import Callable
+from contextlib import ExitStack, nullcontext
 from types import TracebackType
 from typing import Self
 
@@ -13,20 +11,23 @@ import formation_controllers as fc
 import numpy as np
 import xarray as xr
 
-import plants
-from cosim.contract import Contract
 from cosim.errors import InputError, RunInterrupted, SimulationError
-from cosim.fmu import Fmu, open_fmu
+from cosim.interrupt import HeldSignals
 from cosim.plant import Plant
-from cosim.recorder import Channel, Recorder
+from cosim.recorder import Recorder
 from cosim.result import dataset
-from cosim.scenario import LEADER, PlantSource, Scenario
+from cosim.scenario import LEADER, Scenario
 from cosim.sensing import PoseSensor
-from cosim.summary import check_expectations
+from cosim.setup import set_up
 from cosim.team import Team
+from cosim.timing import timed
 
-DIVERGED = 1e6
-"""A pose entry or velocity beyond this magnitude [m, rad, m/s, rad/s] is taken for divergence."""
+DIVERGED_POSE = 1e9
+"""A pose entry beyond this magnitude [m, rad] is taken for divergence."""
+DIVERGED_VELOCITY = 1e6
+"""A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
+
+_BOUNDS = np.array([DIVERGED_POSE] * 4 + [DIVERGED_VELOCITY] * 2)
 
 
 class Simulation:
@@ -58,15 +59,13 @@ class Simulation:
         desired = np.array([follower.desired for follower in scenario.followers])
         self._desired = fc.Desired(desired, np.zeros_like(desired), np.zeros_like(desired))
         with ExitStack() as cleanup:
-            self._fmus = self._open_fmus(cleanup)
-            self.contract = self._shared_contract()
+            self.setup = set_up(scenario, cleanup, self.timing)
             self._plants = self._start_plants(cleanup)
             self._teams = self._gather_teams()
             robots = [follower.id for follower in scenario.followers]
-            channels = [role.name for role in self.contract.pose]
+            channels = [role.name for role in self.setup.contract.pose]
             self._sensor = PoseSensor(scenario.seed, robots, channels, scenario.noise)
-            self._recorder = self._new_recorder()
-            check_expectations(scenario.expectations, self._units_of_signals())
+            self._recorder = Recorder(scenario.ticks + 1, self.setup.channels)
             self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
@@ -91,12 +90,16 @@ class Simulation:
         except SimulationError as error:
             error.result = self.result()
             raise
+        except Exception as error:  # a fault of ours must not lose what was computed either
+            failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
+            failure.result = self.result()
+            raise failure from error
         self.tick += 1
 
     def _sense(self) -> None:
         for plant, state in zip(self._plants, self._state, strict=True):
             plant.read(self.time, state)
-        if not (np.abs(self._state) < DIVERGED).all():  # not finite is not smaller
+        if not (np.abs(self._state) < _BOUNDS).all():  # not finite is not smaller
             self._report_divergence()
         self._sensor.measure(self.tick, self._state[1:, :4], self._measured)
 
@@ -122,7 +125,7 @@ class Simulation:
         row("desired_range", k)[:] = self._desired.q[:, 0]
         row("desired_bearing", k)[:] = self._desired.q[:, 1]
         for team in self._teams:
-            for name, values in team.controller.telemetry().items():
+            for name, values in team.telemetry(self.time).items():
                 row(name, k)[team.rows] = values
         self._recorder.recorded = k + 1
 
@@ -131,8 +134,8 @@ class Simulation:
             plant.step(self.time, self.scenario.step, torque)
 
     def _report_divergence(self) -> None:
-        row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < DIVERGED))[0])
-        role = (*self.contract.pose, *self.contract.velocity)[column]
+        row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < _BOUNDS))[0])
+        role = (*self.setup.contract.pose, *self.setup.contract.velocity)[column]
         value = self._state[row, column]
         raise SimulationError(
             self._plants[row].robot,
@@ -167,21 +170,24 @@ class Simulation:
         RunInterrupted
             The user pressed Ctrl-C.
         """
-        started = time.perf_counter()
-        try:
-            while not self.finished:
-                if progress:
-                    progress(self.tick)
-                self.step()
-        except KeyboardInterrupt:
-            raise RunInterrupted(self.time, self.result()) from None
-        finally:
-            self.timing["loop"] = time.perf_counter() - started
-        return self.result()
+        with HeldSignals(patience=1) as signals, timed(self.timing, "loop"):
+            try:
+                while not self.finished and not signals.received:
+                    if progress:
+                        progress(self.tick)
+                    with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
+                        self.step()
+            except KeyboardInterrupt:
+                signals.received += 1
+            result = self.result()
+        if signals.received:
+            raise RunInterrupted(self.time, result)
+        return result
 
     def result(self) -> xr.Dataset:
         """Return everything recorded so far; see `cosim.result.dataset`."""
-        return dataset(self.scenario, self.contract, self._recorder, self._teams, self._fmus)
+        messages = [f"{plant.robot}, {message}" for plant in self._plants for message in plant.messages]
+        return dataset(self.scenario, self.setup, self._recorder, self._teams, messages)
 
     def close(self) -> None:
         """End all plant instances and remove what was unpacked."""
@@ -198,33 +204,15 @@ class Simulation:
 
     # Setting up --------------------------------------------------------------------------------------------
 
-    def _open_fmus(self, cleanup: ExitStack) -> dict[str, Fmu]:
-        used = {self.scenario.leader.plant, *(follower.plant for follower in self.scenario.followers)}
-        fmus = {}
-        for source in self.scenario.plants.values():
-            if source.id not in used:
-                continue
-            with self._timed("build"):
-                path = _fmu_path(source)
-            with self._timed("load"):
-                fmus[source.id] = open_fmu(path, source.where)
-            cleanup.callback(fmus[source.id].close)
-        return fmus
-
-    def _shared_contract(self) -> Contract:
-        contracts = {fmu.binding.contract.vehicle: fmu.binding.contract for fmu in self._fmus.values()}
-        if len(contracts) > 1:
-            raise InputError(f"a formation of different vehicles ({', '.join(contracts)}) is not possible yet")
-        return next(iter(contracts.values()))
-
     def _start_plants(self, cleanup: ExitStack) -> list[Plant]:
         scenario = self.scenario
         robots = [(LEADER, scenario.leader.plant, scenario.leader.pose)]
         robots += [(follower.id, follower.plant, follower.pose) for follower in scenario.followers]
         started = []
-        with self._timed("load"):
+        with timed(self.timing, "load"):
             for robot, source, pose in robots:
-                plant = Plant(self._fmus[source], robot, scenario.plants[source].parameters, pose, scenario.horizon)
+                fmu, parameters = self.setup.fmus[source], self.setup.parameters[source]
+                plant = Plant(fmu, robot, parameters, pose, scenario.horizon, scenario.plants[source].where)
                 cleanup.callback(plant.close)
                 started.append(plant)
         return started
@@ -234,73 +222,13 @@ class Simulation:
         for row, follower in enumerate(self.scenario.followers):
             groups.setdefault((follower.controller, follower.plant), []).append(row)
         teams = []
-        with self._timed("controllers"):
+        with timed(self.timing, "controllers"):
             for (controller, _), rows in groups.items():
-                source = self.scenario.controllers[controller]
+                law = self.setup.laws[controller]
                 try:
                     vehicle = fc.CarLike(**self._plants[1 + rows[0]].geometry())
                 except fc.ControllerError as error:
-                    raise InputError(str(error), source.where) from None
+                    raise InputError(str(error), law.source.where) from None
                 robots = [self.scenario.followers[row].id for row in rows]
-                teams.append(Team(source, robots, rows, vehicle, self.scenario.step))
+                teams.append(Team(law, robots, rows, vehicle, self.scenario.step))
         return teams
-
-    def _new_recorder(self) -> Recorder:
-        n = len(self.scenario.followers)
-        channels: dict[str, tuple[Channel, tuple[int, ...]]] = {}
-
-        def add(name: str, dims: tuple[str, ...], shape: tuple[int, ...], units: str, long_name: str) -> None:
-            channels[name] = (Channel(name, dims, units, long_name), shape)
-
-        pose, velocity, torque = (
-            ", ".join(role.unit for role in roles)
-            for roles in (self.contract.pose, self.contract.velocity, self.contract.torque)
-        )
-        add("leader_pose", ("pose_component",), (4,), pose, "pose of the virtual leader")
-        add(
-            "leader_velocity",
-            ("velocity_component",),
-            (2,),
-            velocity,
-            "pseudo-velocities of the virtual leader",
-        )
-        add("leader_torque", ("torque_component",), (2,), torque, "torque that drives the virtual leader")
-        add("pose", ("robot", "pose_component"), (n, 4), pose, "pose")
-        add("velocity", ("robot", "velocity_component"), (n, 2), velocity, "pseudo-velocities")
-        add("measured_pose", ("robot", "pose_component"), (n, 4), pose, "pose as measured")
-        add("torque", ("robot", "torque_component"), (n, 2), torque, "torque as applied")
-        add("desired_range", ("robot",), (n,), "m", "desired range")
-        add("desired_bearing", ("robot",), (n,), "rad", "desired bearing")
-        for team in self._teams:
-            for signal in team.controller.signals:
-                parts = signal.components
-                dims = ("robot", f"{signal.name}_component") if parts else ("robot",)
-                add(signal.name, dims, (n, len(parts)) if parts else (n,), signal.unit, signal.description)
-        return Recorder(
-            self.scenario.ticks + 1,
-            [channel for channel, _ in channels.values()],
-            [s for _, s in channels.values()],
-        )
-
-    def _units_of_signals(self) -> dict[str, str]:
-        """Return the unit of every signal of the result that has one value a robot and time."""
-        units = {c.name: c.units for c in self._recorder.channels.values() if c.dims == ("robot",)}
-        return units | {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
-
-    @contextmanager
-    def _timed(self, part: str) -> Iterator[None]:
-        started = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.timing[part] = self.timing.get(part, 0.0) + time.perf_counter() - started
-
-
-def _fmu_path(source: PlantSource) -> Path:
-    if source.fmu is not None:
-        return source.fmu
-    assert source.model is not None
-    try:
-        return plants.build(source.model)
-    except plants.PlantError as error:
-        raise InputError(str(error), source.where) from None

@@ -13,12 +13,13 @@ import numpy as np
 import xarray as xr
 
 from cosim.errors import InputError, nearest
-from cosim.scenario import RmsExpectation, Scenario, quantity
-from plants import units
+from cosim.scenario import RmsExpectation, Scenario
+from plants import UnitError, units
 
 RANGE_BAND = 0.1
 BEARING_BAND = math.radians(2.0)
 STEADY_PART = 0.2
+SETTLED_PART = 0.05
 
 _SINGULAR_WHERE_ZERO = {
     "drive_gain": "the gain of the drive torque",
@@ -33,7 +34,8 @@ class FollowerFigures:
     Attributes
     ----------
     settling_time : float or None
-        From when on [s] the range error stays within 0.1 m and the bearing error within 2 degrees; None if it does not.
+        From when on [s] the range error stays within 0.1 m and the bearing error within 2 degrees; None if they do not
+        for at least the last twentieth of the horizon.
     range_rms, bearing_rms : float
         Root mean square of the errors [m], [rad] over the last fifth of the horizon.
     peak_torque : float
@@ -100,7 +102,7 @@ def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
         followers=tuple(_figures(scenario, result.sel(robot=robot)) for robot in result["robot"].values),
         smallest_distance=distance,
         smallest_distance_between=pair,
-        notes=_sign_changes(result),
+        notes=(*_sign_changes(result), *json.loads(result.attrs["plant_messages"])),
         verdicts=tuple(
             verdict for expectation in scenario.expectations if complete for verdict in _judge(expectation, result)
         ),
@@ -123,23 +125,30 @@ def check_expectations(expectations: Sequence[RmsExpectation], units_of: dict[st
     for expectation in expectations:
         if expectation.signal not in units_of:
             known = nearest(expectation.signal, list(units_of))
-            raise InputError(f"the signal {expectation.signal!r} is not recorded: {known}", expectation.where)
+            message = f"{expectation.signal!r} is no signal with one value a robot and time: {known}"
+            raise InputError(message, expectation.where)
+        unit = units_of[expectation.signal]
         try:
-            quantity(expectation.below, units_of[expectation.signal])
-        except ValueError as error:
-            raise InputError(f'below="{expectation.below}": {error}', expectation.where) from None
+            bound = units.convert(expectation.below, expectation.unit, unit)
+        except UnitError as error:
+            raise InputError(
+                f"the bound of {expectation.signal!r}, which is in {unit}: {error}", expectation.where
+            ) from None
+        if not math.isfinite(bound):
+            raise InputError(f"the bound of {expectation.signal!r} is not a finite number", expectation.where)
 
 
 def _figures(scenario: Scenario, follower: xr.Dataset) -> FollowerFigures:
     time = follower["time"].values
     range_error, bearing_error = follower["range_error"].values, follower["bearing_error"].values
     outside = (np.abs(range_error) > RANGE_BAND) | (np.abs(bearing_error) > BEARING_BAND)
-    last_outside = np.flatnonzero(outside)[-1] if outside.any() else -1
+    inside = time[np.flatnonzero(outside)[-1] + 1 :] if outside.any() else time
+    last_chance = time[-1] - SETTLED_PART * scenario.horizon if len(time) else 0.0
     steady = time >= (1 - STEADY_PART) * scenario.horizon - 0.5 * scenario.step
     torque = np.abs(follower["torque"].values)
     return FollowerFigures(
         robot=str(follower["robot"].values),
-        settling_time=float(time[last_outside + 1]) if last_outside + 1 < len(time) else None,
+        settling_time=float(inside[0]) if len(inside) and inside[0] <= last_chance else None,
         range_rms=_rms(range_error[steady]),
         bearing_rms=_rms(bearing_error[steady]),
         peak_torque=float(torque.max()) if torque.size else math.nan,
@@ -177,20 +186,18 @@ def _sign_changes(result: xr.Dataset) -> tuple[str, ...]:
 
 def _judge(expectation: RmsExpectation, result: xr.Dataset) -> list[Verdict]:
     signal = result[expectation.signal]
-    unit = expectation.below.lstrip("+-.0123456789eE ").strip() or signal.attrs["units"]
-    bound = quantity(expectation.below, unit)
     window = signal.sel(time=slice(expectation.start - 1e-9, expectation.stop + 1e-9))
     verdicts = []
     for robot in result["robot"].values:
-        figure = units.convert(_rms(window.sel(robot=robot).values), signal.attrs["units"], unit)
+        figure = units.convert(_rms(window.sel(robot=robot).values), signal.attrs["units"], expectation.unit)
         verdicts.append(
             Verdict(
                 expectation=f"rms {expectation.signal}, {expectation.start:g} to {expectation.stop:g} s",
                 robot=str(robot),
                 figure=figure,
-                bound=bound,
-                unit=unit,
-                passed=figure < bound,
+                bound=expectation.below,
+                unit="" if expectation.unit == "1" else expectation.unit,
+                passed=figure < expectation.below,
             )
         )
     return verdicts

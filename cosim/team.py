@@ -1,4 +1,4 @@
-"""Followers that share a control law and a kind of vehicle, and the controller that serves them."""
+"""A control law as a scenario asks for it, and the followers that share one."""
 
 from __future__ import annotations
 
@@ -16,46 +16,60 @@ from cosim.scenario import ControllerSource
 
 
 @dataclass(frozen=True)
-class ControllerIdentity:
-    """Which code controls: the law, its distribution and that distribution's version."""
+class Law:
+    """A control law that is installed as asked for, with gains that it accepts.
 
-    name: str
+    Attributes
+    ----------
+    source : ControllerSource
+        What the scenario says.
+    package, version : str
+        The distribution that it comes from.
+    controller_type : type
+        The class, a `formation_controllers.controller.Controller`.
+    gains : formation_controllers.Gains
+        The gains.
+    """
+
+    source: ControllerSource
     package: str
     version: str
+    controller_type: Any
+    gains: Any
 
 
-def identify(source: ControllerSource) -> ControllerIdentity:
-    """Find the installed controller that a scenario asks for.
+def installed(name: str) -> fc.Installed:
+    """Return the installed controller of a name.
 
     Raises
     ------
     InputError
-        No installed package offers it (names those that are offered), or not in a version that will do.
+        No installed package offers it: names those that are offered.
     """
-    installed = fc.installed()
-    if source.name not in installed:
-        known = nearest(source.name, list(installed))
-        raise InputError(f"no installed package offers a controller {source.name!r}: {known}", source.where)
-    found = installed[source.name]
-    if source.package is not None and source.package != found.package:
-        raise InputError(
-            f"the controller {source.name!r} is installed from the package {found.package}, not from {source.package}",
-            source.where,
-        )
-    if source.version is not None:
-        try:
-            wanted = SpecifierSet(source.version)
-        except InvalidSpecifier:
-            raise InputError(
-                f'version="{source.version}" is no version range, such as "~=0.1.0"', source.where
-            ) from None
-        if not wanted.contains(found.version, prereleases=True):
-            raise InputError(
-                f"the controller {source.name!r} needs {found.package} {source.version}, "
-                f"but version {found.version} is installed",
-                source.where,
-            )
-    return ControllerIdentity(source.name, found.package, found.version)
+    known = fc.installed()
+    if name not in known:
+        raise InputError(f"no installed package offers a controller {name!r}: {nearest(name, list(known))}")
+    return known[name]
+
+
+def find_law(source: ControllerSource) -> Law:
+    """Find the installed law that a scenario asks for, and check its gains.
+
+    Raises
+    ------
+    InputError
+        It is not installed, comes from another package or in a version that will not do, cannot be loaded, or a gain
+        is wrong.
+    """
+    try:
+        found = installed(source.name)
+        _check_package(source, found)
+        law = fc.load(source.name)
+    except InputError as error:
+        raise InputError(error.message, source.where) from None
+    except fc.ControllerError as error:
+        raise InputError(str(error), source.where) from None
+    return Law(source, found.package, found.version, law, _gains(source, law))
 
 
 class Team:
@@ -63,8 +77,8 @@ class Team:
 
     Parameters
     ----------
-    source
-        The control law and its gains.
+    law
+        The control law.
     robots, rows
         The followers' names, and their rows in the arrays of all followers.
     vehicle
@@ -75,27 +89,20 @@ class Team:
     Raises
     ------
     InputError
-        The controller cannot be loaded, does not serve this vehicle, or a gain is wrong.
+        The law does not serve this vehicle.
     """
 
     def __init__(
-        self,
-        source: ControllerSource,
-        robots: Sequence[str],
-        rows: Sequence[int],
-        vehicle: fc.CarLike,
-        period: float,
+        self, law: Law, robots: Sequence[str], rows: Sequence[int], vehicle: fc.CarLike, period: float
     ) -> None:
-        self.identity = identify(source)
+        self.law = law
         self.robots = tuple(robots)
         self.rows = np.asarray(rows)
         self.vehicle = vehicle
         try:
-            law = fc.load(source.name)
-            gains = _gains(source, law)
-            self.controller = law(fc.Team(vehicle, len(robots), period), gains)
-        except fc.ControllerError as error:
-            raise InputError(f"controller {source.id!r}: {error}", source.where) from None
+            self.controller = law.controller_type(fc.Team(vehicle, len(robots), period), law.gains)
+        except Exception as error:  # a controller is other people's code
+            raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
 
     def step(
         self, time: float, pose: NDArray[np.float64], leader: fc.Leader, desired: fc.Desired, *, first: bool
@@ -105,35 +112,75 @@ class Team:
         Raises
         ------
         SimulationError
-            The controller refused its input, failed, or returned a torque that is not finite.
+            The controller refused its input, failed, or returned something other than finite torques.
         """
         own = fc.Desired(desired.q[self.rows], desired.q_dot[self.rows], desired.q_ddot[self.rows])
         try:
             if first:
                 self.controller.start(pose[self.rows], leader, own)
-            torque = self.controller.step(pose[self.rows], leader, own)
-        except fc.ControllerError as error:
-            raise self._failure(error.robot, time, str(error)) from None
-        except Exception as error:  # a controller is other people's code: whatever it raises ends this run only
-            raise self._failure(None, time, f"{type(error).__name__}: {error}") from error
+            torque = np.asarray(self.controller.step(pose[self.rows], leader, own), dtype=float)
+        except (Exception, SystemExit) as error:
+            raise self._failure(error, time) from error
+        if torque.shape != (len(self.robots), 2):
+            wrong = ValueError(f"it returned torques of shape {torque.shape}, not {(len(self.robots), 2)}")
+            raise self._failure(wrong, time)
         finite = np.isfinite(torque).all(axis=1)
         if not finite.all():
             row = int(np.argmin(finite))
-            raise self._failure(row, time, f"the torque is {torque[row].tolist()}")
+            raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time)
         return torque
 
-    def _failure(self, row: int | None, time: float, message: str) -> SimulationError:
+    def telemetry(self, time: float) -> dict[str, NDArray[np.float64]]:
+        """Return the controller's signals at the last step.
+
+        Raises
+        ------
+        SimulationError
+            The controller failed, or returned other signals than it has stated.
+        """
+        try:
+            signals = dict(self.controller.telemetry())
+            if set(signals) != {signal.name for signal in self.controller.signals}:
+                raise ValueError(f"its telemetry is {sorted(signals)}, not the signals that it states")
+        except (Exception, SystemExit) as error:
+            raise self._failure(error, time) from error
+        return signals
+
+    def _failure(self, error: BaseException, time: float) -> SimulationError:
+        row = error.robot if isinstance(error, fc.ControllerError) else None
         robot = self.robots[row] if row is not None else " and ".join(self.robots)
-        return SimulationError(robot, time, f"the controller {self.identity.name!r} failed: {message}")
+        return SimulationError(robot, time, f"the controller {self.law.source.name!r} failed: {_said(error)}")
+
+
+def _said(error: BaseException) -> str:
+    if isinstance(error, fc.ControllerError):
+        return error.message
+    return f"{type(error).__name__}: {error}"
+
+
+def _check_package(source: ControllerSource, found: fc.Installed) -> None:
+    if source.package != found.package:
+        raise InputError(
+            f"the controller {source.name!r} is installed from the package {found.package}, not from {source.package}"
+        )
+    try:
+        wanted = SpecifierSet(source.version)
+    except InvalidSpecifier:
+        raise InputError(f'version="{source.version}" is no version range, such as "~=0.1.0"') from None
+    if not wanted.contains(found.version, prereleases=True):
+        raise InputError(
+            f"the controller {source.name!r} needs {found.package} {source.version}, "
+            f"but version {found.version} is installed"
+        )
 
 
 def _gains(source: ControllerSource, law: Any) -> Any:
-    values = {}
+    values: dict[str, float | tuple[float, ...]] = {}
     for setting in source.gains:
-        numbers = [float(number) for number in setting.value.split()]
-        values[setting.name] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+        numbers = tuple(float(number) for number in setting.value.split())
+        values[setting.name] = numbers[0] if len(numbers) == 1 else numbers
         try:  # one by one, so that the error names the line of the gain that is wrong
-            law.gains_type.from_mapping({setting.name: values[setting.name]})
+            gains = law.gains_type.from_mapping(values)
         except fc.GainError as error:
             raise InputError(f"controller {source.id!r}: {error}", setting.where) from None
-    return law.gains_type.from_mapping(values)
+    return gains if source.gains else law.gains_type()

@@ -86,7 +86,7 @@ _PLAIN = {
 }
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 _FORCES = {_PREFIXED["N"].exponents: "N", _PREFIXED["J"].exponents: "N.m"}
-_FACTOR = re.compile(r"([A-Za-z%]+|1)([+-]?\d+)?")
+_FACTOR = re.compile(r"([A-Za-z%]+|1)([+-]?[0-9])?")
 
 
 def parse(text: str) -> Unit:
@@ -103,7 +103,11 @@ def parse(text: str) -> Unit:
     elif "." in denominator:
         raise UnitError(f"unit {text!r}: write a denominator of several factors in parentheses, as in 'kg/(m.s2)'")
     unit = _product(numerator, text)
-    return unit / _product(denominator, text) if slash else unit
+    if slash:
+        unit /= _product(denominator, text)
+    if not 0.0 < unit.factor < math.inf:
+        raise UnitError(f"unit {text!r}: its factor to the base units is not a number that can be computed with")
+    return unit
 
 
 def _product(factors: str, text: str) -> Unit:

@@ -7,8 +7,7 @@ Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 th
 from __future__ import annotations
 
 import argparse
-import os
-import sys
+import signal
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -23,6 +22,7 @@ INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     options = _parser().parse_args(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what Ctrl-C cleans up, `kill` and `timeout` do
     try:
         return _COMMANDS[options.command](options)
     except FormationError as error:
@@ -31,9 +31,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         err().print("interrupted")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone, as in `formation list | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -76,15 +73,6 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(run)
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
-    run.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
-    run.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
-    run.add_argument(
-        "--controller",
-        action="append",
-        default=[],
-        metavar="ID=NAME",
-        help="another control law for a controller, at that law's default gains",
-    )
     run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
 
@@ -111,4 +99,13 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
         default=[],
         metavar="XPATH=VALUE",
         help="set what an XPath selects in the scenario, as in '//gain[@name=\"gamma_w\"]/@value=0.1'",
+    )
+    command.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
+    command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
+    command.add_argument(
+        "--controller",
+        action="append",
+        default=[],
+        metavar="ID=NAME",
+        help="another control law for a controller, at that law's default gains",
     )

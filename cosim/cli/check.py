@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 
-from cosim.cli.console import err, out, report
+from cosim.cli.console import out, report
+from cosim.cli.reading import read
 from cosim.errors import FormationError
-from cosim.scenario import read_scenario
-from cosim.team import identify
+from cosim.setup import set_up
 
 
 def check(options: argparse.Namespace) -> int:
-    """Read and validate each scenario; return 2 if one is wrong."""
+    """Read and validate each scenario with all that it names, and start nothing; return 2 if one is wrong."""
     status = 0
     for path in options.scenarios:
         try:
-            scenario = read_scenario(path, options.set)
-            for controller in scenario.controllers.values():
-                identify(controller)
+            scenario = read(path, options)
+            with ExitStack() as cleanup:
+                set_up(scenario, cleanup, {})
         except FormationError as error:
             report(error)
             status = max(status, error.exit_status)
@@ -26,7 +27,6 @@ def check(options: argparse.Namespace) -> int:
                 f"{path}: {scenario.name}, {len(scenario.followers)} followers, {scenario.horizon:g} s "
                 f"in {scenario.ticks} steps",
                 markup=False,
+                soft_wrap=True,
             )
-    if status:
-        err().print(f"checked {len(options.scenarios)} scenario(s), not all are right")
     return status

@@ -2,35 +2,77 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
+from typing import TextIO
 
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cosim.errors import FormationError, InputError
+from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
 
 
+class _Tolerant(io.TextIOBase, TextIO):
+    """A stream whose reader may be gone, whose disk may be full, or that may not know a character.
+
+    What was computed, and the exit status, must not depend on whether it could be printed.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream if stream is not None else open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+        if isinstance(self._stream, io.TextIOWrapper):
+            self._stream.reconfigure(errors="backslashreplace")
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return self._stream.encoding or "ascii"
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        try:
+            self._stream.write(text)
+        except OSError:
+            self._give_up()
+        return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            self._give_up()
+
+    def _give_up(self) -> None:
+        """Send the rest to nowhere; also what the interpreter flushes when it ends."""
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
 def out() -> Console:
     """Return the console of standard output, for what the user asked for."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
+    return _console(sys.stdout)
 
 
 def err() -> Console:
     """Return the console of standard error, for errors, warnings and progress."""
-    return Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else _PLAIN_WIDTH)
+    return _console(sys.stderr)
 
 
-def table(title: str) -> Table:
-    """Return an empty table."""
+def table(console: Console, title: str) -> Table:
+    """Return an empty table for a console."""
     return Table(
         title=title,
         title_justify="left",
         title_style="bold",
-        box=box.ROUNDED if sys.stdout.isatty() else box.SIMPLE_HEAD,
+        box=box.ROUNDED if console.is_terminal else box.SIMPLE_HEAD,
     )
 
 
@@ -40,9 +82,18 @@ def report(error: FormationError) -> None:
         place, message = f"{error.where}: ", error.message
     else:
         place, message = "", str(error)
-    err().print(f"{escape(place)}[bold red]error:[/] {escape(message)}", soft_wrap=True)
+    err().print(f"{_safe(place)}[bold red]error:[/] {_safe(message)}", soft_wrap=True)
 
 
 def warn(message: str) -> None:
     """Print a warning."""
-    err().print(f"[bold yellow]warning:[/] {escape(message)}", soft_wrap=True)
+    err().print(f"[bold yellow]warning:[/] {_safe(message)}", soft_wrap=True)
+
+
+def _safe(text: str) -> str:
+    return escape(printable(text))
+
+
+def _console(stream: TextIO | None) -> Console:
+    tolerant = _Tolerant(stream)
+    return Console(file=tolerant, highlight=False, width=None if tolerant.isatty() else _PLAIN_WIDTH)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 import formation_controllers
+from rich.markup import escape
 
 import plants
 from cosim.cli.console import out, table
@@ -18,21 +19,21 @@ _FOLDER = Path("scenarios")
 def inventory(_: argparse.Namespace) -> int:
     """Print built-in plants, installed controllers and the scenarios in ./scenarios."""
     console = out()
-    listed = table("Plants")
+    listed = table(console, "Plants")
     listed.add_column("model")
     listed.add_column("what it is")
     for name, description in plants.models().items():
         listed.add_row(name, description)
     console.print(listed)
 
-    listed = table("Controllers")
+    listed = table(console, "Controllers")
     for heading in ("name", "package", "version"):
         listed.add_column(heading)
     for name, found in sorted(formation_controllers.installed().items()):
         listed.add_row(name, found.package, found.version)
     console.print(listed)
 
-    listed = table(f"Scenarios in {_FOLDER}/")
+    listed = table(console, f"Scenarios in {_FOLDER}/")
     listed.add_column("file", no_wrap=True)
     listed.add_column("title")
     for path in sorted(_FOLDER.glob("*.xml")):
@@ -40,6 +41,6 @@ def inventory(_: argparse.Namespace) -> int:
             title = read_scenario(path).title
         except InputError as error:
             title = f"not a scenario: {error.message}"
-        listed.add_row(str(path), title)
+        listed.add_row(escape(str(path)), escape(title))
     console.print(listed)
     return 0

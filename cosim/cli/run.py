@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
 from pathlib import Path
 
@@ -18,11 +16,14 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.console import err, out, report, table, warn
+from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+from cosim.interrupt import HeldSignals
 from cosim.result import save, write
-from cosim.scenario import Scenario, read_scenario, with_controller, with_fmu, with_seed
+from cosim.scenario import Scenario
 from cosim.simulation import Simulation
 from cosim.summary import Summary, summarise
+from cosim.timing import timed
 
 EXPECTATION_FAILED = 1
 
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
     names: dict[str, Path] = {}
     for path in options.scenarios:
         try:
-            scenario = _read(path, options)
+            scenario = read(path, options)
             if scenario.name in names:
                 raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
             names[scenario.name] = path
@@ -44,56 +45,35 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def _read(path: Path, options: argparse.Namespace) -> Scenario:
-    scenario = read_scenario(path, options.set)
-    if options.seed is not None:
-        scenario = with_seed(scenario, options.seed)
-    for plant, fmu in _pairs("--plant", options.plant, "ID=FMU"):
-        scenario = with_fmu(scenario, plant, Path(fmu))
-    for controller, name in _pairs("--controller", options.controller, "ID=NAME"):
-        scenario = with_controller(scenario, controller, name)
-    return scenario
-
-
-def _pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:
-    for value in values:
-        left, equals, right = value.partition("=")
-        if not (left and equals and right):
-            raise InputError(f"{option} {value}: expected {form}")
-        yield left, right
-
-
 def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
-    started = time.perf_counter()
+    timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
-    with _status("building and loading plants"):
-        ready = Simulation(scenario)
-    with ready as simulation:
-        folder = _writable_folder(options.out / scenario.name)
-        try:
-            with _progress(scenario) as progress:
-                result = simulation.run(progress)
-        except (SimulationError, RunInterrupted) as error:
-            failure, result = error, error.result
-    timing = {"imports": options.imports, **simulation.timing}
+    with timed(timing, "total"):
+        with _status("building and loading plants"):
+            ready = Simulation(scenario)
+        with ready as simulation, HeldSignals() as signals:
+            folder = _writable_folder(options.out / scenario.name)
+            try:
+                with _progress(scenario) as progress:
+                    result = simulation.run(progress)
+            except (SimulationError, RunInterrupted) as error:
+                failure, result = error, error.result
+            timing |= simulation.timing
+            summary = summarise(scenario, result)
+            with timed(timing, "write"):
+                _write(result, summary, folder)
+        if signals.received and failure is None:  # while the result was being written
+            failure = RunInterrupted(simulation.time, result)
+        if options.figure and result.sizes["time"] > 1:
+            with timed(timing, "figure"):
+                _draw(result, folder)
+    timing["total"] += options.imports
 
     console = out()
-    summary = summarise(scenario, result)
     _print_summary(console, scenario, summary)
-    with _timed(timing, "write"):
-        _write(result, summary, folder)
-    figure = folder / "figure.png"
-    figure.unlink(missing_ok=True)
-    if options.figure and result.sizes["time"] > 1:
-        with _timed(timing, "figure"):
-            from cosim.figure import save_figure
-
-            save_figure(result, figure)
-    timing["total"] = time.perf_counter() - started + options.imports
-
     console.print(f"results in {folder}/", markup=False, soft_wrap=True)
     if options.timing:
-        _print_timing(console, timing, scenario)
+        _print_timing(console, timing, result.sizes["time"])
     if failure is not None:
         warn(f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; what was recorded is saved")
         raise failure
@@ -114,8 +94,20 @@ def _writable_folder(folder: Path) -> Path:
     return folder
 
 
+def _draw(result: xr.Dataset, folder: Path) -> None:
+    """Draw the figure; what is already saved does not depend on whether that succeeds."""
+    from cosim.figure import save_figure
+
+    try:
+        save_figure(result, folder / "figure.png")
+    except Exception as error:
+        warn(f"the figure could not be drawn: {type(error).__name__}: {error}")
+
+
 def _write(result: xr.Dataset, summary: Summary, folder: Path) -> None:
     """Write result and summary; where that fails after all, keep the result in a temporary folder and say so."""
+    with suppress(OSError):
+        (folder / "figure.png").unlink()  # of an earlier run
     try:
         save(result, folder / "result.nc")
         write(folder / "summary.json", summary.to_json().encode())
@@ -130,13 +122,13 @@ def _write(result: xr.Dataset, summary: Summary, folder: Path) -> None:
 
 def _status(message: str) -> AbstractContextManager[object]:
     """Say on a terminal what takes a while."""
-    return err().status(message) if sys.stderr.isatty() else nullcontext()
+    return err().status(message) if err().is_terminal else nullcontext()
 
 
 @contextmanager
 def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
     """Show a progress bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
+    if not err().is_terminal:
         yield None
         return
     every = max(1, scenario.ticks // 200)
@@ -158,15 +150,10 @@ def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
 
 
 def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> None:
-    figures = table(escape(f"{scenario.name}: {scenario.title}"))
-    for heading in (
-        "follower",
-        "settled after [s]",
-        "range RMS [m]",
-        "bearing RMS [deg]",
-        "peak torque [N.m]",
-    ):
-        figures.add_column(escape(heading), justify="left" if heading == "follower" else "right", no_wrap=True)
+    figures = table(console, escape(f"{scenario.name}: {scenario.title}"))
+    figures.add_column("follower", no_wrap=True)
+    for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
+        figures.add_column(escape(heading), justify="right", no_wrap=True)
     for follower in summary.followers:
         settled = follower.settling_time
         figures.add_row(
@@ -177,7 +164,7 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
             _shown(follower.peak_torque, 1),
         )
     console.print(figures)
-    console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on.", style="dim")
+    console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")
     if summary.smallest_distance is not None and summary.smallest_distance_between:
         a, b = summary.smallest_distance_between
         console.print(
@@ -189,8 +176,8 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         worst = max(verdicts, key=lambda verdict: verdict.figure)
         word = "[green]holds[/]" if worst.passed else "[bold red]FAILS[/]"
         console.print(
-            f"{word}  {escape(expectation)} below {worst.bound:g} {worst.unit}: "
-            f"at most {worst.figure:.4g} {worst.unit} ({escape(worst.robot)})",
+            f"{word}  {escape(f'{expectation} below {worst.bound:g} {worst.unit}'.strip())}: "
+            f"{escape(f'at most {worst.figure:.4g} {worst.unit}'.strip())} ({escape(worst.robot)})",
             soft_wrap=True,
         )
 
@@ -199,18 +186,13 @@ def _shown(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"  # a run cut short has no last fifth
 
 
-def _print_timing(console: Console, timing: dict[str, float], scenario: Scenario) -> None:
-    parts = table("Time")
+def _print_timing(console: Console, timing: dict[str, float], samples: int) -> None:
+    parts = table(console, "Time")
     parts.add_column("part")
     parts.add_column("seconds", justify="right")
-    for part, seconds in timing.items():
+    for part, seconds in sorted(timing.items(), key=lambda item: item[0] == "total"):
         parts.add_row(part, f"{seconds:.3f}")
-    parts.add_row("loop, per tick", f"{timing['loop'] / (scenario.ticks + 1) * 1e6:.1f} us")
+    if samples > 1:  # the first tick may compile the controller
+        later = (timing["loop"] - timing["first tick"]) / (samples - 1)
+        parts.add_row("loop, per later tick", f"{later * 1e6:.1f} us")
     console.print(parts)
-
-
-@contextmanager
-def _timed(timing: dict[str, float], part: str) -> Iterator[None]:
-    started = time.perf_counter()
-    yield
-    timing[part] = time.perf_counter() - started

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim.changes import set_value
 from cosim.document import MAX_BYTES, read_document
 from cosim.errors import InputError
 
@@ -12,7 +13,7 @@ EXAMPLE = Path(__file__).with_name("example.xml")
 
 def refused(path: Path, *replacements: str) -> InputError:
     with pytest.raises(InputError) as caught:
-        read_document(path, replacements)
+        read_document(path, [set_value(replacement) for replacement in replacements])
     return caught.value
 
 
@@ -106,13 +107,13 @@ def test_what_breaks_the_schema(tmp_path: Path, old: str, new: str, line: int, c
 
 
 def test_set_an_attribute() -> None:
-    document = read_document(EXAMPLE, ['//gain[@name="gamma_w"]/@value=0.1'])
+    document = read_document(EXAMPLE, [set_value('//gain[@name="gamma_w"]/@value=0.1')])
     assert '<gain name="gamma_w" value="0.1"/>' in document.text
     assert "first simulation" in document.text
 
 
 def test_set_a_text_and_a_value_with_equals_signs() -> None:
-    document = read_document(EXAMPLE, ["//title=a = b", "//controller/@version=>=0.1,<2"])
+    document = read_document(EXAMPLE, [set_value("//title=a = b"), set_value("//controller/@version=>=0.1,<2")])
     assert "<title>a = b</title>" in document.text
     assert 'version="&gt;=0.1,&lt;2"' in document.text
 

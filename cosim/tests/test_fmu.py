@@ -1,6 +1,5 @@
 """FMUs come from strangers: each kind of bad file has its sentence, and what fits is bound by role and unit."""
 
-import shutil
 import zipfile
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 import plants
 from cosim.errors import InputError, Location, SimulationError
 from cosim.fmu import Fmu, open_fmu
+from cosim.parameters import understand
 from cosim.plant import Plant
 from cosim.scenario import Setting
 
@@ -131,7 +131,8 @@ def setting(name: str, value: str) -> Setting:
 
 
 def test_start_pose_and_a_step(fmu: Fmu) -> None:
-    plant = Plant(fmu, "robot", [setting("m_c", "3e4 g"), setting("drive", "rear_wheel")], (1.0, 2.0, 0.5, 0.1), 1.0)
+    parameters = understand(fmu, [setting("m_c", "3e4 g"), setting("drive", "rear_wheel")])
+    plant = Plant(fmu, "robot", parameters, (1.0, 2.0, 0.5, 0.1), 1.0)
     state = np.empty(6)
     plant.read(0.0, state)
     assert np.array_equal(state, [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
@@ -180,7 +181,7 @@ def test_units_are_converted(car: Path, tmp_path: Path) -> None:
 )
 def test_bad_parameters(fmu: Fmu, name: str, value: str, sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        Plant(fmu, "robot", [setting(name, value)], (0, 0, 0, 0), 1.0)
+        understand(fmu, [setting(name, value)])
     assert caught.value.where == HERE
     assert sentence in caught.value.message
 
@@ -200,12 +201,13 @@ def test_a_closed_plant_can_be_closed_again(fmu: Fmu) -> None:
     plant.close()
 
 
-def test_messages_of_two_instances_are_kept_apart(fmu: Fmu, tmp_path: Path) -> None:
-    shutil.copytree(fmu.directory, tmp_path / "copy")
+def test_messages_of_two_instances_are_kept_apart(fmu: Fmu) -> None:
     one, two = (Plant(fmu, name, (), (0, 0, 0, 0), 1.0) for name in ("one", "two"))
-    with pytest.raises(SimulationError):
+    with pytest.raises(SimulationError, match="tau_drive"):
         one.step(0.0, 0.02, np.array([np.nan, 0.0]))
-    assert one._log.messages
-    assert not two._log.messages
+    with pytest.raises(SimulationError) as caught:
+        two.step(0.0, 0.02, np.array([0.0, np.nan]))
+    assert "tau_steer" in str(caught.value)
+    assert "tau_drive" not in str(caught.value)
     one.close()
     two.close()

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from cosim.changes import Change, set_controller, set_fmu, set_seed
 from cosim.errors import InputError
-from cosim.scenario import quantity, read_scenario, with_controller, with_fmu, with_seed
+from cosim.scenario import quantity, read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
@@ -77,6 +78,7 @@ def test_bad_quantities(text: str, unit: str, sentence: str) -> None:
         ("//simulation/@step=0 ms", "11:3", 'step="0 ms" of <simulation> must be greater than zero'),
         ("//simulation/@step=30 ms", "11:3", "is not a whole number of communication steps"),
         ("//simulation/@horizon=1e9 s", "11:3", "at most 10000000 are possible"),
+        ("//simulation/@step=1e-320 s", "11:3", "at most 10000000 are possible"),
         ("//noise/@psi=-1 deg", "36:5", "must not be negative"),
         ("//saturation/@limit=0 N.m", "39:5", "must be greater than zero"),
         ("//follower[1]/desired/@range=-3 m", "49:5", "must be greater than zero"),
@@ -108,16 +110,53 @@ def test_an_fmu_is_looked_for_beside_the_scenario(tmp_path: Path) -> None:
     assert read_scenario(path).plants["clmr"].fmu == tmp_path / "fmus" / "car.fmu"
 
 
-def test_overrides_of_the_command_line() -> None:
-    scenario = read_scenario(EXAMPLE)
-    assert with_seed(scenario, 7).seed == 7
-    changed = with_fmu(scenario, "clmr", Path("other.fmu")).plants["clmr"]
-    assert changed.model is None
-    assert changed.fmu == Path.cwd() / "other.fmu"
-    assert changed.parameters == scenario.plants["clmr"].parameters
-    other = with_controller(scenario, "pid", "other-law").controllers["pid"]
-    assert (other.name, other.package, other.version, other.gains) == ("other-law", None, None, ())
-    assert with_controller(scenario, "pid", "neural-adaptive-pid") == scenario
-    for override in (lambda: with_seed(scenario, -1), lambda: with_fmu(scenario, "car", Path("x"))):
-        with pytest.raises(InputError):
-            override()
+def test_changes_are_made_in_the_text_that_is_kept() -> None:
+    changes = [
+        set_seed(7),
+        set_fmu("clmr", Path("other.fmu")),
+        set_controller("pid", "other-law", "other-package", "2.1"),
+    ]
+    scenario = read_scenario(EXAMPLE, changes)
+    assert scenario.seed == 7
+    plant = scenario.plants["clmr"]
+    assert (plant.model, plant.fmu) == (None, Path.cwd() / "other.fmu")
+    assert len(plant.parameters) == 7
+    law = scenario.controllers["pid"]
+    assert (law.name, law.package, law.version, law.gains) == ("other-law", "other-package", "==2.1", ())
+    for piece in ('seed="7"', f'fmu="{Path.cwd() / "other.fmu"}"', 'name="other-law"', 'version="==2.1"'):
+        assert piece in scenario.text
+    for piece in ("gain", "model="):
+        assert piece not in scenario.text
+
+
+def test_the_same_law_keeps_its_gains() -> None:
+    same = set_controller("pid", "neural-adaptive-pid", "formation-controllers", "0.1.0")
+    assert len(read_scenario(EXAMPLE, [same]).controllers["pid"].gains) == 9
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (set_seed(-1), 'seed="-1" of <simulation> is not a whole number from 0'),
+        (set_fmu("car", Path("x.fmu")), "has no plant 'car'"),
+        (set_controller("pd", "a", "b", "1"), "has no controller 'pd': did you mean 'pid'?"),
+    ],
+)
+def test_changes_that_do_not_apply(change: Change, sentence: str) -> None:
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        read_scenario(EXAMPLE, [change])
+
+
+def test_white_space_in_values_does_not_count(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    text = EXAMPLE.read_text().replace('id="clmr"', 'id=" clmr\n"')
+    path.write_text(text.replace('name="example"', 'name=" example "'))
+    scenario = read_scenario(path)
+    assert scenario.name == "example"
+    assert list(scenario.plants) == ["clmr"]
+
+
+def test_a_title_cannot_control_the_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    path.write_text(EXAMPLE.read_text().replace("An example", "\u009b31m \u202e An example"), encoding="utf-8")
+    assert read_scenario(path).title == "?31m ? An example for the tests"

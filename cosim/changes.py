@@ -1,0 +1,103 @@
+"""Changes to a scenario before it is checked: what ``--set``, ``--seed``, ``--plant`` and ``--controller`` ask for.
+
+A change is made in the document itself, so that the text which is kept with a result is the text that was run. It sees
+elements without their namespace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from lxml import etree
+
+from cosim.errors import InputError, nearest
+
+Change = Callable[[etree._Element], None]
+
+
+def set_value(replacement: str) -> Change:
+    """Return the change that ``XPATH=VALUE`` asks for: what the XPath selects gets the value."""
+    xpath, value = _split(replacement)
+
+    def change(root: etree._Element) -> None:
+        try:
+            selected = root.xpath(xpath)
+        except etree.XPathError as error:
+            raise InputError(f"--set {replacement}: {xpath!r} is not an XPath: {error}") from None
+        if not isinstance(selected, list) or not selected:
+            raise InputError(f"--set {replacement}: {xpath!r} selects nothing in the scenario")
+        for node in selected:
+            try:
+                _assign(node, value)
+            except ValueError as error:
+                raise InputError(f"--set {replacement}: {error}") from None
+
+    return change
+
+
+def set_seed(seed: int) -> Change:
+    """Return the change to another seed of the noise."""
+    return set_value(f"simulation/@seed={seed}")
+
+
+def set_fmu(plant: str, fmu: Path) -> Change:
+    """Return the change of one plant to another FMU; its parameters are kept."""
+
+    def change(root: etree._Element) -> None:
+        element = _by_id(root, "plant", plant)
+        element.attrib.pop("model", None)
+        element.set("fmu", str(fmu.absolute()))
+
+    return change
+
+
+def set_controller(controller: str, name: str, package: str, version: str) -> Change:
+    """Return the change of one controller to another law, at that law's default gains: gains belong to a law."""
+
+    def change(root: etree._Element) -> None:
+        element = _by_id(root, "controller", controller)
+        if element.get("name") == name:
+            return
+        for attribute, value in (("name", name), ("package", package), ("version", f"=={version}")):
+            element.set(attribute, value)
+        for gain in element.findall("gain"):
+            element.remove(gain)
+
+    return change
+
+
+def _assign(node: object, value: str) -> None:
+    if isinstance(node, etree._ElementUnicodeResult) and node.is_attribute:
+        parent, name = node.getparent(), node.attrname
+        assert parent is not None
+        assert name is not None
+        parent.set(name, value)
+    elif isinstance(node, etree._Element) and len(node) == 0:
+        node.text = value
+    else:
+        raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
+
+
+def _split(replacement: str) -> tuple[str, str]:
+    """Split at the first '=' that is not inside the XPath's brackets or quotes."""
+    depth, quote = 0, ""
+    for index, character in enumerate(replacement):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "'\"":
+            quote = character
+        elif character in "[(":
+            depth += 1
+        elif character in "])":
+            depth -= 1
+        elif character == "=" and depth == 0:
+            return replacement[:index], replacement[index + 1 :]
+    raise InputError(f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'")
+
+
+def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:
+    elements = {str(element.get("id")): element for element in root.findall(tag)}
+    if key not in elements:
+        raise InputError(f"the scenario has no {tag} {key!r}: {nearest(key, list(elements))}")
+    return elements[key]

@@ -1,0 +1,35 @@
+"""Scenarios as the command line names them, changed as its options ask."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from cosim.changes import Change, set_controller, set_fmu, set_seed
+from cosim.errors import InputError
+from cosim.scenario import Scenario, read_scenario
+from cosim.team import installed
+
+
+def read(path: Path, options: argparse.Namespace) -> Scenario:
+    """Read a scenario with ``--set``, ``--seed``, ``--plant`` and ``--controller`` applied."""
+    return read_scenario(path, [*options.set, *_changes(options)])
+
+
+def _changes(options: argparse.Namespace) -> Iterator[Change]:
+    if options.seed is not None:
+        yield set_seed(options.seed)
+    for plant, fmu in _pairs("--plant", options.plant, "ID=FMU"):
+        yield set_fmu(plant, Path(fmu))
+    for controller, name in _pairs("--controller", options.controller, "ID=NAME"):
+        found = installed(name)
+        yield set_controller(controller, name, found.package, found.version)
+
+
+def _pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:
+    for value in values:
+        left, equals, right = value.partition("=")
+        if not (left and equals and right):
+            raise InputError(f"{option} {value}: expected {form}")
+        yield left, right

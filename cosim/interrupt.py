@@ -1,0 +1,46 @@
+"""Ctrl-C without loss: a run ends at the end of a tick, and what is being written is written."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class HeldSignals:
+    """While the block lasts, SIGINT and SIGTERM do not raise but are remembered in `received`.
+
+    An exception raised by a signal could strike anywhere, also within a callback of compiled code that swallows it.
+    Outside of the main thread, where Python handles no signals, the block changes nothing.
+
+    Parameters
+    ----------
+    patience
+        How many signals are remembered before one raises KeyboardInterrupt after all, for a user who finds that the
+        block does not end; None for no end.
+    """
+
+    def __init__(self, patience: int | None = None) -> None:
+        self.received = 0
+        self._patience = patience
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Self:
+        """Hold the signals."""
+        if threading.current_thread() is threading.main_thread():
+            self._previous = {number: signal.signal(number, self._remember) for number in _SIGNALS}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _remember(self, _number: int, _frame: FrameType | None) -> None:
+        self.received += 1
+        if self._patience is not None and self.received > self._patience:
+            raise KeyboardInterrupt
