@@ -1,0 +1,289 @@
+"""What was computed does not depend on who reads it, who stops it, or what strangers bring."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.cli import main
+from cosim.result import load
+from cosim.simulation import Simulation
+from formation_controllers import Signal
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+
+SHORT = ["--set", "//simulation/@horizon=1 s", "--set", "//rms/@from=0.5 s", "--no-figure"]
+FORMATION = str(Path(sys.executable).with_name("formation"))
+
+
+@pytest.fixture
+def line(scenarios: Path) -> str:
+    return str(scenarios / "clmr_line.xml")
+
+
+def failed(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
+    assert main(arguments) == status
+    printed = capsys.readouterr().err
+    assert "Traceback" not in printed
+    return printed
+
+
+# Who reads --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
+@pytest.mark.parametrize(
+    "shell",
+    [
+        "{run} | true; exit ${{PIPESTATUS[0]}}",
+        "{run} | head -1 >/dev/null; exit ${{PIPESTATUS[0]}}",
+        "{run} >&-",
+        "{run} 2>&-",
+        "{run} >/dev/full" if os.path.exists("/dev/full") else "{run} >/dev/null",
+        "PYTHONIOENCODING=ascii {run} --set '//title=编队 \U0001f697'",
+        "LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 {run} --set '//title=Flotte [red] $\\frac{{1}}{{$'",
+    ],
+)
+def test_the_result_does_not_depend_on_who_reads_what_is_printed(line: str, tmp_path: Path, shell: str) -> None:
+    short = " ".join(f"'{argument}'" for argument in SHORT)
+    command = shell.format(run=f"{FORMATION} run {line} --out {tmp_path} {short}")
+    done = subprocess.run(["bash", "-c", command], capture_output=True, timeout=300, check=False)
+    assert b"Traceback" not in done.stderr
+    assert done.returncode == 1, "the expectations fail after 1 s"
+    assert sorted(path.name for path in (tmp_path / "clmr_line").iterdir()) == ["result.nc", "summary.json"]
+
+
+def test_a_title_in_any_letters_can_be_drawn(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    title = "//title=编队 \U0001f697 $\\frac{1}{$"
+    assert main(["run", line, "--out", str(tmp_path), "--set", title, *SHORT[:-1]]) == 1
+    assert capsys.readouterr().err == ""
+    assert (tmp_path / "clmr_line" / "figure.png").exists()
+
+
+def test_a_figure_that_cannot_be_drawn_costs_nothing_else(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("no ink")
+
+    monkeypatch.setattr("cosim.figure.draw", fails)
+    printed = failed(capsys, 1, "run", line, "--out", str(tmp_path), *SHORT[:-1])
+    assert "warning: the figure could not be drawn: RuntimeError: no ink" in printed
+    assert (tmp_path / "clmr_line" / "summary.json").exists()
+
+
+# Who stops --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_process(line: str, tmp_path: Path, number: signal.Signals) -> None:
+    """The signal comes when the run has begun; all that the process made apart from its results is gone afterwards."""
+    started = tmp_path / "started"
+    program = f"""
+import pathlib, sys
+from cosim.cli import main
+from cosim.simulation import Simulation
+original = Simulation.step
+def step(self):
+    original(self)
+    if self.tick == 10:
+        pathlib.Path({str(started)!r}).touch()
+Simulation.step = step
+sys.exit(main(["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulation/@horizon=2000 s"]))
+"""
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    process = subprocess.Popen([sys.executable, "-c", program], env=environment, stderr=subprocess.PIPE, text=True)
+    while not started.exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, printed = process.communicate(timeout=300)
+    assert process.returncode == 130
+    assert "Traceback" not in printed
+    assert "interrupted" in printed
+    result = load(tmp_path / "clmr_line" / "result.nc")
+    assert 10 <= result.sizes["time"] < 100_000
+    assert result.attrs["status"] == "incomplete"
+    assert list(tmp_path.glob("formation-*")) == []
+
+
+@pytest.mark.parametrize("place", ["cosim.simulation.dataset", "cosim.cli.run.save", "cosim.cli.run.summarise"])
+def test_a_signal_while_the_result_is_made_or_written(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    module, name = place.rsplit(".", 1)
+    original: Callable[..., object] = getattr(sys.modules[module], name)
+
+    def interrupted(*arguments: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        return original(*arguments)
+
+    monkeypatch.setattr(sys.modules[module], name, interrupted)
+    failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 51
+
+
+def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    original = Simulation._control
+
+    def never_ends(self: Simulation) -> None:
+        original(self)
+        if self.tick == 5:
+            for _ in range(2):
+                signal.raise_signal(signal.SIGINT)
+            pytest.fail("the second signal should have ended this tick")
+
+    monkeypatch.setattr(Simulation, "_control", never_ends)
+    failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
+
+
+# What strangers bring ---------------------------------------------------------------------------------------
+
+
+class Law(NeuralAdaptivePid):
+    """A law whose faults come out one by one."""
+
+
+def raising(error: BaseException) -> Callable[..., object]:
+    def method(*_: object, **__: object) -> object:
+        raise error
+
+    return method
+
+
+def run_with(law: type, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    monkeypatch.setattr("formation_controllers.load", lambda _name: law)
+    return ["run", line, "--out", str(tmp_path), *SHORT]
+
+
+@pytest.mark.parametrize(
+    ("method", "fault", "sentence"),
+    [
+        ("step", raising(SystemExit(0)), "failed: SystemExit: 0"),
+        ("step", raising(KeyError("gain")), "failed: KeyError: 'gain'"),
+        ("step", lambda *_: np.zeros(3), "it returned torques of shape (3,), not (4, 2)"),
+        ("step", lambda *_: "fast", "failed: ValueError"),
+        ("step", lambda *_: np.full((4, 2), np.inf), "follower_1 at t = 0 s: "),
+        ("start", raising(RuntimeError("no")), "failed: RuntimeError: no"),
+        ("telemetry", raising(RuntimeError("no")), "failed: RuntimeError: no"),
+        ("telemetry", lambda *_: {"weight_norm": np.zeros(4)}, "its telemetry is ['weight_norm'], not the signals"),
+    ],
+)
+def test_laws_that_fail(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    method: str,
+    fault: Callable[..., object],
+    sentence: str,
+) -> None:
+    law = type("Law", (NeuralAdaptivePid,), {method: fault})
+    printed = failed(capsys, 3, *run_with(law, line, tmp_path, monkeypatch))
+    assert sentence in printed
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 0
+
+
+@pytest.mark.parametrize(
+    ("attributes", "sentence"),
+    [
+        ({"__init__": raising(KeyError("x"))}, "controller 'pid': KeyError: 'x'"),
+        ({"vehicles": ("boat",)}, "boat"),
+        ({"signals": (Signal("pose", "m", "mine"),)}, "its signal 'pose' has the name of another in the result"),
+        ({"signals": (Signal("time", "s", "mine"),)}, "its signal 'time' has the name of another in the result"),
+        ({"signals": (Signal("pose_component", "s", "mine"),)}, "its signal 'pose_component'"),
+    ],
+)
+def test_laws_that_do_not_fit(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    attributes: dict[str, object],
+    sentence: str,
+) -> None:
+    law = type("Law", (NeuralAdaptivePid,), attributes)
+    printed = failed(capsys, 2, *run_with(law, line, tmp_path, monkeypatch))
+    assert sentence in printed
+
+
+def test_a_fault_of_the_master_loses_nothing_either(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    original = Simulation._actuate
+
+    def breaks(self: Simulation) -> None:
+        original(self)
+        if self.tick == 7:
+            raise IndexError("off by one")
+
+    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), *SHORT)
+    assert "the master at t = 0.14 s: IndexError: off by one" in printed
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 7
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('encoding="UTF-8"', 'encoding="bogus-9"', "declares an encoding that does not fit"),
+        ('seed="1"', f'seed="{"9" * 5000}"', "is not a whole number from 0 to 2^63 - 1"),
+        ('value="30 kg"', 'value="30 Mg99999999/Mg99999998"', "is not a symbol with an exponent"),
+        ("<sensor>", '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="x"/><sensor>', "is not part of"),
+        ("<title>", '<title lang="en">', "<title> has no attribute 'lang'"),
+        ('horizon="100 s"', 'horizon="200000 s"', "would record"),
+    ],
+)
+def test_scenarios_from_strangers(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, sentence: str
+) -> None:
+    text = Path(line).read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "stranger.xml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    for command in ("run", "check"):
+        assert sentence in failed(capsys, 2, command, str(path))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX pipes")
+def test_a_pipe_is_no_file_to_wait_for(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert "is not a regular file" in failed(capsys, 2, "check", str(pipe))
+    assert "is not a regular file" in failed(capsys, 2, "check", line, "--plant", f"clmr={pipe}")
+
+
+@pytest.mark.parametrize(
+    "replacement", ["//title=\u0001", "//title=\udcff", "//parameter[1]/@value=\ufffe", "//gain[1]/@name=\x1b[31m"]
+)
+def test_replacements_that_xml_cannot_hold(line: str, capsys: pytest.CaptureFixture[str], replacement: str) -> None:
+    printed = failed(capsys, 2, "check", line, "--set", replacement)
+    assert "--set" in printed
+    assert "\x1b" not in printed
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--set", "//gain[1]/@name=K_q"],
+        ["--set", "//parameter[2]/@value=-30 kg"],
+        ["--set", "//parameter[2]/@name=m_q"],
+        ["--set", "//rms[1]/@signal=pose"],
+        ["--plant", "clmr=none.fmu"],
+        ["--seed", "-1"],
+    ],
+)
+def test_check_refuses_what_run_refuses(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    checked = failed(capsys, 2, "check", line, *arguments)
+    ran = failed(capsys, 2, "run", line, "--out", str(tmp_path), *arguments)
+    assert checked == ran
