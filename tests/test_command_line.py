@@ -112,6 +112,17 @@ def test_build(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         fmpy.read_model_description(str(path))
 
 
+def test_build_for_fmi_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", "car_like", "--fmi", "3", "--out", str(tmp_path)]) == 0
+    path = capsys.readouterr().out.strip()
+    assert fmpy.read_model_description(path).fmiVersion.startswith("3.")
+
+
+def test_build_for_an_unknown_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = failed(capsys, 2, "build", "--platform", "amiga", "--out", str(tmp_path))
+    assert "the platform 'amiga' is not known; choose from" in printed
+
+
 def test_list(scenarios: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(scenarios.parent)
     assert main(["list"]) == 0

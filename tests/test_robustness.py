@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from formation_controllers import Signal
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
 from cosim.result import load
 from cosim.simulation import Simulation
-from formation_controllers import Signal
-from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 SHORT = ["--set", "//simulation/@horizon=1 s", "--set", "//rms/@from=0.5 s", "--no-figure"]
 FORMATION = str(Path(sys.executable).with_name("formation"))

@@ -83,7 +83,13 @@ def _parser() -> argparse.ArgumentParser:
     about = "build FMUs of the built-in models"
     build = commands.add_parser("build", help=about, description=about[0].upper() + about[1:] + ".")
     build.add_argument("models", nargs="*", metavar="MODEL", help="which (all)")
-    build.add_argument("--fmi", choices=["2"], default="2", help="version of FMI (2)")
+    build.add_argument("--fmi", choices=["2", "3"], default="2", help="version of FMI (2)")
+    build.add_argument(
+        "--platform",
+        action="append",
+        metavar="NAME",
+        help="a platform to build for, such as windows-x86_64, or all (this machine's)",
+    )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
     about = "list plants, controllers and scenarios"

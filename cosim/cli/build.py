@@ -13,7 +13,7 @@ def build(options: argparse.Namespace) -> int:
     """Build the models and print the path of each FMU."""
     for model in options.models or plants.models():
         try:
-            path = plants.build(model, out=options.out)
+            path = plants.build(model, fmi=options.fmi, platforms=options.platform, out=options.out)
         except plants.PlantError as error:
             raise InputError(str(error)) from None
         except OSError as error:
