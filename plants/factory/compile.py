@@ -44,6 +44,11 @@ class Compiler:
     version: str
 
 
+def installed(package: str) -> bool:
+    """Tell whether a Python package is there."""
+    return importlib.util.find_spec(package) is not None
+
+
 def find_compiler() -> Compiler:
     """Return the compiler that $CC names, or else the first of cc, gcc and clang, or else zig.
 
@@ -60,7 +65,7 @@ def find_compiler() -> Compiler:
             return Compiler(full, _run([*full, "--version"]).stdout.partition("\n")[0])
     if named:
         raise NoCompiler(f"the C compiler that $CC names, {named[0]!r}, was not found: correct CC or unset it")
-    if importlib.util.find_spec("ziglang") is None:
+    if not installed("ziglang"):
         raise NoCompiler(_INSTALL)
     return cross_compiler(host())
 
@@ -73,7 +78,7 @@ def cross_compiler(platform: Platform) -> Compiler:
     NoCompiler
         The package is not installed.
     """
-    if importlib.util.find_spec("ziglang") is None:
+    if not installed("ziglang"):
         raise NoCompiler(
             f"a binary for {platform.name} needs the Python package ziglang, which compiles for all platforms:"
             ' pip install "formation-cosim[cross]"'

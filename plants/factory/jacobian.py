@@ -105,14 +105,11 @@ def _free_name(name: str, taken: set[str]) -> str:
 
 def _partial(model: OdeModel, expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     """Differentiate; functions with steps or kinks have the derivative that they have between them."""
-    derivative = expression.diff(symbol)
-    derivative = derivative.replace(lambda e: isinstance(e, sympy.DiracDelta), lambda _: sympy.Integer(0))
+    steps = expression.atoms(sympy.floor, sympy.ceiling, sympy.sign, sympy.Heaviside)
+    constants = {step: sympy.Dummy(real=True) for step in sorted(steps, key=str)}
+    derivative = expression.xreplace(constants).diff(symbol).xreplace({c: step for step, c in constants.items()})
     derivative = derivative.replace(
         lambda e: isinstance(e, sympy.Heaviside), lambda e: sympy.Piecewise((0, e.args[0] < 0), (1, True))
-    )
-    derivative = derivative.replace(
-        lambda e: isinstance(e, sympy.Derivative) and isinstance(e.expr, sympy.floor | sympy.ceiling),
-        lambda _: sympy.Integer(0),
     )
     if derivative.has(sympy.Derivative, sympy.Subs):
         raise ModelError(

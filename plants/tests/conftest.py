@@ -1,4 +1,4 @@
-"""An FMU built once a session, and instances of it driven call by call through FMPy."""
+"""FMUs built once a session, and instances of them: through FMPy for FMI 2.0 Co-Simulation, or call by call."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,6 +9,10 @@ import fmpy.fmi2
 import pytest
 
 import plants
+
+from . import driver
+from .driver import Library
+from .fmus import MODELS, VERSIONS, Fmu
 
 
 class Instance:
@@ -93,3 +97,48 @@ def new_car(unzipped: Path) -> Iterator[Callable[..., Instance]]:
     yield new
     for instance in made:
         instance.fmu.freeInstance()
+
+
+@pytest.fixture(scope="session")
+def fmus(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Fmu]:
+    """Return an FMU by model and version, built once."""
+    built: dict[tuple[str, str], Fmu] = {}
+
+    def get(name: str, fmi: str) -> Fmu:
+        if (name, fmi) not in built:
+            path = plants.build(name if name in plants.models() else MODELS[name], fmi=fmi)
+            folder = tmp_path_factory.mktemp(name)
+            fmpy.extract(path, folder)
+            description = fmpy.read_model_description(folder)
+            references = {v.name: v.valueReference for v in description.modelVariables}
+            (binary,) = (folder / "binaries").glob("*/*")
+            token = description.guid if fmi == "2.0" else description.instantiationToken
+            built[name, fmi] = Fmu(path, folder, Library(str(binary), fmi, token, references["time"]), references)
+        return built[name, fmi]
+
+    return get
+
+
+@pytest.fixture(params=VERSIONS)
+def fmi(request: pytest.FixtureRequest) -> str:
+    version: str = request.param
+    return version
+
+
+@pytest.fixture
+def car(fmus: Callable[[str, str], Fmu], fmi: str) -> Fmu:
+    return fmus("car_like", fmi)
+
+
+@pytest.fixture
+def new(car: Fmu) -> Iterator[Callable[..., driver.Instance]]:
+    """Make instances of the car-like robot, freed at the end of the test."""
+    made = []
+
+    def make(interface: str = "co_simulation") -> driver.Instance:
+        made.append(driver.Instance(car.library, interface))
+        return made[-1]
+
+    yield make
+    for instance in made:
+        instance.free()

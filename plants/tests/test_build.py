@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 import stat
 import subprocess
 import sys
@@ -19,6 +18,7 @@ import sympy
 
 import plants
 from plants import numeric
+from plants.factory import compile, platforms
 from plants.factory.generate import generate
 from plants.ode import OdeModel, State
 
@@ -162,25 +162,13 @@ def test_readme_examples_run_as_written(tmp_path: Path, monkeypatch: pytest.Monk
     assert result["v"][-1] == pytest.approx(6.0, rel=1e-3)
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy rebuilds an FMU with CMake, which is not installed")
-def test_fmu_can_be_rebuilt_from_its_own_sources(unzipped: Path, tmp_path: Path) -> None:
-    from fmpy.build import build_platform_binary
-
-    shutil.copytree(unzipped, tmp_path / "fmu")
-    shutil.rmtree(tmp_path / "fmu" / "binaries")
-    (tmp_path / "cmake").mkdir()
-    build_platform_binary(tmp_path / "fmu", tmp_path / "cmake", configuration="Release")
-    original = fmpy.simulate_fmu(str(unzipped), start_values={"tau_drive": 8.0, "gamma": 0.2})
-    rebuilt = fmpy.simulate_fmu(str(tmp_path / "fmu"), start_values={"tau_drive": 8.0, "gamma": 0.2})
-    np.testing.assert_allclose(rebuilt["psi"], original["psi"], rtol=1e-12)
-
-
 # ---- what can go wrong ----
 
 
 def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compile, "installed", lambda package: False)
     with pytest.raises(plants.NoCompiler, match="there is no C compiler") as error:
         plants.build("car_like")
     for system in ("Debian, Ubuntu", "Fedora", "macOS", "Windows"):
@@ -209,6 +197,57 @@ def test_folders_that_cannot_be_written(fmu: Path, monkeypatch: pytest.MonkeyPat
         plants.build("car_like")
 
 
-def test_other_versions_of_fmi() -> None:
-    with pytest.raises(plants.BuildError, match=r"FMI 1.0 is not offered; choose 2.0"):
+def test_other_versions_of_fmi(fmu: Path) -> None:
+    with pytest.raises(plants.BuildError, match=r"FMI 1.0 is not offered; choose 2.0 or 3.0"):
         plants.build("car_like", fmi="1.0")
+    assert plants.build("car_like", fmi="2") == fmu
+    assert plants.build("car_like", fmi="3") == plants.build("car_like", fmi="3.0") != fmu
+
+
+def test_platforms_that_cannot_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = "linux-x86_64, linux-aarch64, windows-x86_64, macos-x86_64, macos-arm64"
+    with pytest.raises(plants.BuildError, match=f"the platform 'solaris' is not known; choose from {names}, or all"):
+        plants.build("car_like", platforms=["linux-x86_64", "solaris"])
+    with pytest.raises(plants.BuildError, match="no platform is named"):
+        plants.build("car_like", platforms=[])
+    with pytest.raises(plants.BuildError, match=r"FMI 2.0 has one folder, linux64, for both"):
+        plants.build("car_like", platforms=["linux-x86_64", "linux-aarch64"])
+    monkeypatch.setattr(compile, "installed", lambda package: False)
+    with pytest.raises(plants.NoCompiler, match=r'pip install "formation-cosim\[cross\]"'):
+        plants.build("car_like", platforms="windows-x86_64")
+    monkeypatch.setattr(platforms, "PLATFORMS", {})
+    with pytest.raises(plants.BuildError, match="cannot build for this machine"):
+        platforms.host()
+
+
+@pytest.mark.skipif(not compile.installed("ziglang"), reason="needs the Python package ziglang: the extra 'cross'")
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_all_platforms(fmi: str, tmp_path: Path) -> None:
+    """Binaries of the right kind for all platforms, the same bytes twice; this machine's runs."""
+    x = sympy.Symbol("x")
+    model = OdeModel("decay", "Decay", (State(x, "1", "x", start=1.0),), (-x,))
+    path = plants.build(model, fmi=fmi, platforms="all", out=tmp_path)
+    elf, pe, macho = b"\x7fELF\x02\x01", b"MZ", b"\xcf\xfa\xed\xfe"
+    kinds = {
+        "2.0": {"linux64/decay.so": elf, "win64/decay.dll": pe, "darwin64/decay.dylib": b"\xca\xfe\xba\xbe\0\0\0\x02"},
+        "3.0": {
+            "x86_64-linux/decay.so": elf,
+            "aarch64-linux/decay.so": elf,
+            "x86_64-windows/decay.dll": pe,
+            "x86_64-darwin/decay.dylib": macho + b"\x07\0\0\x01",
+            "aarch64-darwin/decay.dylib": macho + b"\x0c\0\0\x01",
+        },
+    }[fmi]
+    with zipfile.ZipFile(path) as archive:
+        found = {n.removeprefix("binaries/"): archive.read(n) for n in archive.namelist() if n.startswith("binaries/")}
+    assert set(found) == set(kinds)
+    assert all(found[name].startswith(kind) for name, kind in kinds.items())
+    machine = {"x86_64": 62, "aarch64": 183}
+    for name, content in found.items():
+        if name.endswith(".so"):
+            assert content[18] == machine[name.partition("-")[0].replace("linux64/decay.so", "x86_64")]
+    if platforms.host().folder(fmi) + "/decay.so" in found:
+        result = fmpy.simulate_fmu(str(path), stop_time=0.04, output_interval=0.02)
+        np.testing.assert_allclose(result["x"], [1.0, 0.98, 0.98**2], rtol=1e-14)
+    content = path.read_bytes()
+    assert plants.build(model, fmi=fmi, platforms="all", cache=False).read_bytes() == content

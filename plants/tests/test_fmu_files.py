@@ -1,0 +1,118 @@
+"""What is in an FMU of either version: descriptions, images, documentation, sources that can be built."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import fmpy.validation
+import numpy as np
+import pytest
+from lxml import etree
+
+import plants
+from plants.factory.platforms import host
+
+from .fmus import MODELS, Fmu
+
+# ---- descriptions ----
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_validation_is_silent(fmus: Callable, name: str, fmi: str) -> None:
+    assert fmpy.validation.validate_fmu(str(fmus(name, fmi).path)) == []
+
+
+def test_description_promises_what_is_there(car: Fmu, fmi: str) -> None:
+    description = fmpy.read_model_description(car.folder)
+    assert description.fmiVersion == fmi
+    for interface in (description.modelExchange, description.coSimulation):
+        assert interface.canGetAndSetFMUstate
+        assert interface.canSerializeFMUstate
+        assert fmi == "3.0" or interface.providesDirectionalDerivative
+    assert description.coSimulation.canHandleVariableCommunicationStepSize
+    assert description.coSimulation.canInterpolateInputs == (fmi == "2.0")
+    if fmi == "3.0":
+        root = etree.parse(car.folder / "modelDescription.xml")
+        for element in ("ModelExchange", "CoSimulation"):
+            assert root.find(element).get("providesDirectionalDerivatives") == "true"
+            assert root.find(element).get("providesAdjointDerivatives") == "true"
+    variables = {variable.name: variable for variable in description.modelVariables}
+    assert (variables["time"].causality, variables["time"].unit) == ("independent", "s")
+    assert variables["psi"].displayUnit == "deg"
+    assert [v.valueReference for v in description.modelVariables] == list(range(len(variables)))
+    assert {category.name for category in description.logCategories} == {
+        "logEvents",
+        "logStatusWarning",
+        "logStatusDiscard",
+        "logStatusError",
+        "logAll",
+    }
+    names = [item.name for item in variables["at_singularity"].declaredType.items]
+    assert names == ["warn", "stop"]
+
+
+def test_files_of_the_standard_are_there_and_valid(fmus: Callable) -> None:
+    two, three = fmus("many_functions", "2.0").folder, fmus("many_functions", "3.0").folder
+    images = [two / "model.png", three / "terminalsAndIcons" / "icon.png"]
+    assert all(image.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") for image in images)
+    etree.parse(three / "terminalsAndIcons" / "icon.svg")
+    schemas = Path(fmpy.__file__).parent / "schema" / "fmi3"
+    for schema, file in (
+        ("fmi3TerminalsAndIcons.xsd", "terminalsAndIcons/terminalsAndIcons.xml"),
+        ("fmi3BuildDescription.xsd", "sources/buildDescription.xml"),
+    ):
+        etree.XMLSchema(etree.parse(schemas / schema)).assertValid(etree.parse(three / file))
+    members = etree.parse(three / "terminalsAndIcons" / "terminalsAndIcons.xml").findall(".//TerminalMemberVariable")
+    assert [member.get("variableName") for member in members] == ["u", "x", "energy"]
+
+
+def test_vehicles_have_their_terminals(fmus: Callable) -> None:
+    for name in plants.models():
+        tree = etree.parse(fmus(name, "3.0").folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
+        assert [t.get("name") for t in tree.findall(".//Terminal")] == ["pose", "velocity", "torque", "disturbance"]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_documentation_stands_alone(fmus: Callable, name: str, fmi: str) -> None:
+    page = (fmus(name, fmi).folder / "documentation" / "index.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert "src=" not in page
+    assert "href=" not in page
+    root = etree.HTML(page)
+    model = MODELS[name]
+    equations = len(model.states) + len(model.terms) + len(model.outputs)
+    assert len(root.findall(".//table[@class='equations']/tr")) == equations
+    assert len(root.findall(".//math")) == 2 * equations + len(model.limits)
+    text = " ".join(root.itertext())
+    for variable in (*model.states, *model.inputs, *model.reals):
+        assert variable.description in text
+
+
+# ---- builds ----
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="FMPy rebuilds an FMU with CMake, which is not installed")
+def test_fmu_can_be_rebuilt_from_its_own_sources(car: Fmu, tmp_path: Path) -> None:
+    from fmpy.build import build_platform_binary
+
+    shutil.copytree(car.folder, tmp_path / "fmu")
+    shutil.rmtree(tmp_path / "fmu" / "binaries")
+    (tmp_path / "cmake").mkdir()
+    build_platform_binary(tmp_path / "fmu", tmp_path / "cmake", configuration="Release")
+    results = [
+        fmpy.simulate_fmu(str(folder), start_values={"tau_drive": 8.0, "gamma": 0.2})
+        for folder in (car.folder, tmp_path / "fmu")
+    ]
+    np.testing.assert_allclose(results[1]["psi"], results[0]["psi"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_c_has_no_warnings(fmus: Callable, fmi: str, name: str) -> None:
+    from plants.factory.compile import compile_library, find_compiler
+
+    root = fmus(name, fmi).folder
+    sources = sorted(path.relative_to(root).as_posix() for path in root.glob("sources/*.c"))
+    assert compile_library(find_compiler(), host(), root, sources, name, ("-Werror", "-Wshadow", "-Wconversion"))
+    text = (root / "sources" / "model.c").read_text()
+    assert "pow(" not in text.replace("pow(k, 3.0/2.0)", "").replace("pow(k, 1.0/2.0)", "")
