@@ -64,13 +64,13 @@ def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
                 _write(result, summary, folder)
         if signals.received and failure is None:  # while the result was being written
             failure = RunInterrupted(simulation.time, result)
+        console = out()
+        _print_summary(console, scenario, summary)
         if options.figure and result.sizes["time"] > 1:
             with timed(timing, "figure"):
                 _draw(result, folder)
     timing["total"] += options.imports
 
-    console = out()
-    _print_summary(console, scenario, summary)
     console.print(f"results in {folder}/", markup=False, soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
