@@ -1,9 +1,11 @@
 """What a user meets at the command line: files, exit status, and one sentence for each mistake."""
 
+import hashlib
 import json
 import signal
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fmpy
@@ -76,11 +78,15 @@ def test_an_expectation_that_fails(line: str, tmp_path: Path, capsys: pytest.Cap
 
 def test_overrides(line: str, tmp_path: Path) -> None:
     fmu = plants.build("car_like", out=tmp_path)
+    with zipfile.ZipFile(fmu, "a") as archive:
+        archive.writestr("documentation/mine.txt", "another FMU than the built-in one")
     arguments = ["run", line, "--out", str(tmp_path), "--no-figure", "--seed", "5", "--plant", f"clmr={fmu}", *SHORT]
     assert main([*arguments, "--controller", "pid=neural-adaptive-pid"]) == 1
     result = load(tmp_path / "clmr_line" / "result.nc")
     assert result.attrs["seed"] == "5"
-    assert 'horizon="1 s"' in result.attrs["scenario"]
+    assert json.loads(result.attrs["plants"])["clmr"]["sha256"] == hashlib.sha256(fmu.read_bytes()).hexdigest()
+    for piece in ('horizon="1 s"', 'seed="5"', f'fmu="{fmu}"'):
+        assert piece in result.attrs["scenario"], "the text that is kept is the text that was run"
 
 
 def test_a_figure_of_an_earlier_run_does_not_stay(line: str, tmp_path: Path) -> None:

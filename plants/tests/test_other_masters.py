@@ -39,7 +39,7 @@ def fmu(request: pytest.FixtureRequest) -> Path:
 class Experiment:
     """An FMU with start values and constant torques, and what FMPy's own methods make of it."""
 
-    def __init__(self, fmu: Path) -> None:
+    def __init__(self, fmu: Path, directory: Path) -> None:
         self.path = str(fmu)
         description = fmpy.read_model_description(self.path)
         variables = {variable.name: variable for variable in description.modelVariables}
@@ -49,10 +49,9 @@ class Experiment:
         self.start = {name: value for name, value in START.items() if name in variables}
         self.start |= dict(zip(torques, TORQUES, strict=True))
         self.outputs = [name for name, variable in variables.items() if variable.causality == "output"]
-        self.expected = self._in_fmpy(description)
+        self.expected = self._in_fmpy(description, fmpy.extract(self.path, directory))
 
-    def _in_fmpy(self, description: object) -> np.ndarray:
-        directory = fmpy.extract(self.path)
+    def _in_fmpy(self, description: object, directory: Path) -> np.ndarray:
         slave = FMU2Slave(
             guid=description.guid,
             unzipDirectory=directory,
@@ -73,8 +72,8 @@ class Experiment:
 
 
 @pytest.fixture(scope="module")
-def experiment(fmu: Path) -> Experiment:
-    return Experiment(fmu)
+def experiment(fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    return Experiment(fmu, tmp_path_factory.mktemp("unpacked"))
 
 
 def test_the_robot_moves(experiment: Experiment) -> None:
