@@ -234,16 +234,27 @@ class OdeModel:
     terminals: tuple[Terminal, ...] = ()
 
     def __post_init__(self) -> None:
-        # Everything that SymPy takes for an expression is welcome, such as the number 0.
-        object.__setattr__(self, "derivatives", tuple(map(sympy.sympify, self.derivatives)))
+        object.__setattr__(self, "derivatives", tuple(map(self._expression, self.derivatives)))
         for name in ("outputs", "terms", "limits"):
-            items = tuple(replace(item, expression=sympy.sympify(item.expression)) for item in getattr(self, name))
+            items = tuple(replace(item, expression=self._expression(item.expression)) for item in getattr(self, name))
             object.__setattr__(self, name, items)
         declared = {variable.symbol: variable.unit for variable in (*self.states, *self.inputs, *self.reals)}
         limits = tuple(replace(limit, unit=limit.unit or declared.get(limit.expression, "1")) for limit in self.limits)
         object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "equations", self.equations or ("",) * len(self.states))
         _check(self)
+
+    def _expression(self, value: object) -> sympy.Expr:
+        """Return what SymPy takes for an expression, such as the number 0, as one."""
+        try:
+            expression = sympy.sympify(value, strict=True)
+        except sympy.SympifyError:
+            expression = None
+        if not isinstance(expression, sympy.Expr) or expression.is_Matrix:
+            raise ModelError(
+                f"model {self.name!r}: {value!r} is not an expression: state a real function of the model's symbols"
+            )
+        return expression
 
     @property
     def reals(self) -> tuple[Parameter, ...]:
@@ -319,8 +330,6 @@ def _check(model: OdeModel) -> None:
         declared[symbol.name] = symbol
 
     def check_symbols(expression: sympy.Expr, where: str) -> None:
-        if not isinstance(expression, sympy.Expr):
-            raise error(f"{where} is {expression!r}: it must be an expression, a real function of the model's symbols")
         for symbol in sorted(expression.free_symbols, key=str):
             if symbol.name not in declared:
                 raise error(f"{where} uses the undefined symbol {symbol.name!r}")

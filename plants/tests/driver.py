@@ -29,7 +29,7 @@ class Library:
     """The functions of an FMU; `time` is the value reference of the time, the last one."""
 
     def __init__(self, path: str, fmi: str, token: str, time: int) -> None:
-        self.fmi, self.token, self.time = fmi, token.encode(), time
+        self.path, self.fmi, self.token, self.time = path, fmi, token.encode(), time
         self._dll = ctypes.CDLL(str(path))
 
     def __call__(self, name: str, *arguments: Any) -> int:
@@ -38,7 +38,9 @@ class Library:
         function.restype = _int
         return int(function(*(_double(a) if isinstance(a, float) else a for a in arguments)))
 
-    def instantiate(self, interface: str, log: Callable[[int, str, str], None] | None, name: bytes = b"one") -> Any:
+    def instantiate(
+        self, interface: str, log: Callable[[int, str, str], None] | None, name: bytes | None = b"one"
+    ) -> Any:
         """Return an instance's address (or None) and what must be kept as long as it lives."""
         if self.fmi == "2.0":
             callbacks = _Callbacks2()

@@ -9,6 +9,7 @@ import sys
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import fmpy.validation
@@ -20,9 +21,9 @@ import plants
 from plants import numeric
 from plants.factory import compile, platforms
 from plants.factory.generate import generate
-from plants.ode import OdeModel, State
+from plants.ode import Limit, OdeModel, Output, State, Terminal
 
-from .test_models import spring
+from .test_models import rate, s, spring
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -57,14 +58,13 @@ def test_a_second_build_loads_nothing(fmu: Path) -> None:
     assert json.loads(result.stdout) == [str(fmu), []]
 
 
-def test_bytes_are_reproducible(fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_bytes_are_reproducible(fmi: str, tmp_path: Path) -> None:
     """Another process, another hash seed, another cache: the same bytes."""
-    result = python(
-        "import plants; print(plants.build('car_like'), end='')", FORMATION_CACHE=str(tmp_path), PYTHONHASHSEED="12345"
-    )
-    other = Path(result.stdout)
+    code = f"import plants; print(plants.build('car_like', fmi='{fmi}'), end='')"
+    other = Path(python(code, FORMATION_CACHE=str(tmp_path), PYTHONHASHSEED="12345").stdout)
     assert other.is_relative_to(tmp_path)
-    assert other.read_bytes() == fmu.read_bytes()
+    assert other.read_bytes() == plants.build("car_like", fmi=fmi).read_bytes()
 
 
 def test_processes_may_build_at_once(fmu: Path, tmp_path: Path) -> None:
@@ -163,6 +163,34 @@ def test_readme_examples_run_as_written(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 # ---- what can go wrong ----
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"outputs": (Output(sympy.Symbol("y"), lambda x: x, "m", ""),)}, "is not an expression"),
+        ({"outputs": (Output(sympy.Symbol("y"), "2 * s", "m", ""),)}, "'2 * s' is not an expression"),
+        ({"outputs": (Output(sympy.Symbol("y"), sympy.Matrix([s, s]), "m", ""),)}, "is not an expression"),
+        ({"outputs": (Output(sympy.Symbol("y"), s > 0, "m", ""),)}, "s > 0 is not an expression"),
+        ({"derivatives": (rate, None)}, "None is not an expression"),
+        ({"limits": (Limit(sympy.Symbol("z"), max=1.0),)}, "limit 'z' uses the undefined symbol 'z'"),
+        ({"limits": (Limit(s, min=2.0, max=1.0),)}, "limit 's': its bounds are [2, 1], the first must be smaller"),
+        ({"limits": (Limit(2 * s, max=1.0, unit="yard"),)}, "unit 'yard'"),
+        ({"terminals": (Terminal("a pose", (s,)),)}, "terminal 'a pose' is not an FMI and C identifier"),
+        ({"terminals": (Terminal("pose", (s,)), Terminal("pose", (s,)))}, "there are two terminals 'pose'"),
+        ({"terminals": (Terminal("pose", (s, rate)),)}, "'rate' is neither an input nor an output"),
+    ],
+)
+def test_wrong_models_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(plants.PlantError) as error:
+        spring(**changes)
+    assert message in str(error.value)
+
+
+def test_what_has_no_derivative_is_refused() -> None:
+    x = sympy.Symbol("x")
+    with pytest.raises(plants.ModelError, match=r"gamma\(x\).* cannot be written in C"):
+        plants.build(OdeModel("bad", "", (State(x, "1", ""),), (sympy.gamma(x),)))
 
 
 def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,8 +2,6 @@
 
 import ctypes
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -417,36 +415,3 @@ def test_null_pointers(new_car: Callable) -> None:
 def test_wrong_guid_is_refused(unzipped: Path, new_car: Callable) -> None:
     with pytest.raises(Exception, match="instantiate"):
         new_car(guid="{wrong}")
-
-
-def test_c_has_no_warnings(unzipped: Path, tmp_path: Path) -> None:
-    from plants.factory.compile import compile_library, find_compiler
-    from plants.factory.platforms import host
-
-    for source in (unzipped / "sources").iterdir():
-        (tmp_path / source.name).write_bytes(source.read_bytes())
-    sources = [path.name for path in tmp_path.glob("*.c")]
-    flags = ("-Werror", "-Wshadow", "-Wconversion")
-    assert compile_library(find_compiler(), host(), tmp_path, sources, "car_like", flags)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of an ELF library with nm")
-def test_only_fmi_functions_are_exported_and_no_data_is_writable(unzipped: Path) -> None:
-    (library,) = (unzipped / "binaries").glob("*/car_like.so")
-    listing = subprocess.run(["nm", "-f", "sysv", library], capture_output=True, text=True, check=True).stdout
-    symbols = [[field.strip() for field in line.split("|")] for line in listing.splitlines() if line.count("|") == 6]
-    exported = [name for name, _, kind, *_ in symbols if kind == "T"]
-    assert len(exported) > 30
-    assert all(name.startswith("fmi2") for name in exported)
-    writable = [name for name, *_, section in symbols if section in (".data", ".bss")]
-    runtime_of_the_linker = {"__dso_handle", "__TMC_END__", "_edata", "_end", "__bss_start", "__data_start"}
-    assert [name for name in writable if name not in runtime_of_the_linker and not name.startswith("completed.")] == []
-
-
-def test_model_knows_no_fmi_and_runtime_knows_no_model(unzipped: Path) -> None:
-    for path in (unzipped / "sources").iterdir():
-        text = path.read_text()
-        if path.name in ("model.c", "model.h", "config.h", "solver.c", "solver.h", "simulation.c", "simulation.h"):
-            assert "fmi2" not in text
-        if path.name not in ("model.c", "config.h"):
-            assert not any(word in text for word in ("car_like", "tau_", "gamma", "m_c"))

@@ -1,6 +1,9 @@
 """What is in an FMU of either version: descriptions, images, documentation, sources that can be built."""
 
+import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -116,3 +119,31 @@ def test_c_has_no_warnings(fmus: Callable, fmi: str, name: str) -> None:
     assert compile_library(find_compiler(), host(), root, sources, name, ("-Werror", "-Wshadow", "-Wconversion"))
     text = (root / "sources" / "model.c").read_text()
     assert "pow(" not in text.replace("pow(k, 3.0/2.0)", "").replace("pow(k, 1.0/2.0)", "")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of an ELF library with nm")
+def test_all_functions_of_the_standard_are_exported_and_no_data_is_writable(car: Fmu, fmi: str) -> None:
+    prefix = f"fmi{fmi[0]}"
+    header = (car.folder / "sources" / f"{prefix}Functions.h").read_text()
+    declared = set(re.findall(rf"^\s*{prefix.upper()}_Export {prefix}\w+TYPE\s+({prefix}\w+);", header, re.MULTILINE))
+    (binary,) = (car.folder / "binaries").glob("*/*")
+    listing = subprocess.run(["nm", "-f", "sysv", binary], capture_output=True, text=True, check=True).stdout
+    symbols = [[part.strip() for part in line.split("|")] for line in listing.splitlines() if line.count("|") == 6]
+    assert len(declared) > 40
+    assert {name for name, _, kind, *_ in symbols if kind == "T"} == declared
+    # Only what the linker itself puts there.
+    writable = {name for name, *_, section in symbols if section in (".data", ".bss")}
+    assert {name for name in writable if not name.startswith(("_", "completed."))} == set()
+
+
+def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
+    """The model and what steps it know no FMI, what is shared knows no version, and nothing shared knows the model."""
+    sources = {path.name: path.read_text() for path in (fmus("car_like", fmi).folder / "sources").iterdir()}
+    for name, text in sources.items():
+        if name in ("model.c", "model.h", "config.h", "solver.c", "solver.h", "simulation.c", "simulation.h"):
+            assert "fmi2" not in text
+            assert "fmi3" not in text
+        if name.startswith("instance"):
+            assert not re.search(r"fmi[23][A-Z]", text)
+        if name not in ("model.c", "config.h", "buildDescription.xml"):
+            assert not any(word in text for word in ("car_like", "tau_", "gamma", "m_c"))

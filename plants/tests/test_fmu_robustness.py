@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from . import driver
-from .driver import Instance, Refused
+from .driver import Instance, Library, Refused
 from .fmus import MODELS, Fmu
 
 # ---- misuse ----
@@ -41,6 +41,28 @@ def test_modes_are_told_apart(new: Callable, car: Fmu, fmi: str) -> None:
     with pytest.raises(Refused, match="try a smaller step") as refusal:
         model.derivatives(6)
     assert refusal.value.status == driver.DISCARD
+
+
+@pytest.mark.parametrize("interface", driver.INTERFACES)
+def test_instances_that_cannot_be(car: Fmu, fmi: str, interface: str) -> None:
+    messages = []
+
+    def log(*message: object) -> None:
+        messages.append(message)
+
+    for library, name, expected in (
+        (replace_token(car.library), b"one", "wrong GUID: expected {"),
+        (car.library, b"", "the instance has no name"),
+        (car.library, None, "the instance has no name"),
+    ):
+        address, _ = library.instantiate(interface, log, name)
+        assert address is None
+        assert expected in messages.pop()[2]
+    assert messages == []
+
+
+def replace_token(library: Library) -> Library:
+    return Library(library.path, library.fmi, "{wrong}", library.time)
 
 
 @pytest.mark.parametrize("interface", driver.INTERFACES)

@@ -2,17 +2,17 @@
  * sections 3.2.3 and 4.2.4) and hands over to instance.h. */
 #include "fmi2Functions.h"
 
-#include <stdio.h>
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "instance.h"
 
 /* The types that instance.h takes for granted. */
-_Static_assert(sizeof(fmi2ValueReference) == sizeof(unsigned), "value references are unsigned");
-_Static_assert((int)fmi2OK == STATUS_OK && (int)fmi2Warning == STATUS_WARNING && (int)fmi2Discard == STATUS_DISCARD
-                   && (int)fmi2Error == STATUS_ERROR,
-               "both number a status alike");
+static_assert(sizeof(fmi2ValueReference) == sizeof(unsigned), "value references are unsigned");
+static_assert((int)fmi2OK == STATUS_OK && (int)fmi2Warning == STATUS_WARNING && (int)fmi2Discard == STATUS_DISCARD
+                  && (int)fmi2Error == STATUS_ERROR,
+              "both number a status alike");
 
 enum {
     SETTABLE = INSTANTIATED | INITIALIZATION | EVENT_MODE | CONTINUOUS_TIME | STEP_MODE,

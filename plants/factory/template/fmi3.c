@@ -2,17 +2,17 @@
  * sections 2.3, 3.2 and 4.2) and hands over to instance.h. All variables are scalars. */
 #include "fmi3Functions.h"
 
-#include <stdio.h>
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "instance.h"
 
 /* The types that instance.h takes for granted. */
-_Static_assert(sizeof(fmi3ValueReference) == sizeof(unsigned), "value references are unsigned");
-_Static_assert((int)fmi3OK == STATUS_OK && (int)fmi3Warning == STATUS_WARNING && (int)fmi3Discard == STATUS_DISCARD
-                   && (int)fmi3Error == STATUS_ERROR,
-               "both number a status alike");
+static_assert(sizeof(fmi3ValueReference) == sizeof(unsigned), "value references are unsigned");
+static_assert((int)fmi3OK == STATUS_OK && (int)fmi3Warning == STATUS_WARNING && (int)fmi3Discard == STATUS_DISCARD
+                  && (int)fmi3Error == STATUS_ERROR,
+              "both number a status alike");
 
 enum {
     SETTABLE = INSTANTIATED | INITIALIZATION | EVENT_MODE | CONTINUOUS_TIME | STEP_MODE,
