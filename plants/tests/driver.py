@@ -39,24 +39,30 @@ class Library:
         return int(function(*(_double(a) if isinstance(a, float) else a for a in arguments)))
 
     def instantiate(
-        self, interface: str, log: Callable[[int, str, str], None] | None, name: bytes | None = b"one"
+        self,
+        interface: str,
+        log: Callable[[int, str, str], None] | None,
+        name: bytes | None = b"one",
+        *,
+        event_mode: bool = False,
+        intermediate: int = 0,
     ) -> Any:
         """Return an instance's address (or None) and what must be kept as long as it lives."""
         if self.fmi == "2.0":
             callbacks = _Callbacks2()
             if log:
                 callbacks.logger = _Callbacks2.LOGGER(lambda e, n, s, c, m: log(s, c.decode(), m.decode()))
+            arguments = [name, INTERFACES.index(interface), self.token, None, ctypes.byref(callbacks), 0, 0]
             function, kept = self._dll.fmi2Instantiate, callbacks
-            kind = INTERFACES.index(interface)
-            arguments = [name, kind, self.token, None, ctypes.byref(callbacks), 0, 0]
         else:
             kept = _LOGGER3(lambda e, s, c, m: log(s, c.decode(), m.decode())) if log else _LOGGER3()
-            arguments = [name, self.token, None, False, log is not None]
-            if interface == "model_exchange":
-                function, arguments = self._dll.fmi3InstantiateModelExchange, [*arguments, None, kept]
-            else:
-                arguments = [*arguments, False, False, None, _size(0), None, kept, None]
-                function = self._dll.fmi3InstantiateCoSimulation
+            function = self._dll["fmi3Instantiate" + interface.title().replace("_", "")]
+            of_interface = {
+                "model_exchange": [None, kept],
+                "co_simulation": [event_mode, False, None, _size(intermediate), None, kept, None],
+                "scheduled_execution": [None, kept, None, None, None],
+            }
+            arguments = [name, self.token, None, False, log is not None, *of_interface[interface]]
         function.restype = _pointer
         return function(*arguments), kept
 

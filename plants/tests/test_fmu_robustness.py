@@ -61,6 +61,19 @@ def test_instances_that_cannot_be(car: Fmu, fmi: str, interface: str) -> None:
     assert messages == []
 
 
+def test_fmi_3_refuses_what_it_does_not_offer(fmus: Callable) -> None:
+    library, messages = fmus("car_like", "3.0").library, []
+    for changes, expected in (
+        ({"interface": "scheduled_execution"}, "for Co-Simulation and Model Exchange only"),
+        ({"interface": "co_simulation", "event_mode": True}, "hasEventMode is false"),
+        ({"interface": "co_simulation", "intermediate": 1}, "providesIntermediateUpdate is false"),
+    ):
+        address, _ = library.instantiate(log=lambda *message: messages.append(message), **changes)
+        assert address is None
+        assert expected in messages.pop()[2]
+    assert messages == []
+
+
 def replace_token(library: Library) -> Library:
     return Library(library.path, library.fmi, "{wrong}", library.time)
 

@@ -30,30 +30,40 @@ static Status say(Simulation *s, Status status, const char *format, ...)
     return status;
 }
 
+/* Whether a value reference is one of those from `first` to before `end`. */
+static bool is_among(unsigned reference, unsigned first, unsigned end)
+{
+    return reference >= first && reference < end;
+}
+
 static bool is_state(unsigned reference)
 {
-    return reference < FIRST_DERIVATIVE;
+    return is_among(reference, FIRST_STATE, FIRST_DERIVATIVE);
 }
 
 static bool is_derivative(unsigned reference)
 {
-    return reference >= FIRST_DERIVATIVE && reference < FIRST_INPUT;
+    return is_among(reference, FIRST_DERIVATIVE, FIRST_INPUT);
 }
 
 static bool is_input(unsigned reference)
 {
-    return reference >= FIRST_INPUT && reference < FIRST_PARAMETER;
+    return is_among(reference, FIRST_INPUT, FIRST_PARAMETER);
 }
 
-static bool is_parameter(unsigned reference)
+static bool is_real_parameter(unsigned reference)
 {
-    return (reference >= FIRST_PARAMETER && reference < FIRST_OUTPUT)
-        || (reference >= FIRST_ENUMERATION && reference < TIME);
+    return is_among(reference, FIRST_PARAMETER, FIRST_OUTPUT);
 }
 
 static bool is_output(unsigned reference)
 {
-    return reference >= FIRST_OUTPUT && reference < N_REALS;
+    return is_among(reference, FIRST_OUTPUT, N_REALS);
+}
+
+static bool is_enumeration(unsigned reference)
+{
+    return is_among(reference, FIRST_ENUMERATION, TIME);
 }
 
 static const char *kind(unsigned reference)
@@ -122,7 +132,7 @@ Status simulation_set_real(Simulation *s, unsigned reference, double value)
 
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
 {
-    if (reference >= N_VARIABLES || !is_input(reference)) {
+    if (!is_input(reference)) {
         return say(s, STATUS_ERROR, "value reference %u is not an input: only inputs have time derivatives that can be set",
                    reference);
     }
@@ -167,7 +177,7 @@ static Status bad_variant(Simulation *s, unsigned reference, long long value)
 
 Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value)
 {
-    if (reference < FIRST_ENUMERATION || reference >= TIME) return no_enumeration(s, reference);
+    if (!is_enumeration(reference)) return no_enumeration(s, reference);
     const Status settable = check_settable(s, reference);
     if (settable != STATUS_OK) return settable;
     if (value < INT_MIN || value > INT_MAX) return bad_variant(s, reference, value);
@@ -178,7 +188,7 @@ Status simulation_set_enumeration(Simulation *s, unsigned reference, long long v
 
 Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value)
 {
-    if (reference < FIRST_ENUMERATION || reference >= TIME) return no_enumeration(s, reference);
+    if (!is_enumeration(reference)) return no_enumeration(s, reference);
     *value = s->enumerations[reference - FIRST_ENUMERATION];
     return STATUS_OK;
 }
@@ -378,7 +388,7 @@ static Status take_adaptive_steps(Simulation *s, const Drive *drive, double time
 
 Status simulation_step(Simulation *s, double time, double step)
 {
-    enum { MAX_INTERNAL_STEPS = 1000000000 };
+    static const double max_internal_steps = 1e9; /* fits into an int */
     const double solver_step_max = s->values[FIRST_PARAMETER + PARAMETER_solver_step];
     const Drive drive = {.inputs = &s->values[FIRST_INPUT],
                          .slopes = s->ramps ? s->slopes : NULL,
@@ -399,10 +409,10 @@ Status simulation_step(Simulation *s, double time, double step)
                    s->stop_time);
     }
     const double ratio = ceil(step / solver_step_max - 1e-6);
-    if (ratio > MAX_INTERNAL_STEPS) {
+    if (ratio > max_internal_steps) {
         return say(s, STATUS_ERROR,
-                   "the communication step of %.16g s needs %g internal steps of %.16g s: at most %d are allowed", step,
-                   ratio, solver_step_max, MAX_INTERNAL_STEPS);
+                   "the communication step of %.16g s needs %g internal steps of %.16g s: at most %g are allowed", step,
+                   ratio, solver_step_max, max_internal_steps);
     }
 
     s->current = false;
@@ -478,7 +488,7 @@ static Status check_differentiable(Simulation *s, const unsigned unknowns[], siz
     for (size_t j = 0; j < n_knowns; j++) {
         const unsigned r = knowns[j];
         const bool is_known = is_state(r) || is_input(r) || r == TIME
-            || (is_parameter(r) && r < FIRST_OUTPUT && s->phase == BEFORE_START);
+            || (is_real_parameter(r) && s->phase == BEFORE_START);
         if (!is_known) {
             return say(s, STATUS_ERROR,
                        "the variable with value reference %u is no known: states, inputs and the time are, and until the "
@@ -513,7 +523,7 @@ Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unkn
         seeds[from[i]] += seed[i];
     }
     for (size_t j = 0; j < n_knowns; j++) {
-        has_parameters = has_parameters || is_parameter(knowns[j]);
+        has_parameters = has_parameters || is_real_parameter(knowns[j]);
     }
 
     const double *const x = &s->values[FIRST_STATE], *const u = &s->values[FIRST_INPUT];
