@@ -1,4 +1,5 @@
 """From a model to an FMU.
 
-`table` and `generate` make the text, `compile` the binary, `package` the zip, `store` keeps it; `build` joins them.
+`table`, `jacobian`, `document` and `generate` make its files, `platforms` and `compile` the binaries, `package` the zip,
+`store` keeps it; `build` joins them.
 """
