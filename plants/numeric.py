@@ -13,7 +13,7 @@ import numpy.typing as npt
 import sympy
 
 from plants.errors import ModelError
-from plants.factory.jacobian import differentiate
+from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
 
 Array = npt.NDArray[np.float64]

@@ -9,6 +9,8 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from plants import units
 from plants.ode import OdeModel
 
+_FUNCTIONS = (sympy.sin, sympy.cos, sympy.tan)
+
 
 @dataclass(frozen=True)
 class Equation:
@@ -31,11 +33,14 @@ class Page:
 
 
 def document(model: OdeModel) -> Page:
-    """Render a model's equations."""
-    printer = _Printer(model)
+    """Render a model's equations. A term that names a function, such as cos_psi for cos(psi), is written out."""
+    functions = {t.symbol: t.expression for t in model.terms if isinstance(t.expression, _FUNCTIONS)}
+    printer = _Printer(model, functions)
     return Page(
         terms=tuple(
-            Equation(printer.render(t.symbol), printer.render(t.expression), t.unit, t.equation) for t in model.terms
+            Equation(printer.render(t.symbol), printer.render(t.expression), t.unit, t.equation)
+            for t in model.terms
+            if t.symbol not in functions
         ),
         derivatives=tuple(
             Equation(printer.dot(s.symbol), printer.render(d), units.per_second(s.unit), equation)
@@ -49,13 +54,14 @@ def document(model: OdeModel) -> Page:
 class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
     """MathML in which a variant of an enumeration goes by its name."""
 
-    def __init__(self, model: OdeModel) -> None:
-        super().__init__({"mul_symbol": "None"})
+    def __init__(self, model: OdeModel, functions: dict[sympy.Symbol, sympy.Expr]) -> None:
+        super().__init__({"mul_symbol": "dot"})
+        self._functions = functions
         self._enumerations = {enumeration.symbol: enumeration for enumeration in model.enumerations}
 
     def render(self, expression: sympy.Expr) -> str:
         """Return an expression as the content of a <math> element."""
-        return str(self._print(expression).toxml())
+        return str(self._print(expression.xreplace(self._functions)).toxml())
 
     def dot(self, symbol: sympy.Symbol) -> str:
         """Return the time derivative of a symbol."""

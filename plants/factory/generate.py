@@ -19,8 +19,8 @@ from sympy.printing.precedence import precedence
 from plants import units
 from plants.errors import BuildError, ModelError
 from plants.factory.document import document
-from plants.factory.jacobian import differentiate
 from plants.factory.table import Entry, Table, tabulate
+from plants.jacobian import differentiate
 from plants.ode import RESERVED, TIME, Enumeration, OdeModel, Term
 
 TEMPLATE = Path(__file__).parent / "template"
