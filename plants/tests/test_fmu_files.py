@@ -85,7 +85,7 @@ def test_documentation_stands_alone(fmus: Callable, name: str, fmi: str) -> None
     root = etree.HTML(page)
     model = MODELS[name]
     terms = [term for term in model.terms if term.equation or not term.expression.is_Function]
-    assert len(terms) < len(model.terms), "terms such as cos_psi are written out"
+    assert name == "many_functions" or len(terms) < len(model.terms), "terms such as cos_psi are written out"
     equations = len(model.states) + len(terms) + len(model.outputs)
     assert len(root.findall(".//table[@class='equations']/tr")) == equations
     assert len(root.findall(".//math")) == 2 * equations + len(model.limits)
