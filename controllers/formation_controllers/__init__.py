@@ -8,7 +8,7 @@ from formation_controllers.errors import ControllerError, GainError, Incompatibl
 from formation_controllers.gains import GainInfo, Gains, gain_info
 from formation_controllers.interface import INTERFACE_VERSION, Desired, Leader, Signal, Team
 from formation_controllers.registry import Installed, installed, load
-from formation_controllers.vehicles import CarLike
+from formation_controllers.vehicles import CarLike, TractorTrailer, Vehicle
 
 __all__ = [
     "INTERFACE_VERSION",
@@ -23,7 +23,9 @@ __all__ = [
     "Leader",
     "Signal",
     "Team",
+    "TractorTrailer",
     "UnknownController",
+    "Vehicle",
     "gain_info",
     "installed",
     "load",

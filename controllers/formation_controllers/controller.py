@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import io
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -35,21 +35,30 @@ class Controller(ABC, Generic[G]):
 
     To write one, state the class variables and the three abstract methods, keep every number that changes in
     ``self._state``, and write the signals into ``self._telemetry``: both are structured arrays with one
-    record a robot and one field for each name.
+    record a robot and one field for each name. A law that `needs` measured velocities finds those of the tick
+    in ``self._velocity`` (N, 2).
 
     Parameters
     ----------
     team
         The followers.
     gains
-        The gains, of the class's `gains_type`; its defaults if left out.
+        The gains, of the class's `gains_type`: one object for all followers or a sequence with one for each; the
+        defaults if left out.
+
+    Attributes
+    ----------
+    team : Team
+        The followers.
+    robot_gains : tuple of Gains
+        The gains of each follower.
 
     Raises
     ------
     ControllerError
         If the controller does not serve this kind of vehicle.
     GainError
-        If the gains are another law's.
+        If the gains are another law's, or not as many as there are followers.
     """
 
     interface: ClassVar[str]
@@ -60,21 +69,41 @@ class Controller(ABC, Generic[G]):
     """Its gains."""
     signals: ClassVar[tuple[Signal, ...]]
     """Its telemetry."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """What must be measured besides poses, of `MEASUREMENTS`: ``("velocity",)`` or nothing."""
 
-    def __init__(self, team: Team, gains: G | None = None) -> None:
+    def __init__(self, team: Team, gains: G | Sequence[G] | None = None) -> None:
         gains = self.gains_type() if gains is None else gains
         name = type(self).__name__
         if team.vehicle.kind not in self.vehicles:
             raise ControllerError(f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}")
-        if not isinstance(gains, self.gains_type):
-            raise GainError(f"{name} takes gains of {self.gains_type.__name__}, not of {type(gains).__name__}")
+        self.robot_gains = tuple(gains) if isinstance(gains, Sequence) else (gains,) * team.size
+        if len(self.robot_gains) != team.size:
+            raise GainError(f"there are gains for {len(self.robot_gains)} followers: expected {team.size}")
+        for own in self.robot_gains:
+            if not isinstance(own, self.gains_type):
+                raise GainError(f"{name} takes gains of {self.gains_type.__name__}, not of {type(own).__name__}")
         self.team = team
-        self.gains = gains
+        self._velocity = np.full((team.size, 2), np.nan)
         states = [(state, float, shape) for state, shape in self.state_shapes().items()]
         signals = [(s.name, float, (len(s.components),) if s.components else ()) for s in self.signals]
         self._state = np.zeros(team.size, dtype=np.dtype(states))
         self._telemetry = np.full(team.size, np.nan, dtype=np.dtype(signals))
         self._started = False
+
+    @property
+    def gains(self) -> G:
+        """The gains that all followers share.
+
+        Raises
+        ------
+        GainError
+            If each follower has its own.
+        """
+        first = self.robot_gains[0]
+        if any(own is not first and own != first for own in self.robot_gains):
+            raise GainError(f"the followers of this {type(self).__name__} have gains of their own: see robot_gains")
+        return first
 
     @abstractmethod
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -110,7 +139,7 @@ class Controller(ABC, Generic[G]):
         self.on_start(*inputs)
         self._started = True
 
-    def step(self, pose: ArrayLike, leader: Leader, desired: Desired) -> Floats:
+    def step(self, pose: ArrayLike, leader: Leader, desired: Desired, velocity: ArrayLike | None = None) -> Floats:
         """Return the torques of this tick, unsaturated, and advance every state by one period.
 
         Parameters
@@ -121,6 +150,9 @@ class Controller(ABC, Generic[G]):
             The virtual leader.
         desired
             Desired range and bearing.
+        velocity
+            Measured velocities (v, omega) (N, 2) [m/s, rad/s] of the followers, for a law that `needs` them;
+            other laws do not look at them.
 
         Returns
         -------
@@ -130,12 +162,16 @@ class Controller(ABC, Generic[G]):
         Raises
         ------
         ControllerError
-            Before `start`; if a shape does not fit the team or a number is not finite, naming robot and
-            component (the controller is then as it was before the call); or if the law returns torques of
-            another shape or that are not finite (it is then of no use until the next `start`).
+            Before `start`; if a shape does not fit the team, a number is not finite, naming robot and
+            component, or velocities that the law needs are missing (the controller is then as it was before the
+            call); or if the law returns torques of another shape or that are not finite (it is then of no use
+            until the next `start`).
         """
         self._require_start("a step")
-        torque = self.on_step(*self._checked(pose, leader, desired))
+        inputs = self._checked(pose, leader, desired)
+        if "velocity" in self.needs:
+            self._velocity = self._checked_velocity(velocity)
+        torque = self.on_step(*inputs)
         torque = _array(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
         if not finite(torque):
             robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
@@ -245,6 +281,16 @@ class Controller(ABC, Generic[G]):
         if told.acceleration is not None and not finite(told.acceleration):
             _refuse_non_finite("the leader's acceleration", told.acceleration, ("v", "omega"))
         return poses, told, wanted
+
+    def _checked_velocity(self, velocity: ArrayLike | None) -> Floats:
+        if velocity is None:
+            raise ControllerError(
+                f"{type(self).__name__} needs the measured velocities of the followers: pass velocity"
+            )
+        measured = _array("velocity", velocity, (self.team.size, 2))
+        if not finite(measured):
+            _refuse_non_finite("velocity", measured, ("v", "omega"))
+        return measured
 
 
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:

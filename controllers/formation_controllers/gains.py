@@ -29,6 +29,8 @@ class GainInfo:
         1: a number; 2: a diagonal matrix, given as a number or as a pair (range, bearing); None: any length.
     above, at_least : float or None
         Lower bound, excluded or included.
+    finite : bool
+        Whether infinity is refused.
     reason : str
         Why the bound is there.
     """
@@ -39,6 +41,7 @@ class GainInfo:
     size: int | None = 1
     above: float | None = None
     at_least: float | None = None
+    finite: bool = True
     reason: str = ""
 
 
@@ -85,9 +88,23 @@ class Gains:
 
 
 def gain_records(gains: Sequence[Gains]) -> NDArray[np.void]:
-    """Lay out gains as a structured array, one record a robot, for compiled code."""
-    values = [tuple(getattr(g, name) for name in gain_info(type(g))) for g in gains]
-    layout = [(name, float, np.shape(value)) for name, value in zip(gain_info(type(gains[0])), values[0], strict=True)]
+    """Lay out gains as a structured array, one record a robot, for compiled code.
+
+    Raises
+    ------
+    GainError
+        If a vector of gains has another length for one robot than for the first.
+    """
+    names = tuple(gain_info(type(gains[0])))
+    layout = [(name, float, np.shape(getattr(gains[0], name))) for name in names]
+    for robot, own in enumerate(gains):
+        for name, _, shape in layout:
+            if np.shape(getattr(own, name)) != shape:
+                raise GainError(
+                    f"gain {name!r} has {np.size(getattr(own, name))} entries: expected {shape[0]}, as robot 0 has",
+                    robot=robot,
+                )
+    values = [tuple(getattr(own, name) for name in names) for own in gains]
     return np.array(values, dtype=np.dtype(layout))
 
 
@@ -102,8 +119,8 @@ def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, .
     if not numbers or len(numbers) != len(entries) or (info.size and len(numbers) not in (1, info.size)):
         raise GainError(f"gain {name!r} is {value!r}: expected {allowed}")
     for number in numbers:
-        if not math.isfinite(number):
-            raise GainError(f"gain {name!r} is {number}: expected a finite number")
+        if math.isnan(number) or (info.finite and math.isinf(number)):
+            raise GainError(f"gain {name!r} is {number}: expected a {'finite ' * info.finite}number")
         because = f" ({info.reason})" if info.reason else ""
         if info.above is not None and not number > info.above:
             raise GainError(f"gain {name!r} is {number:g}: must be greater than {info.above:g}{because}")

@@ -1,4 +1,7 @@
-"""Formation geometry on arrays: the formulas of `kinematics` for any number of poses at once."""
+"""Formation geometry on arrays: the formulas of `kinematics` for any number of poses at once.
+
+A pose has the components that its vehicle's `pose_components` name.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,12 @@ from formation_controllers.vehicles import Vehicle
 
 
 def posture_error(pose: ArrayLike, leader_pose: ArrayLike) -> Floats:
-    """Posture error e in the follower's frame, (4).
+    """Posture error e in the follower's frame, (4); for the tractor-trailer in the trailer's.
 
     Parameters
     ----------
     pose, leader_pose
-        Poses (x, y, psi, gamma) [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
 
     Returns
     -------
@@ -38,15 +41,15 @@ def posture_error(pose: ArrayLike, leader_pose: ArrayLike) -> Floats:
 
 
 def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> Floats:
-    """Virtual range [m] and bearing [rad] of followers with respect to the leader, q of (7).
+    """Virtual range [m] and bearing [rad] of followers with respect to the leader, q of (7) and (54).
 
-    The bearing is atan2(e2, e1 - a) - gamma as it stands, so that it jumps where atan2 does: see
+    The bearing is atan2(e2, e1 - a) less the steering angle as it stands, so that it jumps where atan2 does: see
     `unwrapped_bearing`.
 
     Parameters
     ----------
     pose, leader_pose
-        Poses (x, y, psi, gamma) [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
     vehicle
         The followers' vehicle.
 
@@ -105,12 +108,12 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
 def formation_rates(
     pose: ArrayLike, leader_pose: ArrayLike, leader_speed: ArrayLike, vehicle: Vehicle
 ) -> tuple[Floats, Floats]:
-    """R and delta of q_dot = R (v, omega) + delta, (8).
+    """R and delta of q_dot = R (v, omega) + delta, (8) and (55).
 
     Parameters
     ----------
     pose, leader_pose
-        Poses (x, y, psi, gamma) [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
     leader_speed
         v_d [m/s], broadcast to the leading dimensions.
     vehicle
@@ -144,7 +147,7 @@ def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
     Parameters
     ----------
     pose
-        Poses (x, y, psi, gamma) [m, m, rad, rad], shape (..., 4).
+        Poses [m, m, rad, rad], shape (..., 4).
     vehicle
         The vehicle, with its drive.
 
@@ -172,7 +175,7 @@ def _pairs(pose: ArrayLike, leader_pose: ArrayLike) -> tuple[Floats, Floats, tup
     except ValueError:
         raise ControllerError(f"poses of shapes {a.shape} and {b.shape} do not broadcast") from None
     if a.shape[-1:] != (4,):
-        raise ControllerError(f"poses have shape {a.shape}: the last dimension must be 4 (x, y, psi, gamma)")
+        raise ControllerError(f"poses have shape {a.shape}: the last dimension must be 4")
     return a.reshape(-1, 4).copy(), b.reshape(-1, 4).copy(), a.shape[:-1]
 
 
@@ -187,7 +190,7 @@ def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: NDArray[np.void],
     for i in range(len(pose)):
         e_1, e_2, _, _ = kinematics.posture_error(pose[i], leader_pose[i])
         rho, phi = kinematics.line_of_sight(e_1, e_2, vehicle[0]["length"])
-        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i])
+        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i], vehicle[0])
 
 
 @compiled
@@ -203,15 +206,15 @@ def _formation_rates(
     pose: Floats, leader_pose: Floats, v_d: Floats, vehicle: NDArray[np.void], r: Floats, delta: Floats
 ) -> None:
     for i in range(len(pose)):
-        length = vehicle[0]["length"]
         e_1, e_2, e_3, _ = kinematics.posture_error(pose[i], leader_pose[i])
-        rho, phi = kinematics.line_of_sight(e_1, e_2, length)
-        steering = kinematics.steering_angle(pose[i])
-        r[i, 0], r[i, 1], r[i, 2], r[i, 3] = kinematics.rate_matrix(rho, phi, steering, length)
+        rho, phi = kinematics.line_of_sight(e_1, e_2, vehicle[0]["length"])
+        steering = kinematics.steering_angle(pose[i], vehicle[0])
+        r[i, 0], r[i, 1], r[i, 2], r[i, 3] = kinematics.rate_matrix(rho, phi, steering, vehicle[0])
         delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, phi, e_3, v_d[i])
 
 
 @compiled
 def _input_matrix(pose: Floats, vehicle: NDArray[np.void], b: Floats) -> None:
     for i in range(len(pose)):
-        b[i, 0], b[i, 1], b[i, 2], b[i, 3] = kinematics.input_matrix(pose[i], vehicle[0])
+        steering = kinematics.steering_angle(pose[i], vehicle[0])
+        b[i, 0], b[i, 1], b[i, 2], b[i, 3] = kinematics.input_matrix(pose[i, 2], steering, vehicle[0])

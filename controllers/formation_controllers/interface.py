@@ -14,13 +14,16 @@ from formation_controllers.vehicles import Vehicle
 
 Floats: TypeAlias = NDArray[np.float64]
 
-INTERFACE_VERSION: Final = "1.0"
+INTERFACE_VERSION: Final = "1.1"
 """Version of the interface: of the types below and of `formation_controllers.controller.Controller`.
 
 It is not the package's. The minor number grows when something is added that older controllers need not know,
 the major number when they must be rewritten: a controller can be used if it speaks the same major and no
-later minor number.
+later minor number. 1.1 added to 1.0: gains of each follower's own, and laws that need measured velocities.
 """
+
+MEASUREMENTS: Final = ("velocity",)
+"""What a law can need besides poses, `Controller.needs`."""
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,40 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 from formation_controllers.compiled import compiled
+from formation_controllers.errors import GainError
+from formation_controllers.gains import Gains, gain
 from formation_controllers.interface import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkGains(Gains):
+    """Centres and widths of a network; the defaults are those printed in section 5.1."""
+
+    centres: Sequence[float] = gain(
+        (-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0),
+        "μ_k",
+        "1",
+        "centres of the basis functions, (11); each stands for a vector of that value",
+        size=None,
+    )
+    widths: float | Sequence[float] = gain(
+        10.0, "λ_k", "1", "widths of the basis functions, (11); one for all or one each", size=None, above=0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = np.size(self.centres)
+        if np.size(self.widths) not in (1, n):
+            raise GainError(
+                f"gain 'widths' has {np.size(self.widths)} entries: expected 1, or {n} as there are centres"
+            )
+        object.__setattr__(self, "widths", tuple(np.broadcast_to(self.widths, n).tolist()))
 
 
 @compiled

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from formation_controllers.errors import ControllerError, IncompatibleInterface, UnknownController, unknown
 from formation_controllers.gains import Gains
-from formation_controllers.interface import INTERFACE_VERSION, Signal
+from formation_controllers.interface import INTERFACE_VERSION, MEASUREMENTS, Signal
 
 if TYPE_CHECKING:
     from formation_controllers.controller import Controller
@@ -114,6 +114,9 @@ def _fault(law: type[Controller[Any]]) -> str:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         return f"has two signals named {twice[0]!r}: their names must differ"
+    needs = getattr(law, "needs", ())
+    if not (isinstance(needs, tuple) and set(needs) <= set(MEASUREMENTS)):
+        return f"needs {needs!r}: expected a tuple of {', '.join(MEASUREMENTS)}"
     return ""
 
 

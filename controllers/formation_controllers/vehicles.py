@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar, Final, TypeAlias
 
 from formation_controllers.errors import ControllerError, unknown
 
@@ -38,10 +38,49 @@ class CarLike:
     pose_components: ClassVar[tuple[str, ...]] = ("x", "y", "psi", "gamma")
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.wheelbase) and self.wheelbase > 0):
-            raise ControllerError(f"the wheelbase is {self.wheelbase} m: it must be a positive length")
+        _require_length("wheelbase", self.wheelbase)
         if self.drive not in DRIVES:
             raise ControllerError(unknown("drive", self.drive, DRIVES))
 
 
-Vehicle = CarLike
+@dataclass(frozen=True)
+class TractorTrailer:
+    """Tractor with a trailer hitched on its axle; its pose is (x, y, theta_1, theta_0).
+
+    That is the midpoint of the trailer's axle [m], the heading of the trailer and the heading of the tractor
+    [rad]. The torques are those of the tractor's right and left wheel, the columns of B1 in (57).
+
+    Parameters
+    ----------
+    hitch_length
+        Distance d from the trailer's axle to the tractor's [m].
+    wheel_radius
+        Radius r of the tractor's wheels [m].
+    half_track
+        Half the distance 2b between the tractor's wheels [m].
+
+    Raises
+    ------
+    ControllerError
+        If one of them is not a positive length.
+    """
+
+    hitch_length: float
+    wheel_radius: float
+    half_track: float
+
+    kind: ClassVar[str] = "tractor_trailer"
+    pose_components: ClassVar[tuple[str, ...]] = ("x", "y", "theta_1", "theta_0")
+
+    def __post_init__(self) -> None:
+        _require_length("hitch length", self.hitch_length)
+        _require_length("wheel radius", self.wheel_radius)
+        _require_length("half track", self.half_track)
+
+
+Vehicle: TypeAlias = CarLike | TractorTrailer
+
+
+def _require_length(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise ControllerError(f"the {name} is {value} m: it must be a positive length")

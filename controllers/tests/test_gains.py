@@ -36,7 +36,7 @@ def test_every_gain_says_what_it_is():
     for name, info in gain_info(NeuralAdaptivePidGains).items():
         assert info.symbol, name
         assert info.unit, name
-        assert "(" in info.description, f"{name} names no equation"
+        assert "(" in info.description or info.symbol == "-", f"{name} names no equation"
 
 
 def test_gains_are_frozen_and_hashable():
@@ -51,6 +51,17 @@ def test_records_keep_each_robots_own_gains():
     assert records["K_p"].tolist() == [[1, 2], [10, 10]]
     assert records["k_d"].tolist() == [10, 7]
     assert records["centres"].shape == (2, 9)
+
+
+def test_records_refuse_vectors_of_different_lengths():
+    with pytest.raises(GainError, match=r"robot 1: gain 'centres' has 2 entries: expected 9, as robot 0 has"):
+        gain_records([NeuralAdaptivePidGains(), NeuralAdaptivePidGains(centres=(0, 1))])
+
+
+def test_a_gain_may_be_infinite_where_that_switches_it_off():
+    assert NeuralAdaptivePidGains(torque_limit=math.inf).torque_limit == math.inf
+    with pytest.raises(GainError, match="'torque_limit' is nan: expected a number"):
+        NeuralAdaptivePidGains(torque_limit=math.nan)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, kinematics
+from formation_controllers import CarLike, ControllerError, TractorTrailer, kinematics
 from formation_controllers.geometry import (
     formation_rates,
     input_matrix,
@@ -18,9 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 CAR = CarLike(1.2)
+TRACTOR = TractorTrailer(hitch_length=1.5, wheel_radius=0.15, half_track=0.4)
+VEHICLES = pytest.mark.parametrize("vehicle", [CAR, TRACTOR], ids=lambda vehicle: vehicle.kind)
 
 
-def random_poses(n, seed=0):
+def random_poses(n, seed=0, vehicle=CAR):
     """Poses of followers and of leaders well away from the singularities."""
     random = np.random.default_rng(seed)
     pose = random.uniform([-5, -5, -7, -1], [5, 5, 7, 1], (n, 4))
@@ -34,14 +36,22 @@ def random_poses(n, seed=0):
             random.uniform(-1, 1, n),
         ]
     )
+    if vehicle is TRACTOR:  # headings of both bodies instead of one and an angle between them
+        pose[:, 3] += pose[:, 2]
+        leader[:, 3] += leader[:, 2]
     return pose, leader
 
 
-def motion_basis(pose, wheelbase):
+def steering(pose, vehicle):
+    return pose[..., 3] - pose[..., 2] if vehicle is TRACTOR else pose[..., 3]
+
+
+def motion_basis(pose, vehicle):
     """S of (2), shape (..., 4, 2)."""
-    psi, gamma = pose[..., 2], pose[..., 3]
-    zero = np.zeros_like(psi)
-    first = np.stack([np.cos(psi), np.sin(psi), np.tan(gamma) / wheelbase, zero], axis=-1)
+    length = vehicle.hitch_length if vehicle is TRACTOR else vehicle.wheelbase
+    heading = pose[..., 2]
+    turn = np.tan(steering(pose, vehicle)) / length
+    first = np.stack([np.cos(heading), np.sin(heading), turn, np.zeros_like(heading)], axis=-1)
     return np.stack([first, np.broadcast_to([0.0, 0.0, 0.0, 1.0], first.shape)], axis=-1)
 
 
@@ -57,35 +67,62 @@ def test_range_and_bearing_are_seen_from_the_front_axle_and_relative_to_the_stee
     np.testing.assert_allclose(q, [math.sqrt(32), math.pi / 4 - 0.1], rtol=1e-15)
 
 
-def test_range_and_bearing_do_not_change_when_the_world_is_moved():
-    pose, leader = random_poses(100)
+def test_range_and_bearing_of_a_tractor_trailer_are_seen_from_the_tractor():
+    # Trailer at (1, 2) heading along +y, tractor 1.5 m ahead of it, its axis 0.1 rad to the left: see the car's.
+    q = range_bearing([1.0, 2.0, math.pi / 2, math.pi / 2 + 0.1], [-3.0, 7.5, 0.0, 0.0], TRACTOR)
+    np.testing.assert_allclose(q, [math.sqrt(32), math.pi / 4 - 0.1], rtol=1e-15)
+
+
+@VEHICLES
+def test_range_and_bearing_do_not_change_when_the_world_is_moved(vehicle):
+    pose, leader = random_poses(100, vehicle=vehicle)
     c, s = math.cos(0.7), math.sin(0.7)
     move = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    offset = np.array([3.0, -4.0, 0.7, 0.0])
-    moved = range_bearing(pose @ move.T + offset, leader @ move.T + offset, CAR)
-    np.testing.assert_allclose(moved, range_bearing(pose, leader, CAR), atol=1e-12)
+    offset = np.array([3.0, -4.0, 0.7, 0.7 if vehicle is TRACTOR else 0.0])
+    moved = range_bearing(pose @ move.T + offset, leader @ move.T + offset, vehicle)
+    difference = moved - range_bearing(pose, leader, vehicle)
+    np.testing.assert_allclose(difference[:, 0], 0, atol=1e-12)
+    np.testing.assert_allclose(np.sin(difference[:, 1] / 2), 0, atol=1e-12)
 
 
-def test_rates_are_the_time_derivative_of_range_and_bearing():
-    pose, leader = random_poses(500)
+@VEHICLES
+def test_rates_are_the_time_derivative_of_range_and_bearing(vehicle):
+    """(8) against differences of (7), (55) against those of (54)."""
+    pose, leader = random_poses(500, vehicle=vehicle)
     random = np.random.default_rng(1)
     velocity, leader_velocity = random.uniform(-1, 1, (2, 500, 2))
-    pose_dot = np.einsum("nij,nj->ni", motion_basis(pose, CAR.wheelbase), velocity)
-    leader_dot = np.einsum("nij,nj->ni", motion_basis(leader, CAR.wheelbase), leader_velocity)
+    pose_dot = np.einsum("nij,nj->ni", motion_basis(pose, vehicle), velocity)
+    leader_dot = np.einsum("nij,nj->ni", motion_basis(leader, vehicle), leader_velocity)
     h = 1e-5
-    ahead = range_bearing(pose + h * pose_dot, leader + h * leader_dot, CAR)
-    behind = range_bearing(pose - h * pose_dot, leader - h * leader_dot, CAR)
+    ahead = range_bearing(pose + h * pose_dot, leader + h * leader_dot, vehicle)
+    behind = range_bearing(pose - h * pose_dot, leader - h * leader_dot, vehicle)
     difference = ahead - behind
     difference[:, 1] = (difference[:, 1] + math.pi) % (2 * math.pi) - math.pi  # atan2 may jump in between
-    R, delta = formation_rates(pose, leader, leader_velocity[:, 0], CAR)
+    R, delta = formation_rates(pose, leader, leader_velocity[:, 0], vehicle)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", R, velocity) + delta, difference / (2 * h), atol=1e-8)
 
 
-def test_determinant_of_r_vanishes_with_the_cosine_of_the_bearing():
-    pose, leader = random_poses(200)
-    R, _ = formation_rates(pose, leader, 0.0, CAR)
-    bearing = range_bearing(pose, leader, CAR)[:, 1]
-    np.testing.assert_allclose(np.linalg.det(R), np.cos(bearing) / np.cos(pose[:, 3]), rtol=1e-10, atol=1e-12)
+@VEHICLES
+def test_r_is_as_printed(vehicle):
+    """Also that (55) rightly lacks the term -tan(h)/d that (8) has."""
+    pose, leader = random_poses(50, vehicle=vehicle)
+    rho, bearing = range_bearing(pose, leader, vehicle).T
+    angle = steering(pose, vehicle)
+    c, s, t = np.cos(bearing + angle), np.sin(bearing + angle), np.tan(angle)
+    turn = t / vehicle.wheelbase if vehicle is CAR else 0.0
+    R, _ = formation_rates(pose, leader, 0.0, vehicle)
+    np.testing.assert_allclose(R[:, 0, 0], -c - s * t, atol=1e-12)
+    np.testing.assert_allclose(R[:, 1, 0], (s - c * t) / rho - turn, atol=1e-12)
+    np.testing.assert_array_equal(R[:, :, 1], np.broadcast_to([0.0, -1.0], (50, 2)))
+
+
+@VEHICLES
+def test_determinant_of_r_vanishes_with_the_cosine_of_the_bearing(vehicle):
+    pose, leader = random_poses(200, vehicle=vehicle)
+    R, _ = formation_rates(pose, leader, 0.0, vehicle)
+    bearing = range_bearing(pose, leader, vehicle)[:, 1]
+    expected = np.cos(bearing) / np.cos(steering(pose, vehicle))
+    np.testing.assert_allclose(np.linalg.det(R), expected, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("drive", ["as_printed", "front_wheel", "rear_wheel"])
@@ -98,8 +135,18 @@ def test_input_matrix_is_the_motion_basis_times_b1(drive):
         "rear_wheel": [np.cos(psi), np.sin(psi), zero, zero],
     }[drive]
     B1 = np.stack([np.stack(first, axis=-1), np.broadcast_to([0.0, 0.0, 0.0, 1.0], (100, 4))], axis=-1)
-    B2 = np.einsum("nki,nkj->nij", motion_basis(pose, CAR.wheelbase), B1)
+    B2 = np.einsum("nki,nkj->nij", motion_basis(pose, CAR), B1)
     np.testing.assert_allclose(input_matrix(pose, CarLike(1.2, drive)), B2, rtol=1e-12, atol=1e-12)
+
+
+def test_input_matrix_of_a_tractor_trailer_is_the_motion_basis_times_b1():
+    """(57): the first column is the right wheel, which turns the tractor to the left."""
+    pose, _ = random_poses(100, vehicle=TRACTOR)
+    theta_0, h, b = pose[:, 3], steering(pose, TRACTOR), np.full(100, 0.4)
+    rows = [np.cos(theta_0), np.sin(theta_0), 1.5 * np.sin(h)]
+    B1 = np.stack([np.stack([*rows, b], axis=-1), np.stack([*rows, -b], axis=-1)], axis=-1) / 0.15
+    B2 = np.einsum("nki,nkj->nij", motion_basis(pose, TRACTOR), B1)
+    np.testing.assert_allclose(input_matrix(pose, TRACTOR), B2, rtol=1e-12, atol=1e-12)
 
 
 def test_leading_dimensions_broadcast():
@@ -162,6 +209,12 @@ def test_shapes_that_do_not_fit_are_refused():
 def test_a_wheelbase_that_is_no_length_is_refused(wheelbase):
     with pytest.raises(ControllerError, match="wheelbase"):
         CarLike(wheelbase)
+
+
+@pytest.mark.parametrize("lengths", [(0, 1, 1), (1, -1, 1), (1, 1, math.nan)])
+def test_a_tractor_trailer_without_its_lengths_is_refused(lengths):
+    with pytest.raises(ControllerError, match=r"the (hitch length|wheel radius|half track) is .* a positive length"):
+        TractorTrailer(*lengths)
 
 
 def test_an_unknown_drive_is_refused_with_the_nearest():

@@ -16,7 +16,7 @@ import formation_controllers
 import numba
 import numpy as np
 import pytest
-from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
+from formation_controllers import installed, load
 
 PACKAGE = Path(formation_controllers.__file__).parent
 DISTRIBUTION = Path(__file__).parents[1]
@@ -29,8 +29,10 @@ def run(code, **env):
 
 
 def test_only_numpy_numba_and_the_standard_library_are_imported():
-    allowed = {"numpy", "numba", "formation_controllers"} | sys.stdlib_module_names - {"xml"}
     for file in PACKAGE.glob("**/*.py"):
+        allowed = {"numpy", "numba", "formation_controllers"} | sys.stdlib_module_names - {"xml"}
+        if file.name == "lqg.py":
+            allowed |= {"control"}
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = []
             if isinstance(node, ast.Import):
@@ -45,6 +47,23 @@ def test_only_numpy_numba_and_the_standard_library_are_imported():
 def test_finding_controllers_does_not_import_numba():
     code = "import sys, formation_controllers as f; f.installed(); print('numba' in sys.modules)"
     assert run(code).strip() == "False"
+
+
+def test_python_control_is_not_imported_before_a_design():
+    code = "import sys, formation_controllers as f; f.load('lqg'); print('control' in sys.modules)"
+    assert run(code).strip() == "False"
+
+
+def test_without_python_control_its_law_is_refused_with_what_to_install():
+    code = (
+        "import importlib.util as u\n"
+        "find = u.find_spec\n"
+        "u.find_spec = lambda name, *rest: None if name == 'control' else find(name, *rest)\n"
+        "import formation_controllers as f\n"
+        "try: f.load('lqg')(f.Team(f.CarLike(1.2), 1, 0.02))\n"
+        "except f.ControllerError as error: print(error)"
+    )
+    assert "pip install 'formation-controllers[lqg]'" in run(code)
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled with NUMBA_DISABLE_JIT=1")
@@ -91,19 +110,62 @@ def test_changelog_starts_with_this_version():
     assert re.search(r"^## (\S+)", changelog, re.MULTILINE)[1] == version("formation-controllers")
 
 
-def test_readme_lists_every_gain_and_every_signal():
-    readme = (DISTRIBUTION / "README.md").read_text(encoding="utf-8")
-    for field in fields(NeuralAdaptivePidGains):
+LAWS = {name: load(name) for name, found in installed().items() if found.package == "formation-controllers"}
+
+
+def bound(info):
+    if info.above is not None:
+        return f"> {info.above:g}"
+    return "" if info.at_least is None else f">= {info.at_least:g}"
+
+
+def value(default):
+    numbers = np.atleast_1d(default)
+    return ", ".join(f"{n:g}" for n in numbers) if len(numbers) < 4 else f"{numbers[0]:g}, ..., {numbers[-1]:g}"
+
+
+def rows(of_law):
+    """Return a table's rows, each with the laws that have it in the second column."""
+    laws = {}
+    for name, law in LAWS.items():
+        for row in of_law(law):
+            laws.setdefault(row, []).append(name)
+    for (first, *rest), names in laws.items():
+        which = "all" if len(names) == len(LAWS) else ", ".join(names)
+        yield "| " + " | ".join([f"`{first}`", which, *rest]) + " |"
+
+
+def gain_rows(law):
+    for field in fields(law.gains_type):
         info = field.metadata["gain"]
-        assert f"| `{field.name}` | {info.symbol} |" in readme
-        assert info.description in readme
-    for signal in NeuralAdaptivePid.signals:
-        assert f"| `{signal.name}` | {signal.unit} | {signal.description} |" in readme
+        yield field.name, info.symbol, info.unit, value(field.default), bound(info), info.description
 
 
-def test_readme_example_runs_as_written():
+def signal_rows(law):
+    return [(signal.name, signal.unit, signal.description) for signal in law.signals]
+
+
+@pytest.mark.parametrize("of_law", [gain_rows, signal_rows])
+def test_readme_has_tables_of_all_gains_and_signals(of_law):
+    expected = list(rows(of_law))
     readme = (DISTRIBUTION / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    assert "\n".join(expected) in readme
+
+
+def test_readme_has_no_other_gain_or_signal():
+    readme = (DISTRIBUTION / "README.md").read_text(encoding="utf-8").splitlines()
+    stated = [line for line in readme if line.startswith("| `") and line.split("`")[1] not in LAWS]
+    assert len(stated) == len([*rows(gain_rows), *rows(signal_rows)])
+
+
+def test_a_name_means_the_same_signal_in_every_law():
+    meanings = {(s.name, s.unit, s.components) for law in LAWS.values() for s in law.signals}
+    assert len(meanings) == len({name for name, _, _ in meanings})
+
+
+def test_readme_examples_run_as_written():
+    readme = (DISTRIBUTION / "README.md").read_text(encoding="utf-8")
+    example = "".join(re.findall(r"```python\n(.*?)```", readme, re.DOTALL))
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
     assert names["torque"].shape == (2, 2)

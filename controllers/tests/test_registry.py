@@ -50,6 +50,8 @@ class BareGain(Fine):
     gains_type = Bare
 class WrongSignals(Fine):
     signals = ("speed",)
+class WrongNeeds(Fine):
+    needs = ("mind",)
 class TwiceASignal(Fine):
     signals = (Signal("speed", "m/s", "speed"),) * 2
 class Unfinished(Controller):
@@ -106,7 +108,9 @@ def test_another_version_of_the_interface_is_refused(distribution, attribute, ve
         load("someones-law")
 
 
-@pytest.mark.parametrize(("version", "expected"), [("1.0", True), ("1.1", False), ("2.0", False), ("0.9", False)])
+@pytest.mark.parametrize(
+    ("version", "expected"), [("1.0", True), ("1.1", True), ("1.2", False), ("2.0", False), ("0.9", False)]
+)
 def test_which_versions_go_together(version, expected):
     assert registry.compatible(version) is expected
 
@@ -135,6 +139,7 @@ def test_what_cannot_be_imported_or_is_no_controller_is_refused(distribution):
         ("WrongGains", "has gains_type = <class 'dict'>: expected a dataclass derived from Gains"),
         ("BareGain", r"has a gain 'k' that is not stated with gain\(...\)"),
         ("WrongSignals", r"has signals = \('speed',\): expected a tuple of Signal"),
+        ("WrongNeeds", r"needs \('mind',\): expected a tuple of velocity"),
         ("TwiceASignal", "has two signals named 'speed'"),
         ("Unfinished", "lacks on_start, on_step, state_shapes: a controller must implement them"),
     ],

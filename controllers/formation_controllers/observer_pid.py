@@ -1,0 +1,195 @@
+"""Observer-based PID control, (24) without its network and its robust term, and what it shares with the whole law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation_controllers import observer, sight
+from formation_controllers.compiled import compiled
+from formation_controllers.controller import Controller
+from formation_controllers.gains import gain, gain_records
+from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
+from formation_controllers.kinematics import vehicle_record
+from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains, Sight
+
+DEFINITE: Final = "the matrix must be positive definite"
+
+
+@dataclass(frozen=True)
+class ObserverPidGains(LimitGains):
+    """Gains of the PID terms and of the observer; the defaults are those printed in section 5.1."""
+
+    K_p: float | Sequence[float] = gain(
+        10.0, "K_p", "N.s/m", "feedback of the filtered error, (24)", size=2, above=0, reason=DEFINITE
+    )
+    Lambda_0: float | Sequence[float] = gain(
+        2.0, "Λ_0", "1/s", "weight of the error in the filtered error, (17), (18)", size=2, above=0, reason=DEFINITE
+    )
+    Lambda_1: float | Sequence[float] = gain(
+        0.05, "Λ_1", "1/s2", "weight of its integral, (17), (18); zero switches it off", size=2, at_least=0
+    )
+    k_d: float = gain(10.0, "k_d", "1/s", "gain of the velocity observer, (32) to (34)", above=0)
+
+
+OBSERVER_SIGNALS: Final = (
+    Signal("range_estimate", "m", "estimated range, first entry of q_hat"),
+    Signal("bearing_estimate", "rad", "estimated bearing, second entry of q_hat"),
+    Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (32)"),
+    Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (32)"),
+    Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (32)"),
+    Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat of the steering or the tractor, (32)"),
+)
+
+
+class ObserverPid(Controller[ObserverPidGains]):
+    """Observer-based PID formation control: (24), (32) to (34) with W = 0 and theta = 0, by explicit Euler steps."""
+
+    interface: ClassVar[str] = "1.1"
+    vehicles: ClassVar[tuple[str, ...]] = ("car_like", "tractor_trailer")
+    gains_type: type[ObserverPidGains] = ObserverPidGains
+    signals: ClassVar[tuple[Signal, ...]] = (*OBSERVER_SIGNALS, *TORQUE_SIGNALS, HELD_SIGNAL)
+
+    def __init__(self, team: Team, gains: ObserverPidGains | Sequence[ObserverPidGains] | None = None) -> None:
+        super().__init__(team, gains)
+        self._gains = gain_records(self.robot_gains)
+        self._vehicle = vehicle_record(team.vehicle)
+
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state of the law."""
+        return {
+            "bearing": (),  # of the last tick, to unwrap the next one
+            "q_hat": (2,),
+            "p": (2,),
+            "zeta": (2,),
+            "epsilon_hat_integral": (2,),  # of q_hat - q_d, in (24)
+            "epsilon_q_tilde_integral": (2,),  # of (q - q_d) + q_tilde, in (25)
+        }
+
+    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
+        """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
+        q = range_bearing(pose, leader.pose, self.team.vehicle)
+        q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
+        self._state["q_hat"] = q
+        self._state["bearing"] = q[:, 1]
+
+    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
+        """Return the torques, then advance the states."""
+        torque = np.empty((self.team.size, 2))
+        tick(
+            pose,
+            leader.pose,
+            leader.velocity,
+            desired.q,
+            desired.q_dot,
+            desired.q_ddot,
+            self._vehicle,
+            self.team.period,
+            self._gains,
+            self._state,
+            self._telemetry,
+            torque,
+        )
+        return torque
+
+
+class Errors(NamedTuple):
+    """Estimates and errors of one robot at a tick, each a vector of two."""
+
+    q: Floats
+    q_tilde: Floats
+    q_hat_dot: Floats
+    epsilon_hat: Floats
+    s: Floats  # s_c_hat + s_o_hat
+    pid: Floats  # the terms of (24) that K_p multiplies
+
+
+@compiled
+def no_errors() -> Errors:
+    """Return a place for the errors of one robot."""
+    pairs = np.empty((6, 2))
+    return Errors(pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5])
+
+
+@compiled
+def estimate(seen: Sight, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats, errors: Errors) -> None:
+    """Fill in the observer's estimate (32), the filtered error (25) and the PID terms of (24)."""
+    errors.q[0], errors.q[1] = seen.rho, seen.bearing
+    for j in range(2):
+        q_tilde = errors.q[j] - own["q_hat"][j]
+        q_hat_dot = observer.rate_estimate(own["p"][j], q_tilde, g["Lambda_0"][j], g["k_d"])
+        epsilon_hat = own["q_hat"][j] - q_d[j]
+        errors.q_tilde[j], errors.q_hat_dot[j], errors.epsilon_hat[j] = q_tilde, q_hat_dot, epsilon_hat
+        errors.s[j] = (
+            q_hat_dot
+            - q_d_dot[j]
+            + g["Lambda_0"][j] * (errors.q[j] - q_d[j] + q_tilde)
+            + g["Lambda_1"][j] * own["epsilon_q_tilde_integral"][j]
+        )
+        errors.pid[j] = (
+            q_hat_dot - q_d_dot[j] + g["Lambda_0"][j] * epsilon_hat + g["Lambda_1"][j] * own["epsilon_hat_integral"][j]
+        )
+
+
+@compiled
+def report_estimate(seen: Sight, own: np.void, errors: Errors, out: np.void) -> None:
+    """Write the `OBSERVER_SIGNALS`."""
+    out["range_estimate"], out["bearing_estimate"] = own["q_hat"][0], own["q_hat"][1]
+    out["range_rate_estimate"], out["bearing_rate_estimate"] = errors.q_hat_dot[0], errors.q_hat_dot[1]
+    out["speed_estimate"], out["steering_rate_estimate"] = sight.velocity(
+        seen, errors.q_hat_dot[0], errors.q_hat_dot[1]
+    )
+
+
+@compiled
+def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Errors, held: bool, period: float) -> None:
+    """Advance observer (33), (34) and the control's integrals: explicit Euler, values of this tick.
+
+    Saturation holds the integrals of the control but not those of the observer, whose error does not depend on
+    what the actuators do.
+    """
+    for j in range(2):
+        q_tilde = errors.q_tilde[j]
+        p_dot = observer.p_dot(own["zeta"][j], q_tilde, q_d_ddot[j], g["Lambda_0"][j], g["Lambda_1"][j], g["k_d"])
+        own["zeta"][j] += period * observer.zeta_dot(q_tilde, g["Lambda_1"][j], g["k_d"])
+        own["p"][j] += period * p_dot
+        own["q_hat"][j] += period * errors.q_hat_dot[j]
+        if not held:
+            own["epsilon_hat_integral"][j] += period * errors.epsilon_hat[j]
+            own["epsilon_q_tilde_integral"][j] += period * (errors.q[j] - q_d[j] + q_tilde)
+    own["bearing"] = errors.q[1]
+
+
+@compiled
+def tick(
+    pose: Floats,
+    leader_pose: Floats,
+    leader_velocity: Floats,
+    q_d: Floats,
+    q_d_dot: Floats,
+    q_d_ddot: Floats,
+    vehicle: NDArray[np.void],
+    period: float,
+    gains: NDArray[np.void],
+    state: NDArray[np.void],
+    telemetry: NDArray[np.void],
+    torque: Floats,
+) -> None:
+    """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
+    errors = no_errors()
+    for i in range(len(pose)):
+        own, g, out = state[i], gains[i], telemetry[i]
+        seen = sight.look(pose[i], leader_pose, leader_velocity[0], own["bearing"], vehicle[0], g["guard"])
+        estimate(seen, own, g, q_d[i], q_d_dot[i], errors)
+        tau_1, tau_2 = sight.torque_of_formation_force(seen, -g["K_p"][0] * errors.pid[0], -g["K_p"][1] * errors.pid[1])
+        torque[i, 0], torque[i, 1] = tau_1, tau_2
+        held = sight.beyond(tau_1, tau_2, g["torque_limit"])
+        report_estimate(seen, own, errors, out)
+        sight.report(seen, tau_1, tau_2, out)
+        out["held"] = held
+        advance(own, g, q_d[i], q_d_ddot[i], errors, held, period)
