@@ -12,13 +12,32 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Channel:
-    """A recorded signal: its name, dimensions and shape after ``time``, and how a reader is told what it is."""
+    """A recorded signal.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    dims, shape : tuple
+        Dimensions and shape after ``time``.
+    units, long_name : str
+        How a reader is told what it is.
+    singular_at_zero : str
+        What is singular where it is zero, if anything is.
+    """
 
     name: str
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     units: str
     long_name: str
+    singular_at_zero: str = ""
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """The attributes of the variable in a result."""
+        told = {"units": self.units, "long_name": self.long_name}
+        return told | ({"singular_at_zero": self.singular_at_zero} if self.singular_at_zero else {})
 
     @property
     def bytes_per_sample(self) -> int:

@@ -14,9 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from formation_controllers import CarLike
-from formation_controllers.geometry import range_bearing
-from numpy.typing import NDArray
+from formation_controllers.geometry import range_bearing, unwrapped_bearing
 
 from cosim.errors import OutputError
 from cosim.fmu import Fmu
@@ -54,17 +52,15 @@ def dataset(
             if signal.components:
                 coordinates[f"{signal.name}_component"] = list(signal.components)
     variables = {
-        name: (
-            ("time", *channel.dims),
-            arrays[name],
-            {"units": channel.units, "long_name": channel.long_name},
-        )
-        for name, channel in recorder.channels.items()
+        name: (("time", *channel.dims), arrays[name], channel.attributes) for name, channel in recorder.channels.items()
     }
-    formation = np.full((samples, len(scenario.followers), 2), np.nan)
-    for team in teams:
-        formation[:, team.rows] = _range_bearing(arrays["pose"][:, team.rows], arrays["leader_pose"], team.vehicle)
     desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
+    formation = np.full_like(desired, np.nan)
+    for team in teams:
+        pose, leader_pose = arrays["pose"][:, team.rows], arrays["leader_pose"][:, np.newaxis]
+        formation[:, team.rows] = range_bearing(pose, leader_pose, team.vehicle)
+    if samples:
+        formation[..., 1] = unwrapped_bearing(formation[..., 1], desired[..., 1])
     error = formation - desired
     for name, values, units, long_name in (
         ("range", formation[..., 0], "m", "range to the virtual leader"),
@@ -126,15 +122,6 @@ def _umask() -> int:
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
     return xr.load_dataset(path, engine="h5netcdf")
-
-
-def _range_bearing(
-    pose: NDArray[np.float64], leader_pose: NDArray[np.float64], vehicle: CarLike
-) -> NDArray[np.float64]:
-    values = range_bearing(pose, leader_pose[:, np.newaxis, :], vehicle)
-    if len(values):
-        values[..., 1] = np.unwrap(values[..., 1], axis=0)
-    return values
 
 
 def _provenance(

@@ -21,11 +21,6 @@ BEARING_BAND = math.radians(2.0)
 STEADY_PART = 0.2
 SETTLED_PART = 0.05
 
-_SINGULAR_WHERE_ZERO = {
-    "drive_gain": "the gain of the drive torque",
-    "det_R": "the determinant of R, (8),",
-}
-
 
 @dataclass(frozen=True)
 class FollowerFigures:
@@ -171,16 +166,14 @@ def _smallest_distance(result: xr.Dataset) -> tuple[float | None, tuple[str, str
 def _sign_changes(result: xr.Dataset) -> tuple[str, ...]:
     """Say which robots left the domain of the theory: a step that jumps over a singularity hides it otherwise."""
     notes = []
-    for name, meaning in _SINGULAR_WHERE_ZERO.items():
-        if name not in result:
-            continue
-        for robot in result["robot"].values:
-            values = result[name].sel(robot=robot).values
-            changes = np.flatnonzero(np.diff(np.signbit(values)))
+    for name, signal in result.data_vars.items():
+        meaning = signal.attrs.get("singular_at_zero")
+        for robot in result["robot"].values if meaning else ():
+            changes = np.flatnonzero(np.diff(np.signbit(signal.sel(robot=robot).values)))
             if len(changes):
                 times = f"{len(changes)} times, first" if len(changes) > 1 else "once,"
                 at = float(result["time"].values[changes[0] + 1])
-                notes.append(f"{robot}: {meaning} ({name}) changes sign {times} at t = {at:.2f} s")
+                notes.append(f"{robot}: {name} changes sign {times} at t = {at:.2f} s; where it is zero, {meaning}")
     return tuple(notes)
 
 

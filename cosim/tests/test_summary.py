@@ -16,6 +16,7 @@ from cosim.summary import check_expectations, summarise
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 HERE = Location("scenario.xml", 3, 5)
+SINGULAR = {"units": "1", "singular_at_zero": "the formation model is singular"}
 
 
 def made_up(range_error: np.ndarray, bearing_error: np.ndarray, **attributes: str) -> xr.Dataset:
@@ -30,7 +31,11 @@ def made_up(range_error: np.ndarray, bearing_error: np.ndarray, **attributes: st
             "torque": (("time", "robot", "torque_component"), np.full((samples, 2, 2), -7.0)),
             "range_error": (("time", "robot"), np.stack([range_error, zeros], axis=1), {"units": "m"}),
             "bearing_error": (("time", "robot"), np.stack([bearing_error, zeros], axis=1), {"units": "rad"}),
-            "det_R": (("time", "robot"), np.stack([np.where(np.arange(samples) == 50, -1.0, 1.0), zeros + 1], axis=1)),
+            "det_R": (
+                ("time", "robot"),
+                np.stack([np.where(np.arange(samples) == 50, -1.0, 1.0), zeros + 1], axis=1),
+                SINGULAR,
+            ),
         },
         {"time": np.arange(samples) * 0.02, "robot": ["a", "b"]},
         {"status": "completed", "title": "made up", "scenario_name": "made_up", "plant_messages": "[]", **attributes},
@@ -73,7 +78,9 @@ def test_smallest_distance_and_notes(scenario: Scenario) -> None:
     summary = summarise(scenario, made_up(np.zeros(5001), np.zeros(5001)))
     assert summary.smallest_distance == 3.0
     assert summary.smallest_distance_between == ("a", "b")
-    assert summary.notes == ("a: the determinant of R, (8), (det_R) changes sign 2 times, first at t = 1.00 s",)
+    assert summary.notes == (
+        "a: det_R changes sign 2 times, first at t = 1.00 s; where it is zero, the formation model is singular",
+    )
 
 
 def test_a_run_cut_short_before_the_steady_part_has_no_steady_figures(scenario: Scenario) -> None:
