@@ -25,7 +25,7 @@ from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.formation_model import FormationModel, ReducedDynamics, formation_model
 from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import formation_rates, range_bearing, unwrapped_bearing
+from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import vehicle_record
 from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains
@@ -95,13 +95,11 @@ class Lqg(Controller[LqgGains]):
         }
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
-        """Design for the desired range and bearing; the estimate starts at the measured error of a robot at rest."""
+        """Design for the desired range and bearing; the estimate starts at the measured error, its rate at zero."""
         q = range_bearing(pose, leader.pose, self.team.vehicle)
         q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
-        _, delta = formation_rates(pose, leader.pose, leader.velocity[0], self.team.vehicle)
         self._state["bearing"] = q[:, 1]
         self._state["x_hat"][:, :2] = q - desired.q
-        self._state["x_hat"][:, 2:] = delta - desired.q_dot
         for robot, (own, gains) in enumerate(zip(self._state, self.robot_gains, strict=True)):
             try:
                 design = _design(self.team.vehicle, gains, self.team.period, *map(float, desired.q[robot]))

@@ -87,13 +87,13 @@ def load(name: str) -> type[Controller[Any]]:
             f"{which} speaks version {loaded.interface} of the controller interface, and "
             f"version {INTERFACE_VERSION} is spoken here: install releases that agree in the first number"
         )
-    fault = _fault(loaded)
+    fault = statement_fault(loaded)
     if fault:
         raise ControllerError(f"{which} {fault}")
     return loaded
 
 
-def _fault(law: type[Controller[Any]]) -> str:
+def statement_fault(law: type[Controller[Any]]) -> str:
     """Say what is wrong with what a class states about itself, if anything."""
     missing = ", ".join(sorted(getattr(law, "__abstractmethods__", ())))
     if missing:

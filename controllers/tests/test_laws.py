@@ -1,0 +1,388 @@
+"""All laws of the package: what each promises, in closed loop on reduced plants, near singularities and at limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from formation_controllers import CarLike, ControllerError, Desired, GainError, Leader, Team, TractorTrailer, load
+from formation_controllers.controller import Controller
+from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
+from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
+from formation_controllers.formation_model import ReducedDynamics, formation_model
+from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
+from formation_controllers.lqg import Lqg, LqgGains, linearised
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
+from formation_controllers.neural_high_gain import NeuralHighGain, NeuralHighGainGains
+from formation_controllers.observer_pid import ObserverPid, ObserverPidGains
+from formation_controllers.testing import check_controller
+
+SECOND = 50  # ticks
+NAMES = ["feedback-linearisation", "lqg", "neural-adaptive-pid", "neural-high-gain", "observer-pid"]
+ALL = pytest.mark.parametrize("name", NAMES)
+
+# Section 5.1, second simulation, and 5.2: "same as the previous simulation"
+ON_A_CIRCLE = NeuralAdaptivePidGains(gamma_theta=0.25, theta_m=20, gamma_w=0.1, W_m=100)
+SETTLING = {
+    "line": {"neural-adaptive-pid": NeuralAdaptivePidGains(W_m=100)},
+    "circle": {"neural-adaptive-pid": ON_A_CIRCLE},
+    "tractor_trailer": {
+        "neural-adaptive-pid": ON_A_CIRCLE,
+        "feedback-linearisation": FeedbackLinearisationGains(**TRACTOR_TRAILER_MODEL),
+        "lqg": LqgGains(**TRACTOR_TRAILER_MODEL),
+    },
+}
+
+
+@ALL
+def test_every_law_keeps_what_controllers_promise(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    check_controller(load(name))
+
+
+@ALL
+def test_every_law_serves_followers_with_gains_of_their_own(name):
+    """Row i is that of a team in which all have the gains of i."""
+    pytest.importorskip("control") if name == "lqg" else None
+    law = load(name)
+    own = [law.gains_type(guard=guard) for guard in (0.0, 0.1, 0.2, 0.9)]
+    if issubclass(law, ObserverPid):
+        own = [replace(gains, K_p=(10 + i, 8), k_d=9 + i) for i, gains in enumerate(own)]
+    check_controller(law, own)
+    with pytest.raises(GainError, match="have gains of their own: see robot_gains"):
+        _ = law(Team(CarLike(1.2), 4, 0.02), own).gains
+    with pytest.raises(GainError, match="gains for 4 followers: expected 3"):
+        law(Team(CarLike(1.2), 3, 0.02), own)
+
+
+@pytest.mark.parametrize("course", SETTLING)
+@ALL
+def test_every_law_settles_under_noise(name, course, request):
+    """On the line, on the circle, with tractor-trailers: the last 20 of 100 s, all four followers."""
+    pytest.importorskip("control") if name == "lqg" else None
+    fixture = {"line": "first_simulation", "circle": "second_simulation", "tractor_trailer": "third_simulation"}
+    simulation = request.getfixturevalue(fixture[course])(
+        law=load(name), gains=SETTLING[course].get(name), noise=1e-3, seed=3
+    )
+    states, leaders, _ = simulation.run(100 * SECOND)
+    rms = simulation.last_rms(states, leaders, 20 * SECOND)
+    slow = name in ("neural-adaptive-pid", "observer-pid")  # the slow pole of Lambda_1 = 0.05, and tails on a circle
+    assert (rms[:, 0] < (0.25 if slow and course == "circle" else 0.1)).all()
+    assert (rms[:, 1] < 1).all()
+
+
+@pytest.mark.parametrize("drive", ["front_wheel", "rear_wheel"])
+@ALL
+def test_every_law_settles_with_other_drives(name, drive, first_simulation):
+    pytest.importorskip("control") if name == "lqg" else None
+    simulation = first_simulation(law=load(name), gains=SETTLING["line"].get(name), drive=drive)
+    states, leaders, _ = simulation.run(100 * SECOND)
+    assert (simulation.last_rms(states, leaders, 20 * SECOND) < [0.1, 1]).all()
+
+
+# The PID law is the paper's without network and robust term -----------------------------------------------
+
+
+def test_observer_pid_is_the_papers_law_without_adaptation(first_simulation):
+    """To the last bit: what W = 0 and theta = 0 add is nothing."""
+    still = first_simulation(gains=NeuralAdaptivePidGains(gamma_w=0, theta_m=0))
+    plain = first_simulation(law=ObserverPid)
+    expected, _, told = still.run(10 * SECOND)
+    found, _, plain_told = plain.run(10 * SECOND)
+    np.testing.assert_array_equal(found, expected)
+    for name, value in plain_told.items():
+        np.testing.assert_array_equal(value, told[name])
+    assert not told["weight_norm"].any()
+
+
+# Feedback linearisation ------------------------------------------------------------------------------------
+
+CAR, TRACTOR = CarLike(1.2), TractorTrailer(1.5, 0.15, 0.4)
+MODELS = pytest.mark.parametrize(
+    ("vehicle", "gains"),
+    [
+        (CAR, FeedbackLinearisationGains(K_0=(1, 2), K_1=(3, 2.5))),
+        (TRACTOR, FeedbackLinearisationGains(**TRACTOR_TRAILER_MODEL, K_0=(1, 2), K_1=(3, 2.5))),
+    ],
+    ids=["car_like", "tractor_trailer"],
+)
+
+
+def situation(n, vehicle, seed=0):
+    random = np.random.default_rng(seed)
+    pose = random.uniform([-6, -3, -0.6, -0.6], [-4, 3, 0.6, 0.6], (n, 4))
+    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]), np.array([0.1, 0.2]))
+    q = range_bearing(pose, leader.pose, vehicle)
+    return random, pose, leader, Desired(q + random.normal(0, 0.3, (n, 2)), *random.normal(0, 0.3, (2, n, 2)))
+
+
+@MODELS
+def test_feedback_linearisation_makes_the_error_of_10_linear(vehicle, gains):
+    """Its torque, put into (10), gives q_ddot = q_d_ddot - K_1 epsilon_dot - K_0 epsilon."""
+    random, pose, leader, desired = situation(50, vehicle)
+    velocity = random.uniform(-0.5, 0.5, (50, 2))
+    controller = FeedbackLinearisation(Team(vehicle, 50, 0.02), gains)
+    controller.start(pose, leader, desired)
+    torque = controller.step(pose, leader, desired, velocity)
+    told = controller.telemetry()
+    reduced = ReducedDynamics.of_vehicle(vehicle, gains)
+    R, delta = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
+    q = range_bearing(pose, leader.pose, vehicle)
+    for i in range(50):
+        q_dot = R[i] @ velocity[i] + delta[i]
+        np.testing.assert_allclose([told["range_rate"][i], told["bearing_rate"][i]], q_dot, atol=1e-12)
+        model = formation_model(pose[i], leader, q_dot, vehicle, reduced, exact=True)
+        wanted = desired.q_ddot[i] - np.multiply(gains.K_1, q_dot - desired.q_dot[i])
+        wanted -= np.multiply(gains.K_0, q[i] - desired.q[i])
+        np.testing.assert_allclose(model.acceleration(q_dot, torque[i]), wanted, atol=1e-8)
+
+
+def test_feedback_linearisation_asks_for_velocities():
+    _, pose, leader, desired = situation(2, CAR)
+    controller = FeedbackLinearisation(Team(CAR, 2, 0.02))
+    assert controller.needs == ("velocity",)
+    controller.start(pose, leader, desired)
+    with pytest.raises(ControllerError, match="FeedbackLinearisation needs the measured velocities"):
+        controller.step(pose, leader, desired)
+    with pytest.raises(ControllerError, match=r"velocity has shape \(2,\): expected \(2, 2\)"):
+        controller.step(pose, leader, desired, np.zeros(2))
+    with pytest.raises(ControllerError, match="robot 1: velocity component omega is nan") as caught:
+        controller.step(pose, leader, desired, [[0, 0], [0, math.nan]])
+    assert caught.value.robot == 1
+    assert np.isfinite(controller.step(pose, leader, desired, np.zeros((2, 2)))).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {"feedback-linearisation"}))
+def test_other_laws_do_not_look_at_velocities(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    _, pose, leader, desired = situation(2, CAR)
+    assert load(name).needs == ()
+    torques = []
+    for velocity in (None, np.full((2, 2), math.nan)):
+        controller = load(name)(Team(CAR, 2, 0.02))
+        controller.start(pose, leader, desired)
+        torques.append(controller.step(pose, leader, desired, velocity))
+    np.testing.assert_array_equal(*torques)
+
+
+# The comparator --------------------------------------------------------------------------------------------
+
+
+def test_one_tick_of_the_comparator_is_58_and_59_in_matrix_form():
+    vehicle, n, h = TRACTOR, 30, 0.02
+    random, pose, leader, desired = situation(n, vehicle, seed=5)
+    g = NeuralHighGainGains(K_1=(0.6, 0.8), K_2=(60, 50), Gamma=3, sigma=0.2, epsilon=0.1, gamma_1=1.5)
+    controller = NeuralHighGain(Team(vehicle, n, h), g)
+    controller.start(pose, leader, desired)
+    state = {name: random.normal(size=value.shape) for name, value in controller.get_state().items()}
+    state["ticks"] = np.ones(n)
+    q = range_bearing(pose, leader.pose, vehicle)
+    state["bearing"] = q[:, 1]
+    controller.set_state(state)
+    torque, after = controller.step(pose, leader, desired), controller.get_state()
+    R, delta = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
+    B2 = input_matrix(pose, vehicle)
+    for i in range(n):
+        own = {name: value[i] for name, value in state.items()}
+        R_inverse, z_1 = np.linalg.inv(R[i]), q[i] - desired.q[i]
+        alpha = R_inverse @ (desired.q_dot[i] - np.multiply(g.K_1, z_1) - delta[i])
+        v_hat = R_inverse @ (own["pi_2"] / g.epsilon - delta[i])
+        Z = np.concatenate([q[i], v_hat, alpha, (alpha - own["alpha_1"]) / h])
+        S = np.exp(-((Z - np.arange(-4, 5)[:, None]) ** 2).sum(axis=1) / 100)
+        force = -R[i].T @ z_1 - np.multiply(g.K_2, v_hat - alpha) + own["Theta"] @ S
+        np.testing.assert_allclose(torque[i], np.linalg.solve(B2[i], force), rtol=1e-9, atol=1e-9)
+        Theta_dot = -g.Gamma * (np.outer(v_hat - alpha, S) + g.sigma * own["Theta"])
+        np.testing.assert_allclose(after["Theta"][i], own["Theta"] + h * Theta_dot, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(after["pi_1"][i], own["pi_1"] + h / g.epsilon * own["pi_2"], rtol=1e-12)
+        pi_2_dot = (-g.gamma_1 * own["pi_2"] - own["pi_1"] + q[i]) / g.epsilon
+        np.testing.assert_allclose(after["pi_2"][i], own["pi_2"] + h * pi_2_dot, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("epsilon", "gamma_1"), [(0.005, 2.0), (0.02, 2.5), (0.1, 0.1)])
+def test_a_high_gain_observer_that_the_period_makes_unstable_is_refused(epsilon, gamma_1):
+    """And it would be: an eigenvalue of its Euler steps is not inside the unit circle."""
+    with pytest.raises(GainError, match=r"robot 1: gain 'epsilon' is .* Euler steps of 0.02 s make the observer unst"):
+        NeuralHighGain(
+            Team(CAR, 2, 0.02), [NeuralHighGainGains(), NeuralHighGainGains(epsilon=epsilon, gamma_1=gamma_1)]
+        )
+    steps = np.eye(2) + 0.02 / epsilon * np.array([[0, 1], [-1, -gamma_1]])
+    assert np.abs(np.linalg.eigvals(steps)).max() >= 1
+
+
+# The linear-quadratic design -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "gains"), [(CAR, LqgGains()), (TRACTOR, LqgGains(**TRACTOR_TRAILER_MODEL))], ids=["car", "tractor"]
+)
+def test_the_linearisation_is_that_of_10(vehicle, gains):
+    """epsilon_ddot of (10) against A and B, for small deviations from the straight motion."""
+    rho, bearing = 3.0, 0.6
+    A, B, _ = linearised(vehicle, gains, rho, bearing)
+    reduced = ReducedDynamics.of_vehicle(vehicle, gains)
+    length = 1.2 if vehicle is CAR else 1.5
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        x, u = 1e-5 * random.normal(size=4), 1e-5 * random.normal(size=2)
+        q_1, q_2 = rho + x[0], bearing + x[1]
+        leader = Leader(np.array([length + q_1 * math.cos(q_2), q_1 * math.sin(q_2), 0, 0]), np.array([gains.v_0, 0]))
+        model = formation_model(np.zeros(4), leader, x[2:], vehicle, reduced, exact=True)
+        pace = np.linalg.solve(model.R.T, reduced.at(np.zeros(4))[1] @ [gains.v_0, 0])
+        q_ddot = np.linalg.solve(model.M, u + pace - model.force(x[2:], np.zeros(2)))
+        np.testing.assert_allclose(q_ddot, (A @ x + B @ u)[2:], atol=1e-8)
+
+
+def test_the_design_is_stable_and_its_filter_too():
+    pytest.importorskip("control")
+    _, pose, leader, desired = situation(8, CAR)
+    controller = Lqg(Team(CAR, 8, 0.02))
+    controller.start(pose, leader, desired)
+    state, seen = controller.get_state(), np.eye(2, 4)
+    for Phi, Gamma, K, L in zip(state["Phi"], state["Gamma"], state["K"], state["L"], strict=True):
+        whole = np.block([[Phi, np.zeros((4, 2))], [0.02 * seen, np.eye(2)]]) - np.vstack([Gamma, np.zeros((2, 2))]) @ K
+        assert np.abs(np.linalg.eigvals(whole)).max() < 1
+        assert np.abs(np.linalg.eigvals(Phi @ (np.eye(4) - L @ seen))).max() < 1
+
+
+def test_a_formation_without_a_design_is_refused_by_robot():
+    pytest.importorskip("control")
+    _, pose, leader, desired = situation(2, CAR)
+    controller = Lqg(Team(CAR, 2, 0.02))
+    for wanted in ([3.0, math.pi / 2], [0.0, 0.5]):
+        with pytest.raises(ControllerError, match=r"robot 1: a range of .* is singular, \(8\)"):
+            controller.start(pose, leader, desired._replace(q=np.array([[3.0, 0.5], wanted])))
+
+
+# Singularities ---------------------------------------------------------------------------------------------
+
+AT_REST = Desired(np.array([[3.0, 0.5]]), np.zeros((1, 2)), np.zeros((1, 2)))
+SINGULAR = {
+    "range": ([0, 0, 0, 0], [1.2, 0, 0, 0]),
+    "det_R": ([0, 0, 0, 0], [1.2, 3.0, 0, 0]),
+    "drive_gain": ([0, 0, -math.pi / 4, math.atan(math.sqrt(2))], [5, 0, 0, 0]),
+    "steering": ([0, 0, 0, math.pi / 2], [5, 1, 0, 0]),
+}
+
+
+def first_torque(law, where, nudge=(0, 0, 0, 0), **gains):
+    pose, leader_pose = SINGULAR[where]
+    controller = law(Team(CAR, 1, 0.02), law.gains_type(**gains))
+    leader = Leader(np.array(leader_pose, dtype=float), np.array([0.3, 0.0]))
+    controller.start(np.array([pose]) + nudge, leader, AT_REST)
+    torque = controller.step(np.array([pose]) + nudge, leader, AT_REST, np.array([[0.2, 0.1]]))
+    return torque, controller.telemetry()
+
+
+@pytest.mark.parametrize("where", SINGULAR)
+@ALL
+def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, where):
+    pytest.importorskip("control") if name == "lqg" else None
+    torque, told = first_torque(load(name), where, guard=0.1)
+    assert np.abs(torque).max() < 2e4
+    assert told["guarded"].tolist() == [1.0]
+
+
+@pytest.mark.parametrize("where", SINGULAR)
+@ALL
+def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, where):
+    """Well away from singularities, to the last bit."""
+    pytest.importorskip("control") if name == "lqg" else None
+    nudge = (-2.0, -1.0, 0.2, -0.5) if where != "drive_gain" else (-2.0, -1.0, 0.5, -0.5)
+    literal, _ = first_torque(load(name), where, nudge)
+    torque, told = first_torque(load(name), where, nudge, guard=0.05)
+    assert told["guarded"].tolist() == [0.0]
+    np.testing.assert_array_equal(torque, literal)
+
+
+@ALL
+def test_without_a_guard_a_singularity_is_refused_by_name_or_seen_in_the_telemetry(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    law = load(name)
+    with pytest.raises(ControllerError, match="robot 0: the torque is not finite") as caught:
+        first_torque(law, "range")
+    assert caught.value.robot == 0
+    for where in ("det_R", "drive_gain"):
+        signs = []
+        for side in (-1e-6, 1e-6):
+            _, told = first_torque(law, where, (0, 0, 0, side))
+            signs.append(math.copysign(1, told[where][0]))
+            assert told["guarded"].tolist() == [0.0]
+        assert signs[0] != signs[1], where
+        (signal,) = (signal for signal in law.signals if signal.name == where)
+        assert signal.singular_at_zero
+
+
+# Saturation ------------------------------------------------------------------------------------------------
+
+HOLDING = sorted(set(NAMES) - {"feedback-linearisation"})
+
+
+@pytest.mark.parametrize("name", HOLDING)
+def test_integrals_and_adaptation_wait_for_saturated_actuators(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    _, pose, leader, desired = situation(4, CAR)
+    waiting = {"epsilon_hat_integral", "epsilon_q_tilde_integral", "W", "theta", "Theta", "integral"}
+    changes = {}
+    for limit in (1e-9, math.inf):
+        law = load(name)
+        controller = law(Team(CAR, 4, 0.02), law.gains_type(torque_limit=limit))
+        controller.start(pose, leader, desired)
+        for _ in range(3):
+            before = controller.get_state()
+            torque = controller.step(pose, leader, desired)
+        after = controller.get_state()
+        changes[limit] = {s for s in before if (before[s] != after[s]).any(axis=tuple(range(1, before[s].ndim))).all()}
+        assert (controller.telemetry()["held"] == (np.abs(torque) > limit).any(axis=1)).all()
+    assert not changes[1e-9] & waiting
+    assert changes[math.inf] - changes[1e-9] == waiting & set(before)
+    assert changes[1e-9], "the observer goes on"
+
+
+def test_a_torque_limit_that_is_never_reached_changes_no_bit(first_simulation):
+    literal, _, _ = first_simulation().run(5 * SECOND)
+    limited, _, told = first_simulation(gains=NeuralAdaptivePidGains(torque_limit=1e9)).run(5 * SECOND)
+    np.testing.assert_array_equal(limited, literal)
+    assert not told["held"].any()
+
+
+def test_weights_stand_still_exactly_while_a_torque_is_beyond_its_limit(first_simulation):
+    _, _, told = first_simulation(gains=NeuralAdaptivePidGains(torque_limit=50.0)).run(5 * SECOND)
+    held = told["held"].astype(bool)
+    assert held.any()
+    assert (held == (np.abs(told["torque_command"]) > 50).any(axis=-1)).all()
+    moved = np.diff(told["weight_norm"], axis=0) != 0
+    assert (moved == ~held[:-1]).all()
+
+
+# An older controller ---------------------------------------------------------------------------------------
+
+
+def test_a_law_that_reads_one_set_of_gains_refuses_many():
+    class Older(Controller):
+        interface, vehicles, gains_type, signals = "1.0", ("car_like",), ObserverPidGains, ()
+
+        def state_shapes(self):
+            return {"nothing": ()}
+
+        def on_start(self, pose, leader, desired):
+            pass
+
+        def on_step(self, pose, leader, desired):
+            return self.gains.k_d * np.ones((self.team.size, 2))
+
+    _, pose, leader, desired = situation(2, CAR)
+    for gains, fits in (([ObserverPidGains()] * 2, True), ([ObserverPidGains(), ObserverPidGains(k_d=7)], False)):
+        controller = Older(Team(CAR, 2, 0.02), gains)
+        controller.start(pose, leader, desired)
+        if fits:
+            assert controller.step(pose, leader, desired).tolist() == [[10, 10]] * 2
+        else:
+            with pytest.raises(GainError, match="the followers of this Older have gains of their own"):
+                controller.step(pose, leader, desired)
+
+
+def test_every_law_is_the_one_named():
+    laws = [FeedbackLinearisation, Lqg, NeuralAdaptivePid, NeuralHighGain, ObserverPid]
+    assert [load(name) for name in NAMES] == laws
