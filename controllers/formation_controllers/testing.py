@@ -40,7 +40,7 @@ def check_controller(law: type[Controller[Any]], gains: Gains | Sequence[Gains] 
     gains
         Its gains: one object or one for each follower; the defaults if left out.
     size
-        Number of followers.
+        Number of followers, unless the gains say it.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def check_controller(law: type[Controller[Any]], gains: Gains | Sequence[Gains] 
     assert kinds, f"{law.__name__} serves none of {', '.join(VEHICLES)}"
     own = tuple(gains) if isinstance(gains, Sequence) else (law.gains_type() if gains is None else gains,) * size
     for kind in kinds:
-        _check_on(law, own, VEHICLES[kind], _course(size, 12))
+        _check_on(law, own, VEHICLES[kind], _course(len(own), 12))
 
 
 def _check_on(law: type[Controller[Any]], gains: tuple[Gains, ...], vehicle: Vehicle, course: list[Inputs]) -> None:
@@ -61,7 +61,7 @@ def _check_on(law: type[Controller[Any]], gains: tuple[Gains, ...], vehicle: Veh
 
     def run(rows: Sequence[int]) -> tuple[Controller[Any], list[Floats]]:
         controller = law(Team(vehicle, len(rows), 0.02), [gains[row] for row in rows])
-        inputs = [_rows(given, rows) for given in course]
+        inputs = course if rows == range(size) else [_rows(given, rows) for given in course]
         controller.start(*inputs[0][:3])
         return controller, [controller.step(*given) for given in inputs]
 

@@ -12,6 +12,7 @@ from formation_controllers.controller import Controller
 from formation_controllers.gains import gain
 from formation_controllers.geometry import range_bearing
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
+from formation_controllers.testing import check_controller
 
 TEAM = Team(CarLike(1.2), 3, 0.02)
 POSE = np.array([[-5.0, 0, 0, 0], [-5, 3, 0.1, 0], [-4, -3, -0.1, 0.2]])
@@ -248,3 +249,69 @@ def test_states_that_do_not_fit_are_refused_and_change_nothing():
     with pytest.raises(ControllerError, match=r"shape \(3, 2\): expected \(2, 2\)"):
         other.from_bytes(before)
     assert controller.to_bytes() == before
+
+
+def test_what_controllers_promise_is_checked():
+    check_controller(Integral)
+
+
+class WholeTeam(Integral):
+    def on_step(self, pose, leader, desired):
+        return super().on_step(pose, leader, desired) + pose.mean(axis=0)[:2]
+
+
+class Place(Integral):
+    def on_step(self, pose, leader, desired):
+        return super().on_step(pose, leader, desired) + np.arange(len(pose))[:, None]
+
+
+class Hidden(Integral):
+    calls = 0
+
+    def on_step(self, pose, leader, desired):
+        self.calls += 1
+        return super().on_step(pose, leader, desired) + self.calls
+
+
+class Clobbers(Integral):
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        pose += 1.0
+        return torque
+
+
+class Silent(Integral):
+    signals = (*Integral.signals, Signal("forgotten", "1", "never written"))
+
+
+class Random(Integral):
+    random = np.random.default_rng(0)
+
+    def on_step(self, pose, leader, desired):
+        return super().on_step(pose, leader, desired) + self.random.normal()
+
+
+class Twice(Integral):
+    signals = (*Integral.signals, *Integral.signals)
+
+
+class Elsewhere(Integral):
+    vehicles = ("hovercraft",)
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (WholeTeam, "a follower's torque depends on the rest of the team or on its place"),
+        (Place, "a follower's torque depends on the rest of the team or on its place"),
+        (Hidden, "after a reset it gives other torques"),
+        (Clobbers, "it changes its inputs"),
+        (Silent, "signal forgotten is not written at every step"),
+        (Random, "a second run gives other torques"),
+        (Twice, "has two signals named 'error'"),
+        (Elsewhere, "serves none of car_like, tractor_trailer"),
+    ],
+)
+def test_a_broken_promise_is_found(broken, message):
+    with pytest.raises(AssertionError, match=message):
+        check_controller(broken)
