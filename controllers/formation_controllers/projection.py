@@ -1,4 +1,4 @@
-"""Projection-type updates of the weights and of the robust gain, (28) to (30), by explicit Euler steps.
+"""Projection-type updates of the weights and of the robust gain, (28) to (30): as rates and by explicit Euler steps.
 
 A step along the boundary leaves the ball tr(W'W) <= W_m, so that the weights are scaled back onto it
 afterwards. Rounding then decides on which side of the boundary they are; what is within 1e-9 of it counts as
@@ -36,6 +36,21 @@ def outward(W: Floats, s: Floats, sigma: Floats, W_m: float) -> float:
         for k in range(W.shape[1]):
             growth += s[m] * W[m, k] * sigma[k]
     return growth / trace if growth > 0.0 else 0.0
+
+
+@compiled
+def weight_rates(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float, W_dot: Floats) -> None:
+    """Fill the rates of the weights, (28) and (29): the continuous form of `step_weights`."""
+    c = outward(W, s, sigma, W_m)
+    for m in range(W.shape[0]):
+        for k in range(W.shape[1]):
+            W_dot[m, k] = gamma_w * (s[m] * sigma[k] - c * W[m, k])
+
+
+@compiled
+def gain_rate(theta: float, s_norm: float, gamma_theta: float, theta_m: float) -> float:
+    """Return the rate of the robust gain, (28) and (30): the continuous form of `step_gain`."""
+    return gamma_theta * s_norm if theta < theta_m else 0.0
 
 
 @compiled

@@ -58,7 +58,8 @@ def test_on_the_bound_the_rate_has_no_outward_part(W, s, sigma, W_m):
     if not np.trace(W.T @ W) > 1e-6:
         W = np.ones_like(W)
     W = W * np.sqrt(W_m / np.trace(W.T @ W))
-    rate = np.outer(s, sigma) - projection.outward(W, s, sigma, W_m) * W
+    rate = np.empty_like(W)
+    projection.weight_rates(W, s, sigma, 1.0, W_m, rate)
     scale = np.linalg.norm(W) * np.linalg.norm(np.outer(s, sigma))
     assert np.sum(W * rate) <= 1e-9 * max(scale, 1.0)
     if s @ W @ sigma <= 0:
@@ -87,3 +88,18 @@ def test_the_robust_gain_grows_up_to_its_bound(theta_m, norms):
         assert theta <= stepped <= theta_m
         assert stepped == pytest.approx(min(theta + 0.01 * norm, theta_m))
         theta = stepped
+
+
+@given(W=weights, s=errors, sigma=bases, W_m=bounds, theta=st.floats(0, 10), theta_m=st.floats(0, 10))
+def test_steps_follow_the_rates(W, s, sigma, W_m, theta, theta_m):
+    """Where a short step does not meet the bound it is the rate times the period."""
+    period, rate = 1e-6, np.empty_like(W)
+    stepped = W.copy()
+    projection.weight_rates(W, s, sigma, 0.7, W_m, rate)
+    projection.step_weights(stepped, s, sigma, 0.7, W_m, period)
+    if np.trace((W + period * rate).T @ (W + period * rate)) <= W_m:
+        np.testing.assert_allclose(stepped, W + period * rate, rtol=1e-12, atol=1e-12)
+    theta = min(theta, theta_m)
+    expected = theta + period * projection.gain_rate(theta, 2.0, 0.5, theta_m)
+    assert projection.step_gain(theta, 2.0, 0.5, theta_m, period) == pytest.approx(min(expected, theta_m))
+    assert projection.gain_rate(theta_m, 2.0, 0.5, theta_m) == 0.0

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 import pickle
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,34 +242,3 @@ def test_the_next_tick_tells_whether_inputs_were_left_alone(first_simulation):
     simulation.controller.step(pose, leader, desired)
     for given_array, copy in zip((pose, *leader[:2], *desired), copies, strict=True):
         np.testing.assert_array_equal(given_array, copy)
-
-
-PLAIN_RUN = """
-import importlib.util, sys
-import numba
-spec = importlib.util.spec_from_file_location("conftest", sys.argv[1])
-conftest = importlib.util.module_from_spec(spec)
-sys.modules["conftest"] = conftest
-spec.loader.exec_module(conftest)
-assert numba.config.DISABLE_JIT == int(sys.argv[2])
-simulation = conftest.FirstSimulation()
-simulation.run(150)
-sys.stdout.write(simulation.controller.to_bytes().hex() + simulation.state.tobytes().hex())
-"""
-
-
-def test_plain_python_gives_the_same_bits():
-    """With NUMBA_DISABLE_JIT=1 the same formulas run uncompiled: not a bit differs after 3 s."""
-    results = []
-    for disabled in ("0", "1"):
-        results.append(
-            subprocess.run(
-                [sys.executable, "-c", PLAIN_RUN, str(Path(__file__).with_name("conftest.py")), disabled],
-                env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-                capture_output=True,
-                check=True,
-                text=True,
-            ).stdout
-        )
-    assert len(results[0]) > 1000
-    assert results[0] == results[1]
