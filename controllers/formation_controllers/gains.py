@@ -29,6 +29,8 @@ class GainInfo:
         1: a number; 2: a diagonal matrix, given as a number or as a pair (range, bearing); None: any length.
     above, at_least : float or None
         Lower bound, excluded or included.
+    below : float or None
+        Upper bound, excluded.
     finite : bool
         Whether infinity is refused.
     reason : str
@@ -41,6 +43,7 @@ class GainInfo:
     size: int | None = 1
     above: float | None = None
     at_least: float | None = None
+    below: float | None = None
     finite: bool = True
     reason: str = ""
 
@@ -124,6 +127,8 @@ def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, .
         because = f" ({info.reason})" if info.reason else ""
         if info.above is not None and not number > info.above:
             raise GainError(f"gain {name!r} is {number:g}: must be greater than {info.above:g}{because}")
+        if info.below is not None and not number < info.below:
+            raise GainError(f"gain {name!r} is {number:g}: must be less than {info.below:g}{because}")
         if info.at_least is not None and not number >= info.at_least:
             raise GainError(f"gain {name!r} is {number:g}: must be at least {info.at_least:g}{because}")
     if info.size == 1:

@@ -25,6 +25,8 @@ class GuardGains(Gains):
         "smallest magnitude of det R, drive gain, cosine of the steering angle and range over length that the law "
         "divides by; zero leaves the law as printed",
         at_least=0,
+        below=1,
+        reason="a cosine is at most 1",
     )
 
 
@@ -46,7 +48,7 @@ TORQUE_SIGNALS: Final = (
     Signal("torque_command", "N.m", "torque before any saturation", ("tau_1", "tau_2")),
     Signal("drive_gain", "1", "(1, 1) entry of B2, (3)", singular_at_zero="the law is singular"),
     Signal("det_R", "1", "determinant of R, (8), (55)", singular_at_zero="the formation model is singular"),
-    Signal("guarded", "1", "1 where the gain `guard` changed the law, else 0"),
+    Signal("guarded", "1", "1 where the gain `guard` bounds something, else 0"),
 )
 """Telemetry of every law."""
 

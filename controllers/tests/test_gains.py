@@ -72,6 +72,7 @@ def test_a_gain_may_be_infinite_where_that_switches_it_off():
         ({"K_p": (10, -1)}, r"'K_p' is -1: must be greater than 0"),
         ({"K_p": (1, 2, 3)}, r"'K_p' is \(1, 2, 3\): expected one number or a pair"),
         ({"Lambda_1": -0.1}, r"'Lambda_1' is -0.1: must be at least 0"),
+        ({"guard": 1}, r"'guard' is 1: must be less than 1 \(a cosine is at most 1\)"),
         ({"k_d": (1, 2)}, r"'k_d' is \(1, 2\): expected one number"),
         ({"epsilon_t": 0}, r"'epsilon_t' is 0: must be greater than 0 \(the robust term divides by it\)"),
         ({"gamma_w": math.nan}, r"'gamma_w' is nan: expected a finite number"),

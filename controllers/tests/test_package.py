@@ -114,9 +114,8 @@ LAWS = {name: load(name) for name, found in installed().items() if found.package
 
 
 def bound(info):
-    if info.above is not None:
-        return f"> {info.above:g}"
-    return "" if info.at_least is None else f">= {info.at_least:g}"
+    limits = {">": info.above, ">=": info.at_least, "<": info.below}
+    return ", ".join(f"{sign} {limit:g}" for sign, limit in limits.items() if limit is not None)
 
 
 def value(default):
