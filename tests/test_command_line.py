@@ -149,7 +149,10 @@ def test_the_command_is_installed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--set", "//controller/@name=neural-pid"], "did you mean 'neural-adaptive-pid'? Known: neural-adaptive-pid"),
+        (
+            ["--set", "//controller/@name=neural-pid"],
+            "did you mean 'neural-adaptive-pid'? Known: feedback-linearisation, lqg, neural-",
+        ),
         (["--set", "//controller/@version=>=99"], "needs formation-controllers >=99, but version"),
         (["--set", "//controller/@version=new"], 'version="new" is no version range'),
         (["--set", "//controller/@package=other"], "from the package formation-controllers, not from other"),

@@ -4,6 +4,7 @@ SymPy, Jinja and FMPy's headers are touched only if something has to be generate
 """
 
 import tempfile
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,10 +49,20 @@ def build(
     key = store.digest([name, *contents, *tools])
 
     fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
-    if not (cache and fmu.is_file()):
+    wanted = fmu if out is None else Path(out) / fmu.name
+    if not (cache and zipfile.is_zipfile(fmu)):
         files = files or _generate(plants.load(name), version)
-        store.write(fmu, lambda path: _make(name, version, files, compilers, path))
-    return fmu if out is None else store.copy(fmu, Path(out) / fmu.name)
+
+        def make(path: Path) -> None:
+            _make(name, version, files, compilers, path)
+
+        try:
+            store.write(fmu, make)
+        except store.CannotWrite:
+            if wanted == fmu:
+                raise
+            return store.write(wanted, make)  # without a cache, then
+    return fmu if out is None else store.copy(fmu, wanted)
 
 
 def _generate(model: "OdeModel", fmi: str) -> dict[str, bytes]:

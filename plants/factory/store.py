@@ -47,6 +47,10 @@ def digest(parts: Iterable[str | bytes]) -> str:
     return total.hexdigest()
 
 
+class CannotWrite(BuildError):
+    """A folder cannot be written."""
+
+
 def write(target: Path, make: Callable[[Path], None]) -> Path:
     """Make a file so that no other process ever sees half of it: `make` writes it elsewhere, then it is moved.
 
@@ -59,7 +63,7 @@ def write(target: Path, make: Callable[[Path], None]) -> Path:
 
     Raises
     ------
-    BuildError
+    CannotWrite
         The folder cannot be written.
     """
     try:
@@ -69,7 +73,7 @@ def write(target: Path, make: Callable[[Path], None]) -> Path:
             make(made)
             os.replace(made, target)
     except OSError as error:
-        raise BuildError(
+        raise CannotWrite(
             f"cannot write {target}: {error.strerror or error}; choose a folder that can be written"
             " (the environment variable FORMATION_CACHE names the cache)"
         ) from error

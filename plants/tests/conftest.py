@@ -111,6 +111,7 @@ def fmus(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str
             fmpy.extract(path, folder)
             description = fmpy.read_model_description(folder)
             references = {v.name: v.valueReference for v in description.modelVariables}
+            references.setdefault("time", len(references))  # always the last one, not always listed in FMI 2.0
             (binary,) = (folder / "binaries").glob("*/*")
             token = description.guid if fmi == "2.0" else description.instantiationToken
             built[name, fmi] = Fmu(path, folder, Library(str(binary), fmi, token, references["time"]), references)

@@ -279,3 +279,21 @@ def test_all_platforms(fmi: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(result["x"], [1.0, 0.98, 0.98**2], rtol=1e-14)
     content = path.read_bytes()
     assert plants.build(model, fmi=fmi, platforms="all", cache=False).read_bytes() == content
+
+
+def test_a_damaged_cache_is_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORMATION_CACHE", str(tmp_path))
+    fmu = plants.build("car_like")
+    whole = fmu.read_bytes()
+    fmu.write_bytes(whole[:1000])
+    assert plants.build("car_like").read_bytes() == whole
+
+
+def test_without_a_cache_an_fmu_can_still_be_built_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("FORMATION_CACHE", str(tmp_path / "file" / "cache"))
+    path = plants.build("car_like", out=tmp_path / "out")
+    assert path == tmp_path / "out" / "car_like.fmu"
+    assert fmpy.read_model_description(path).modelName == "car_like"
+    with pytest.raises(plants.BuildError, match="FORMATION_CACHE"):
+        plants.build("car_like")

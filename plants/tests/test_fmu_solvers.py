@@ -121,6 +121,7 @@ def test_step_size_underflow_is_an_error(tmp_path: Path) -> None:
     description = fmpy.read_model_description(path)
     (binary,) = (tmp_path / "binaries").glob("*/*")
     references = {v.name: v.valueReference for v in description.modelVariables}
+    references.setdefault("time", len(references))
     fmu = Instance(Library(str(binary), "2.0", description.guid, references["time"]), "co_simulation")
     fmu.set({references["solver_step"]: 1.0})
     fmu.set_enumeration(references["solver"], DORMAND_PRINCE_45)

@@ -81,7 +81,7 @@ def test_the_robot_moves(experiment: Experiment) -> None:
     assert np.abs(experiment.expected - start).max() > 0.1
 
 
-def test_libcosim(experiment: Experiment) -> None:
+def test_libcosim(experiment: Experiment, capfd: pytest.CaptureFixture[str]) -> None:
     master("libcosimpy")
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
@@ -96,6 +96,9 @@ def test_libcosim(experiment: Experiment) -> None:
     assert execution.step(STEPS)
     outputs = observer.last_real_values(robot, [experiment.reference[name] for name in experiment.outputs])
     assert outputs == pytest.approx(experiment.expected, rel=1e-12, abs=1e-12)
+    logged = "".join(capfd.readouterr())
+    assert "Parsing model description XML" in logged
+    assert "[error]" not in logged
 
 
 def test_ecos(experiment: Experiment) -> None:

@@ -162,7 +162,7 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
     }
     if (reference >= N_REALS) return no_real(s, reference);
     /* States, inputs and parameters are always there; the rest is computed when asked for. */
-    if (!s->current && reference >= FIRST_DERIVATIVE) {
+    if (!s->current && (is_derivative(reference) || is_output(reference))) {
         evaluate(s);
     }
     *value = s->values[reference];
@@ -172,7 +172,8 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
 static Status bad_variant(Simulation *s, unsigned reference, long long value)
 {
     const Variable *const variable = &model_variables[reference];
-    return say(s, STATUS_ERROR, "parameter %s is %lld: must be one of %s", variable->name, value, variable->unit);
+    return say(s, STATUS_ERROR, "parameter %s is %lld at time %.16g s: must be one of %s", variable->name, value, s->time,
+               variable->unit);
 }
 
 Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value)
@@ -214,8 +215,9 @@ static Status check_bounds(Simulation *s, unsigned reference)
     const double value = s->values[reference];
     const bool is_low = value < variable->min;
     if (!is_low && value <= variable->max) return STATUS_OK;
-    return say(s, STATUS_ERROR, "%s %s is %.16g %s: must be at %s %g %s", kind(reference), variable->name, value,
-               variable->unit, is_low ? "least" : "most", is_low ? variable->min : variable->max, variable->unit);
+    return say(s, STATUS_ERROR, "%s %s is %.16g %s at time %.16g s: must be at %s %g %s", kind(reference),
+               variable->name, value, variable->unit, s->time, is_low ? "least" : "most",
+               is_low ? variable->min : variable->max, variable->unit);
 }
 
 static Status check_parameters(Simulation *s)
