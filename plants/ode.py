@@ -7,6 +7,7 @@ unit; intermediate terms carry the names and equation numbers of the source, so 
 """
 
 import math
+import numbers
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,19 @@ from plants.errors import ModelError
 
 TIME = sympy.Symbol("time", real=True)
 """The independent variable [s], for right-hand sides that depend on it."""
+
+
+def _make_floats(declared: "Variable | Output | Limit", *attributes: str) -> None:
+    """Turn attributes that are numbers of Python, NumPy or SymPy, such as pi/2, into floats."""
+    for attribute in attributes:
+        value = getattr(declared, attribute)
+        try:
+            if not isinstance(value, numbers.Real | sympy.Expr):
+                raise TypeError
+            object.__setattr__(declared, attribute, float(value))
+        except (TypeError, ValueError, OverflowError):
+            kind = type(declared).__name__.lower()
+            raise ModelError(f"{kind} {declared.name!r}: {attribute} is {value!r}, it must be a real number") from None
 
 
 @dataclass(frozen=True)
@@ -48,6 +62,9 @@ class Variable:
     min: float = -math.inf
     max: float = math.inf
     nominal: float = 1.0
+
+    def __post_init__(self) -> None:
+        _make_floats(self, "start", "min", "max", "nominal")
 
     @property
     def name(self) -> str:
@@ -130,6 +147,9 @@ class Output:
     description: str
     nominal: float = 1.0
 
+    def __post_init__(self) -> None:
+        _make_floats(self, "nominal")
+
     @property
     def name(self) -> str:
         """The name of the symbol."""
@@ -161,6 +181,9 @@ class Limit:
     max: float = math.inf
     reason: str = ""
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        _make_floats(self, "min", "max")
 
     @property
     def name(self) -> str:
@@ -284,21 +307,28 @@ class OdeModel:
 
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-# Words that a generated C function could not use for a local variable.
+# Words that a generated C function could not use for a local variable: keywords up to C23, functions, macros.
 _C_WORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm
+    alignas alignof bool constexpr false nullptr static_assert thread_local true typeof typeof_unqual linux unix
     acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax
-    fmin fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc isfinite isnan
-    signbit INFINITY NAN HUGE_VAL NULL
+    fmin fmod hypot ldexp lgamma log log10 log1p log2 pow round sin sinh sqrt tan tanh tgamma trunc
+    fpclassify isfinite isgreater isgreaterequal isinf isless islessequal islessgreater isnan isnormal isunordered
+    signbit math_errhandling INFINITY NAN NULL DECIMAL_DIG MAXFLOAT DOMAIN SING OVERFLOW UNDERFLOW TLOSS PLOSS
+    float_t double_t
 """
 _OUR_WORDS = """
     time states inputs parameters enumerations derivatives outputs limited partials solver solver_step tolerance
-    at_singularity
+    at_singularity ROOM TIME CONFIG_H
 """
 RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 """Names that the generated C code needs for itself."""
-_RESERVED_PREFIX = re.compile(r"(_|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|model_).*")
+# What math.h and float.h, then the headers in factory/template, define.
+_RESERVED_PREFIX = re.compile(
+    r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
+    r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_).*"
+)
 
 
 def _check(model: OdeModel) -> None:
@@ -311,7 +341,7 @@ def _check(model: OdeModel) -> None:
                 f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first"
             )
         if name in RESERVED or _RESERVED_PREFIX.fullmatch(name):
-            raise error(f"{what} {name!r} is reserved in the generated C code: choose another name")
+            raise error(f"{what} {name!r} is reserved, it cannot be used in the generated C code: choose another name")
 
     check_name(model.name, "model name")
     if not model.states:
@@ -322,6 +352,7 @@ def _check(model: OdeModel) -> None:
         raise error(f"{len(model.states)} states, but {len(model.equations)} equation numbers")
 
     declared: dict[str, sympy.Symbol] = {TIME.name: TIME}
+    variants = {enumeration.symbol: enumeration.items for enumeration in model.enumerations}
 
     def declare(symbol: sympy.Symbol, what: str) -> None:
         check_name(symbol.name, what)
@@ -339,6 +370,10 @@ def _check(model: OdeModel) -> None:
                 )
         for function in sorted(expression.atoms(AppliedUndef), key=str):
             raise error(f"{where} uses the undefined function {function}")
+        for equality in sorted(expression.atoms(sympy.Eq), key=str):
+            items = variants.get(equality.lhs, ())
+            if items and equality.rhs.is_number and equality.rhs not in range(1, len(items) + 1):
+                raise error(f"{where}: {equality.lhs} has no variant {equality.rhs}; it has 1 to {len(items)}")
 
     for kind, variables in (("state", model.states), ("input", model.inputs), ("parameter", model.reals)):
         for variable in variables:
