@@ -64,7 +64,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Entry:
-    """One variable of the FMU; `start` is None for what is computed."""
+    """One variable of the FMU; `start` is None for what is computed, `type_name` is that of an enumeration's type."""
 
     reference: int
     name: str
@@ -79,16 +79,12 @@ class Entry:
     nominal: float = 1.0
     derivative_of: int | None = None
     items: tuple[Item, ...] = ()
+    type_name: str = ""
 
     @property
     def full_name(self) -> str:
         """The name in the model description; ``der(x)`` for the derivative of x."""
         return f"der({self.name})" if self.derivative_of is not None else self.name
-
-    @property
-    def type_name(self) -> str:
-        """The name of an enumeration's type; it must differ from all variables' names."""
-        return self.name.title().replace("_", "") + "Variant"
 
     @property
     def start_value(self) -> float:
@@ -225,6 +221,8 @@ def tabulate(model: OdeModel) -> Table:
         )
         for output in model.outputs
     )
+    all_enumerations = (*model.enumerations, SOLVER, *([AT_SINGULARITY] if model.limits else []))
+    names = {entry.name for entry in (*states, *inputs, *parameters, *outputs)} | {e.name for e in all_enumerations}
     enumerations = tuple(
         Entry(
             reference=next(references),
@@ -237,8 +235,9 @@ def tabulate(model: OdeModel) -> Table:
             min=1,
             max=len(enumeration.items),
             items=tuple(Item(name, i + 1, text) for i, (name, text) in enumerate(enumeration.items.items())),
+            type_name=_type_name(enumeration, names),
         )
-        for enumeration in (*model.enumerations, SOLVER, *([AT_SINGULARITY] if model.limits else []))
+        for enumeration in all_enumerations
     )
     time = Entry(next(references), TIME.name, "independent", "continuous", None, "Time", unit="s")
 
@@ -263,6 +262,16 @@ def tabulate(model: OdeModel) -> Table:
     )
 
 
+def _type_name(enumeration: Enumeration, taken: set[str]) -> str:
+    """Return the name of an enumeration's type, and take it: it differs from all other types and variables."""
+    stem = enumeration.name.title().replace("_", "") + "Variant"
+    name = next(
+        name for name in itertools.chain([stem], (f"{stem}{i}" for i in itertools.count(2))) if name not in taken
+    )
+    taken.add(name)
+    return name
+
+
 def _named(
     entries: Iterable[Entry], declared: Iterable[Variable | Enumeration]
 ) -> Iterator[tuple[Entry, sympy.Symbol]]:
@@ -274,11 +283,14 @@ def _unknown(
     entry: Entry, expression: sympy.Expr, known: Iterable[tuple[Entry, sympy.Symbol]], fixed: set[sympy.Symbol]
 ) -> Unknown:
     """Find what an expression depends on, and how: with a constant slope, one made of `fixed` symbols, or any other."""
+    pieces = [piece for piecewise in expression.atoms(sympy.Piecewise) for piece in piecewise.args]
+    deciding = set[sympy.Symbol]().union(*(condition.free_symbols for _, condition in pieces))
     dependencies, kinds = [], []
     for other, symbol in known:
         if symbol not in expression.free_symbols:
             continue
-        slope = expression.diff(symbol) if not other.items else symbol
+        # What decides between branches counts, though the derivative within each does not tell.
+        slope = symbol if other.items or symbol in deciding else expression.diff(symbol)
         if slope != 0:
             dependencies.append(other.reference)
             free = slope.free_symbols
