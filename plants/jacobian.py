@@ -53,6 +53,7 @@ def differentiate(model: OdeModel, unknowns: Iterable[tuple[str, sympy.Expr, str
     variables = (*model.states, *model.inputs, *model.reals)
     symbols = {variable.symbol for variable in variables} | {term.symbol for term in model.terms}
     real = {symbol: sympy.Symbol(symbol.name, real=True) for symbol in symbols}
+    real |= {e.symbol: sympy.Symbol(e.name, integer=True) for e in model.enumerations}
     unit_of = {variable.name: units.parse(variable.unit) for variable in variables} | {TIME.name: units.parse("s")}
     taken = {symbol.name for symbol in symbols} | {enumeration.name for enumeration in model.enumerations}
 
@@ -105,6 +106,7 @@ def _free_name(name: str, taken: set[str]) -> str:
 
 def _partial(model: OdeModel, expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     """Differentiate; functions with steps or kinks have the derivative that they have between them."""
+    expression = expression.replace(sympy.Mod, lambda a, b: a - b * sympy.floor(a / b))
     steps = expression.atoms(sympy.floor, sympy.ceiling, sympy.sign, sympy.Heaviside)
     constants = {step: sympy.Dummy(real=True) for step in sorted(steps, key=str)}
     derivative = expression.xreplace(constants).diff(symbol).xreplace({c: step for step, c in constants.items()})
