@@ -4,6 +4,8 @@
 >>> latex.equations(plants.load("car_like"))
 """
 
+from typing import NamedTuple
+
 import sympy
 from sympy.printing.latex import LatexPrinter, greek_letters_set, tex_greek_dictionary
 
@@ -43,15 +45,31 @@ def expression(value: sympy.Expr | sympy.Matrix) -> str:
 
 def symbol(name: str, dot: bool = False) -> str:
     r"""Return the LaTeX of a variable's name, such as ``\theta_{1}`` for theta_1 and ``M_{2,11}`` for M2_11."""
+    parts = split(name)
+    base = _word(parts.base)
+    subscript = ",".join("".join(map(_word, index)) for index in parts.indices)
+    return (rf"\dot{{{base}}}" if dot or parts.dot else base) + (f"_{{{subscript}}}" if subscript else "")
+
+
+class Parts(NamedTuple):
+    """A variable's name in parts: the base letter or word, whether it has a dot, its indices as words and numbers."""
+
+    base: str
+    dot: bool
+    indices: tuple[tuple[str, ...], ...]
+
+
+def split(name: str) -> Parts:
+    """Split a name such as ``M2_11``, ``I_theta1`` or ``e_dot_stop`` into what is typeset apart."""
     head, *tail = name.split("_")
-    letters, digits = _split(head)
-    if "dot" in tail:
+    dot = "dot" in tail
+    if dot:
         tail.remove("dot")
-        dot = True
-    base = _word(letters)
-    indices = [digits, *("".join(map(_word, _split(part))) for part in tail)]
-    subscript = ",".join(index for index in indices if index)
-    return (rf"\dot{{{base}}}" if dot else base) + (f"_{{{subscript}}}" if subscript else "")
+    base, digits = _split(head)
+    if not base:
+        base, digits = digits, ""
+    indices = (tuple(filter(None, part)) for part in ((digits,), *map(_split, tail)))
+    return Parts(base, dot, tuple(index for index in indices if index))
 
 
 def _split(part: str) -> tuple[str, str]:

@@ -5,8 +5,9 @@ from typing import Any
 
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
+from sympy.printing.pretty.pretty_symbology import greek_unicode
 
-from plants import units
+from plants import latex, units
 from plants.ode import OdeModel
 
 _FUNCTIONS = (sympy.sin, sympy.cos, sympy.tan)
@@ -65,7 +66,7 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
 
     def dot(self, symbol: sympy.Symbol) -> str:
         """Return the time derivative of a symbol."""
-        return f"<mover>{self.render(symbol)}<mo>˙</mo></mover>"
+        return str(self._symbol(symbol.name, dot=True).toxml())
 
     def between(self, low: float, expression: sympy.Expr, high: float) -> str:
         """Return an expression with its bounds."""
@@ -81,6 +82,25 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
         for name, value in attributes.items():
             element.setAttribute(name, value)
         return element
+
+    def _print_Symbol(self, symbol: sympy.Symbol, style: str = "plain") -> Any:
+        return self._symbol(symbol.name)
+
+    def _symbol(self, name: str, dot: bool = False) -> Any:
+        """Return a name as it is typeset in LaTeX too: I_theta1 is I with the index θ1, e_dot_stop has a dot."""
+        parts = latex.split(name)
+        base = self._word(parts.base)
+        if dot or parts.dot:
+            base = self._element("mover", base, self._element("mo", "˙"))
+        if not parts.indices:
+            return base
+        words = [self._element("mrow", *map(self._word, index)) for index in parts.indices]
+        commas = [self._element("mo", ",") for _ in words]
+        row = [element for pair in zip(commas, words, strict=True) for element in pair][1:]
+        return self._element("msub", base, self._element("mrow", *row))
+
+    def _word(self, word: str) -> Any:
+        return self._element("mn" if word.isdigit() else "mi", greek_unicode.get(word, word))
 
     def _print_Piecewise(self, expression: sympy.Piecewise) -> Any:
         rows = []
