@@ -3,8 +3,8 @@
 import hashlib
 import importlib.metadata
 import importlib.util
-import json
 import math
+import string
 import uuid
 from collections import Counter
 from collections.abc import Sequence
@@ -13,8 +13,11 @@ from pathlib import Path
 
 import jinja2
 import sympy
+from sympy.core.relational import Relational
+from sympy.functions.elementary.piecewise import ExprCondPair
+from sympy.logic.boolalg import BooleanAtom
 from sympy.printing.c import C99CodePrinter
-from sympy.printing.precedence import precedence
+from sympy.printing.precedence import PRECEDENCE, precedence
 
 from plants import units
 from plants.errors import BuildError, ModelError
@@ -248,10 +251,10 @@ def _share_functions(
     model: OdeModel, terms: Sequence[Term], lines: Sequence[_Result]
 ) -> tuple[list[Term], list[_Result]]:
     """Give a name to each function of one argument that is called more than once, such as cos(psi)."""
-    uses = Counter[sympy.Expr]()
+    uses, branches = Counter[sympy.Expr](), sympy.Dummy()
     for expression in (*(term.expression for term in terms), *(expression for _, expression, _ in lines)):
         # What stands in a branch is evaluated only if chosen: leave it there.
-        outside = expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: sympy.Integer(0))
+        outside = expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: branches)
         for e in sympy.preorder_traversal(outside):
             if isinstance(e, sympy.Function):
                 uses[e] += 1
@@ -260,10 +263,12 @@ def _share_functions(
     already = {term.expression for term in terms}
     taken = {symbol.name for term in terms for symbol in (term.symbol, *term.expression.free_symbols)}
     taken |= {v.name for v in (*model.states, *model.inputs, *model.parameters)} | RESERVED
+    taken |= {f"{enumeration.name}_{item}" for enumeration in model.enumerations for item in enumeration.items}
     names: dict[sympy.Expr, sympy.Symbol] = {}
     for function in sorted((f for f, n in uses.items() if n > 1 and f not in already), key=str):
         name = "_".join("".join(c if c.isalnum() else " " for c in str(function)).split())
         if name not in taken and len(name) < 32:
+            taken.add(name)
             names[function] = sympy.Symbol(name, real=True)
 
     shared: list[Term] = []
@@ -283,24 +288,67 @@ def _share_functions(
     return shared, results
 
 
+_NODES = (
+    sympy.Symbol,
+    sympy.Number,
+    sympy.NumberSymbol,
+    sympy.Add,
+    sympy.Mul,
+    sympy.Pow,
+    sympy.Piecewise,
+    ExprCondPair,
+    Relational,
+    BooleanAtom,
+    sympy.And,
+    sympy.Or,
+    sympy.Not,
+    sympy.ITE,
+)
+"""What an expression may be made of besides functions: the printer would pass others on as text that is not C."""
+
+
 class _Printer(C99CodePrinter):  # type: ignore[misc]
-    """C expressions in which a variant of an enumeration goes by its name."""
+    """C expressions in double arithmetic, in which a variant of an enumeration goes by its name."""
 
     def __init__(self, model: OdeModel) -> None:
-        # A named constant such as M_PI is not part of C11: constants are printed as numbers.
-        super().__init__({"math_macros": {}})
+        # A named constant such as M_PI is not part of C11: constants are printed as numbers. abs is for int.
+        super().__init__({"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs"}})
         self._model = model
-        self._enumerations = {enumeration.symbol: enumeration for enumeration in model.enumerations}
+        self._enumerations = {enumeration.name: enumeration for enumeration in model.enumerations}
+        self._functions = {*self.known_functions, *self._rewriteable_functions, "Mod", "sign"}
 
     def doprint(self, expression: sympy.Expr) -> str:
-        numbers = {constant: sympy.Float(constant, 17) for constant in expression.atoms(sympy.NumberSymbol)}
+        for part in sympy.preorder_traversal(expression):
+            if not (isinstance(part, _NODES) or type(part).__name__ in self._functions):
+                raise self._error(expression, f": {part} is not known there")
+        if expression.has(sympy.I, sympy.zoo, sympy.nan):
+            raise self._error(expression)
         try:
-            text = str(super().doprint(expression.xreplace(numbers)))
-        except NotImplementedError as error:
-            text = f"// Not supported in C: {error}"
-        if "// Not supported" in text or "nan" in text.lower() or expression.has(sympy.I, sympy.zoo, sympy.nan):
-            raise ModelError(f"model {self._model.name!r}: {expression} cannot be written in C")
-        return text
+            return str(super().doprint(expression))
+        except NotImplementedError:
+            raise self._error(expression) from None
+
+    def _error(self, expression: sympy.Expr, reason: str = "") -> ModelError:
+        return ModelError(f"model {self._model.name!r}: {expression} cannot be written in C{reason}")
+
+    # A quotient of two integers would be an integer in C: in arithmetic all is double.
+    def _print_Integer(self, value: sympy.Integer) -> str:
+        return f"{int(value)}.0"
+
+    def _print_Symbol(self, symbol: sympy.Symbol) -> str:
+        return f"(double){symbol.name}" if symbol.name in self._enumerations else symbol.name
+
+    def _print_NumberSymbol(self, constant: sympy.NumberSymbol) -> str:
+        return str(self._print(sympy.Float(constant, 17)))
+
+    def _print_sign(self, expression: sympy.Expr) -> str:
+        argument = self._print(expression.args[0])
+        return f"(double)(({argument} > 0.0) - ({argument} < 0.0))"
+
+    def _print_Mod(self, expression: sympy.Mod) -> str:
+        """Print the remainder that has the sign of the divisor, as in SymPy and NumPy; fmod has the dividend's."""
+        dividend, divisor = (self.parenthesize(e, PRECEDENCE["Pow"]) for e in expression.args)
+        return f"({dividend} - {divisor}*floor({dividend}/{divisor}))"
 
     def _print_Pow(self, expression: sympy.Pow) -> str:
         base, exponent = expression.args
@@ -317,12 +365,18 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
         chosen = [f"{self._print(c)} ? {self._print(e)} : " for e, c in branches]
         return f"({''.join(chosen)}{self._print(otherwise)})"
 
-    def _print_Equality(self, expression: sympy.Eq) -> str:
+    def _print_Relational(self, expression: Relational) -> str:
         left, right = expression.args
-        if left in self._enumerations and right.is_Integer:
-            enumeration = self._enumerations[left]
-            return f"{left} == {enumeration.name}_{list(enumeration.items)[int(right) - 1]}"
-        return f"{self._print(left)} == {self._print(right)}"
+        enumeration = self._enumerations.get(str(left))
+        if enumeration and isinstance(expression, sympy.Eq) and right.is_Integer:
+            return f"{enumeration.name} == {enumeration.name}_{list(enumeration.items)[int(right) - 1]}"
+        return f"{self._print(left)} {expression.rel_op} {self._print(right)}"
+
+
+def _c_string(text: str) -> str:
+    """Return a C string literal in UTF-8; an octal escape ends after three digits, whatever follows."""
+    plain = {ord(c) for c in string.ascii_letters + string.digits + string.punctuation + " "} - set(b'"\\?')
+    return '"' + "".join(chr(byte) if byte in plain else f"\\{byte:03o}" for byte in text.encode()) + '"'
 
 
 def _c_number(value: float) -> str:
@@ -341,4 +395,4 @@ _JINJA = jinja2.Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-_JINJA.filters |= {"c_string": json.dumps, "c_number": _c_number, "c_comment": _c_comment}
+_JINJA.filters |= {"c_string": _c_string, "c_number": _c_number, "c_comment": _c_comment}
