@@ -106,7 +106,9 @@ class Simulation:
     def _control(self) -> None:
         leader = fc.Leader(self._state[0, :4], self._state[0, 4:])
         for team in self._teams:
-            self._command[team.rows] = team.step(self.time, self._measured, leader, self._desired, first=self.tick == 0)
+            self._command[team.rows] = team.step(
+                self.time, self._measured, self._state[1:, 4:], leader, self._desired, first=self.tick == 0
+            )
 
     def _actuate(self) -> None:
         limit = self.scenario.saturation

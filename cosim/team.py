@@ -105,9 +105,18 @@ class Team:
             raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
 
     def step(
-        self, time: float, pose: NDArray[np.float64], leader: fc.Leader, desired: fc.Desired, *, first: bool
+        self,
+        time: float,
+        pose: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        leader: fc.Leader,
+        desired: fc.Desired,
+        *,
+        first: bool,
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
+
+        Poses are those measured; a law that needs velocities is given the true ones, and no other law any.
 
         Raises
         ------
@@ -115,10 +124,11 @@ class Team:
             The controller refused its input, failed, or returned something other than finite torques.
         """
         own = fc.Desired(desired.q[self.rows], desired.q_dot[self.rows], desired.q_ddot[self.rows])
+        measured = {"velocity": velocity[self.rows]} if "velocity" in self.controller.needs else {}
         try:
             if first:
                 self.controller.start(pose[self.rows], leader, own)
-            torque = np.asarray(self.controller.step(pose[self.rows], leader, own), dtype=float)
+            torque = np.asarray(self.controller.step(pose[self.rows], leader, own, **measured), dtype=float)
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
         if torque.shape != (len(self.robots), 2):

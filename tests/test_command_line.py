@@ -89,6 +89,16 @@ def test_overrides(line: str, tmp_path: Path) -> None:
         assert piece in result.attrs["scenario"], "the text that is kept is the text that was run"
 
 
+@pytest.mark.parametrize("law", ["feedback-linearisation", "lqg", "neural-high-gain", "observer-pid"])
+def test_every_law_keeps_the_formation(line: str, tmp_path: Path, law: str) -> None:
+    """At its default gains, with noise: the expectations of the scenario hold for the baselines too."""
+    arguments = ["run", line, "--out", str(tmp_path), "--no-figure", "--controller", f"pid={law}"]
+    assert main(arguments) == 0
+    result = load(tmp_path / "clmr_line" / "result.nc")
+    assert json.loads(result.attrs["controllers"])[0]["name"] == law
+    assert f'name="{law}"' in result.attrs["scenario"]
+
+
 def test_a_figure_of_an_earlier_run_does_not_stay(line: str, tmp_path: Path) -> None:
     stale = tmp_path / "clmr_line" / "figure.png"
     stale.parent.mkdir()
