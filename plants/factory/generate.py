@@ -335,6 +335,12 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
     def _print_Integer(self, value: sympy.Integer) -> str:
         return f"{int(value)}.0"
 
+    def _print_BooleanTrue(self, value: BooleanAtom) -> str:
+        return "1"
+
+    def _print_BooleanFalse(self, value: BooleanAtom) -> str:
+        return "0"
+
     def _print_Symbol(self, symbol: sympy.Symbol) -> str:
         return f"(double){symbol.name}" if symbol.name in self._enumerations else symbol.name
 

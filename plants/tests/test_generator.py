@@ -1,0 +1,307 @@
+"""The generated C against NumPy, expression by expression; what it refuses; what it writes into the description."""
+
+import math
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+import sympy
+from lxml import etree
+
+import plants
+from plants import ModelError, numeric
+from plants.factory.document import document
+from plants.factory.generate import generate
+from plants.factory.table import tabulate
+from plants.ode import TIME, Enumeration, Input, Limit, OdeModel, Output, Parameter, State, Term
+
+from .driver import Instance, Library
+from .fmus import VERSIONS, Fmu
+
+x, z, u, k, y = sympy.symbols("x z u k y", real=True)
+n = Enumeration(sympy.Symbol("n", integer=True), {"one": "", "two": "", "three": ""}, "Number")
+
+
+def model_of(*expressions: Any, **changes: Any) -> OdeModel:
+    """A model with these expressions as outputs y0, y1, ..."""
+    stated = {
+        "name": "expressions",
+        "description": "Expressions",
+        "states": (State(x, "1", "", start=0.4), State(z, "1", "", start=-0.7)),
+        "derivatives": (-x, x * 0),
+        "inputs": (Input(u, "1", ""),),
+        "parameters": (Parameter(k, "1", "", start=1.3), n),
+        "outputs": tuple(Output(sympy.Symbol(f"y{i}"), e, "1", "") for i, e in enumerate(expressions)),
+    }
+    return OdeModel(**(stated | changes))
+
+
+@pytest.fixture
+def load(cache: Path, tmp_path: Path) -> Callable[[OdeModel], Fmu]:
+    def make(model: OdeModel) -> Fmu:
+        path = plants.build(model)
+        fmpy.extract(path, tmp_path)
+        description = fmpy.read_model_description(tmp_path)
+        references = {v.name: v.valueReference for v in description.modelVariables}
+        (binary,) = (tmp_path / "binaries").glob("*/*")
+        library = Library(str(binary), "2.0", description.guid, max(references.values()) + 1)
+        return Fmu(path, tmp_path, library, references)
+
+    return make
+
+
+def assert_equal(model: OdeModel, fmu: Fmu, points: list[dict[str, float]]) -> np.ndarray:
+    """Compare outputs and derivatives with NumPy's to 1e-12 of their terms' size; return the outputs, row by row."""
+    functions = numeric.compile(model)
+    names = [o.name for o in model.outputs] + [f"der({s.name})" for s in model.states]
+    rows = []
+    for point in points:
+        instance = Instance(fmu.library, "co_simulation")
+        reals = {v.name: point.get(v.name, v.start) for v in (*model.states, *model.inputs, *model.reals)}
+        instance.set({fmu[name]: value for name, value in reals.items()})
+        for e in model.enumerations:
+            instance.set_enumeration(fmu[e.name], int(point.get(e.name, 1)))
+        instance.initialize()
+        found = np.array(instance.get(*(fmu[name] for name in names)))
+        instance.free()
+        values = reals | {e.name: point.get(e.name, 1) for e in model.enumerations}
+        arguments = [[values[v.name] for v in vs] for vs in (model.states, model.inputs, model.parameters)]
+        expected = np.concatenate([functions.outputs(0.0, *arguments), functions.rhs(0.0, *arguments)])
+        assert np.all(np.isfinite(expected))
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
+        rows.append(found[: len(model.outputs)])
+    return np.array(rows)
+
+
+def test_arithmetic_with_enumerations_is_real(load: Callable) -> None:
+    """No quotient of integers, no abs() of an integer: in C both would round."""
+    m = n.symbol
+    model = model_of(
+        2 / (m + 1), 1 / m, m / (m + 3), sympy.Abs(m - 5) / 2, sympy.sign(m - 2) / (m + 3), sympy.Mod(m, 2) / 3, m**-2
+    )
+    values = assert_equal(model, load(model), [{"n": i} for i in (1, 2, 3)])
+    np.testing.assert_allclose(values[:, 0], [1, 2 / 3, 1 / 2], rtol=1e-15)
+
+
+def test_mod_has_the_sign_of_the_divisor(load: Callable) -> None:
+    wrapped = sympy.Mod(x + sympy.pi, 2 * sympy.pi) - sympy.pi
+    model = model_of(wrapped, sympy.Mod(x, -3), sympy.Mod(x * k, 2 + u**2), sympy.Mod(x, 1) ** 2)
+    fmu = load(model)
+    angles = np.array([-20.0, -7.0, -4.0, -3.0, -0.5, 0.0, 0.5, 4.0, 7.0, 20.0])
+    values = assert_equal(model, fmu, [{"x": angle, "u": 0.3} for angle in angles])
+    np.testing.assert_allclose(values[:, 0], np.arctan2(np.sin(angles), np.cos(angles)), atol=1e-13)
+
+    instance = Instance(fmu.library, "co_simulation")
+    instance.set({fmu["x"]: -4.0, fmu["u"]: 0.3})
+    instance.initialize()
+    slopes = instance.differentiate([fmu[f"y{i}"] for i in range(4)], [fmu["x"]], [1.0])
+    np.testing.assert_allclose(slopes[:3], [1.0, 1.0, 1.3])
+    # Mod(x, 1)^2 is x^2 between the integers, shifted: at -4 its slope is 0.
+    assert slopes[3] == 0.0
+    assert instance.differentiate([fmu["y2"]], [fmu["u"]], [1.0]) == pytest.approx([0.6 * 3])  # -floor(-5.2 / 2.09) = 3
+    instance.free()
+
+
+def test_functions_whose_names_would_coincide_are_told_apart(load: Callable) -> None:
+    """tanh(x + 1) and tanh(x - 1), each used twice, are not the same intermediate result."""
+    more, less = sympy.tanh(x + 1), sympy.tanh(x - 1)
+    model = model_of(more * less, 2 * more - 3 * less, more**2)
+    assert_equal(model, load(model), [{"x": value} for value in (-1.0, 0.2, 2.0)])
+
+
+def random_expression(rng: random.Random, depth: int) -> sympy.Expr:
+    """Draw an expression that is finite everywhere, and moderate."""
+    if depth == 0:
+        number = sympy.Rational(rng.randint(-9, 9), rng.randint(1, 4))
+        return rng.choice([x, z, u, k, n.symbol, number, sympy.Integer(rng.randint(1, 3)), sympy.pi])
+    a, b, c = (random_expression(rng, rng.randint(0, depth - 1)) for _ in range(3))
+    return rng.choice(
+        [
+            lambda: a + b,
+            lambda: a - b,
+            lambda: a * b,
+            lambda: a / (1 + b**2),
+            lambda: a / (n.symbol + 1),
+            lambda: sympy.sin(a),
+            lambda: sympy.cos(a),
+            lambda: sympy.tanh(a),
+            lambda: sympy.Piecewise((a, b > c), (b, True)),
+            lambda: n.select(one=a, two=b, three=c),
+            lambda: sympy.Mod(a, sympy.Rational(7, 3)),
+            lambda: sympy.Mod(a, 1 + b**2),
+            lambda: sympy.floor(a),
+            lambda: sympy.Abs(a),
+            lambda: sympy.Min(a, b),
+            lambda: sympy.Max(a, b, c),
+        ]
+    )()
+
+
+def test_random_expressions(load: Callable) -> None:
+    rng = random.Random(20)
+    expressions: list[sympy.Expr] = []
+    while len(expressions) < 30:
+        expression = random_expression(rng, 4)
+        if len(expression.free_symbols) > 1:
+            expressions.append(expression)
+    used = {type(e).__name__ for expression in expressions for e in sympy.preorder_traversal(expression)}
+    assert used >= {"Add", "Mul", "Pow", "sin", "cos", "tanh", "Piecewise", "Mod", "floor", "Abs", "Min", "Max"}
+    model = model_of(*expressions)
+    points = [{s.name: rng.uniform(-3, 3) for s in (x, z, u, k)} | {"n": 1 + i % 3} for i in range(12)]
+    assert_equal(model, load(model), points)
+
+
+def dependencies(model: OdeModel) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
+    """For each computed variable, its dependencies and their kinds while running and at the start."""
+    table = tabulate(model)
+    names = {v.reference: v.full_name for v in table.variables}
+    result: dict[str, tuple[dict[str, str], dict[str, str]]] = {}
+    for i, unknowns in enumerate(((*table.output_unknowns, *table.derivative_unknowns), table.initial_unknowns)):
+        for unknown in unknowns:
+            kinds = {names[r]: kind for r, kind in zip(unknown.dependencies, unknown.kinds, strict=True)}
+            result.setdefault(names[unknown.reference], ({}, {}))[i].update(kinds)
+    return result
+
+
+def test_what_stands_in_a_condition_is_a_dependency() -> None:
+    switch = Term(y, sympy.Piecewise((1, u > k), (-1, True)))
+    found = dependencies(
+        model_of(y, sympy.Piecewise((x, TIME > 1), (0, True)), sympy.floor(x), sympy.Mod(u, 2), x + k, terms=(switch,))
+    )
+    assert found["y0"] == ({"u": "dependent"}, {"u": "dependent", "k": "dependent"})
+    assert found["y1"][0] == {"x": "dependent", "time": "dependent"}
+    assert found["y2"][0] == {"x": "dependent"}
+    assert found["y3"][0] == {"u": "dependent"}
+    assert found["y4"] == ({"x": "constant"}, {"x": "constant", "k": "constant"})
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_names_with_nan_in_them(fmi: str) -> None:
+    resonance, tenant = sympy.symbols("resonance tenant")
+    inputs = (Input(u, "1", ""), Input(resonance, "1", ""), Input(tenant, "1", ""))
+    code = generate(model_of(resonance * tenant, inputs=inputs), fmi)["sources/model.c"].decode()
+    assert "outputs[OUTPUT_y0] = resonance*tenant;" in code
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        sympy.Sum(x ** sympy.Symbol("i"), (sympy.Symbol("i"), 1, 3)),
+        sympy.Product(x + sympy.Symbol("i"), (sympy.Symbol("i"), 1, 3)),
+        sympy.Integral(sympy.exp(sympy.sin(u)), (u, 0, x)),
+        sympy.Derivative(sympy.sin(x), x),
+        sympy.besselj(1, x),
+        sympy.factorial(x),
+        sympy.zeta(x),
+        sympy.DiracDelta(x),
+        sympy.Piecewise((1, sympy.Xor(x > 0, u > 0)), (0, True)),
+        sympy.I * x,
+        sympy.Piecewise((sympy.nan, x > 0), (0, True)),
+    ],
+    ids=str,
+)
+def test_what_c_has_not_is_refused(expression: sympy.Expr) -> None:
+    with pytest.raises(ModelError, match=r"model 'expressions': .* (cannot be written in C|could be written in C)"):
+        generate(model_of(expression), "2.0")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "M_PI",
+        "FP_NAN",
+        "HUGE_VAL",
+        "MATH_ERRNO",
+        "math_errhandling",
+        "DBL_MAX",
+        "MODEL_GUID",
+        "N_STATES",
+        "ROOM",
+        "FIRST_STATE",
+        "STATE_x",
+        "INPUT_u",
+        "PARAMETER_k",
+        "ENUMERATION_n",
+        "SOLVER_EULER",
+        "TIME",
+        "true",
+        "isinf",
+    ],
+)
+def test_names_that_c_headers_define_are_refused(name: str) -> None:
+    with pytest.raises(ModelError, match=f"'{name}' is reserved, it cannot be used in the generated C code"):
+        model_of(inputs=(Input(u, "1", ""), Input(sympy.Symbol(name), "1", "")))
+
+
+def test_an_enumeration_whose_items_make_a_reserved_name() -> None:
+    drive = Enumeration(sympy.Symbol("M"), {"PI": ""}, "")
+    with pytest.raises(ModelError, match="'M_PI' is reserved"):
+        model_of(parameters=(Parameter(k, "1", ""), n, drive))
+
+
+def test_a_variant_that_is_not_there() -> None:
+    with pytest.raises(ModelError, match="output 'y0': n has no variant 4; it has 1 to 3"):
+        model_of(sympy.Piecewise((x, sympy.Eq(n.symbol, 4)), (u, True)))
+
+
+def test_numbers_become_floats() -> None:
+    parameter = Parameter(k, "1", "", start=sympy.pi / 2, min=sympy.Rational(1, 3), max=sympy.oo, nominal=np.int64(2))
+    numbers = (parameter.start, parameter.min, parameter.max, parameter.nominal)
+    assert numbers == (math.pi / 2, 1 / 3, math.inf, 2.0)
+    limit, output = Limit(x, min=-sympy.pi, max=3), Output(y, x, "1", "", nominal=sympy.Integer(4))
+    numbers += (limit.min, limit.max, output.nominal)
+    assert {type(number) for number in numbers} == {float}
+    description = generate(model_of(parameters=(parameter, n)), "2.0")["modelDescription.xml"]
+    (real,) = etree.fromstring(description).xpath("//ScalarVariable[@name='k']/Real")
+    assert float(real.get("start")) == math.pi / 2
+
+
+@pytest.mark.parametrize("value", ["1", None, u, 1 + 2j, sympy.I, [1.0]], ids=repr)
+@pytest.mark.parametrize("attribute", ["start", "min", "max", "nominal"])
+def test_what_is_no_number_is_refused(attribute: str, value: Any) -> None:
+    with pytest.raises(ModelError, match=rf"parameter 'k': {attribute} is .*, it must be a real number"):
+        Parameter(k, "1", "", **{attribute: value})
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_type_names_are_unique(fmi: str) -> None:
+    drives = [Enumeration(sympy.Symbol(name), {"a": "", "b": ""}, "") for name in ("drive", "Drive", "dri_ve")]
+    inputs = (Input(u, "1", ""), Input(sympy.Symbol("DriveVariant"), "1", ""))
+    root = etree.fromstring(
+        generate(model_of(inputs=inputs, parameters=(Parameter(k, "1", ""), *drives)), fmi)["modelDescription.xml"]
+    )
+    types = root.xpath("//SimpleType/@name | //EnumerationType/@name")
+    names = [*types, *root.xpath("//ModelVariables/*/@name")]
+    assert len(types) == len(drives) + 1
+    assert len(names) == len(set(names))
+    assert sorted(root.xpath("//@declaredType")) == sorted(types)
+
+
+def test_text_of_all_kinds_reaches_the_messages(load: Callable) -> None:
+    """Beyond the Basic Multilingual Plane, digits after what is escaped, what C would take for a trigraph."""
+    reason = 'θ\u20091 is \U0001f600\u00e92 "far" \\ what??/ \x7f %d'
+    model = model_of(x, description=f"{reason} */", limits=(Limit(x, max=2.0, reason=reason),))
+    fmu = load(model)
+    instance = Instance(fmu.library, "co_simulation")
+    instance.set({fmu["x"]: 3.0})
+    instance.initialize()
+    assert any(reason in text for _, _, text in instance.messages)
+    instance.free()
+
+
+def test_names_on_the_page() -> None:
+    """I_theta1 is I with the index θ1, e_dot_stop is e with a dot, and so is what a derivative is of."""
+    inertia, rate, d_1 = sympy.symbols("I_theta1 e_dot_stop M2_11")
+    terms = (Term(inertia, 2 * k), Term(rate, 3 * k), Term(d_1, 4 * k))
+    page = document(model_of(terms=terms))
+    left = [term.left for term in page.terms]
+    assert left == [
+        "<msub><mi>I</mi><mrow><mrow><mi>θ</mi><mn>1</mn></mrow></mrow></msub>",
+        "<msub><mover><mi>e</mi><mo>˙</mo></mover><mrow><mrow><mi>stop</mi></mrow></mrow></msub>",
+        "<msub><mi>M</mi><mrow><mrow><mn>2</mn></mrow><mo>,</mo><mrow><mn>11</mn></mrow></mrow></msub>",
+    ]
+    assert page.derivatives[0].left == "<mover><mi>x</mi><mo>˙</mo></mover>"
