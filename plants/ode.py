@@ -50,7 +50,8 @@ class Variable:
     start
         Start value of a state, value of an input before it is set, default of a parameter.
     min, max
-        Bounds that a value must not leave, both allowed.
+        Bounds, both allowed, that an FMU checks when the simulation starts. Where equations cease to hold while it
+        runs is a `Limit`.
     nominal
         Typical magnitude, for solvers and tolerances.
     """
