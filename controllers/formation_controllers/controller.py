@@ -132,11 +132,17 @@ class Controller(ABC, Generic[G]):
         Raises
         ------
         ControllerError
-            If a shape does not fit the team or a number is not finite; names robot and component.
+            If a shape does not fit the team or a number is not finite, naming robot and component, or if the law
+            refuses to start there. The controller is then as it was before the call.
         """
         inputs = self._checked(pose, leader, desired)
+        state, telemetry = self._state.copy(), self._telemetry.copy()
         self._clear()
-        self.on_start(*inputs)
+        try:
+            self.on_start(*inputs)
+        except BaseException:
+            self._state[...], self._telemetry[...] = state, telemetry
+            raise
         self._started = True
 
     def step(self, pose: ArrayLike, leader: Leader, desired: Desired, velocity: ArrayLike | None = None) -> Floats:

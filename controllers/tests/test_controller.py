@@ -183,6 +183,31 @@ def test_numbers_that_are_not_finite_are_refused_by_robot_and_component(what, in
     assert controller.to_bytes() == before
 
 
+def test_a_start_that_the_law_refuses_changes_nothing():
+    class Choosy(Integral):
+        def on_start(self, pose, leader, desired):
+            super().on_start(pose, leader, desired)
+            if desired.q[0, 0] > 5:
+                raise ControllerError("too far")
+
+    far = DESIRED._replace(q=DESIRED.q + 10)
+    fresh = Choosy(TEAM)
+    with pytest.raises(ControllerError, match="too far"):
+        fresh.start(POSE, LEADER, far)
+    with pytest.raises(ControllerError, match=r"call start\(\) first"):
+        fresh.step(POSE, LEADER, DESIRED)
+
+    running, twin = started(Choosy), started(Choosy)
+    running.step(POSE, LEADER, DESIRED)
+    twin.step(POSE, LEADER, DESIRED)
+    with pytest.raises(ControllerError, match="too far"):
+        running.start(POSE, LEADER, far)
+    assert running.to_bytes() == twin.to_bytes()
+    for name, value in twin.telemetry().items():
+        np.testing.assert_array_equal(running.telemetry()[name], value)
+    np.testing.assert_array_equal(running.step(POSE, LEADER, DESIRED), twin.step(POSE, LEADER, DESIRED))
+
+
 def test_a_torque_that_is_not_finite_is_refused_with_what_is_known():
     class Broken(Integral):
         def on_step(self, pose, leader, desired):
