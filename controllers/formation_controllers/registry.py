@@ -82,11 +82,9 @@ def load(name: str) -> type[Controller[Any]]:
         raise ControllerError(f"{which} is {loaded!r}: expected a subclass of {Controller.__name__}")
     if not hasattr(loaded, "interface"):
         raise ControllerError(f"{which} states no interface: expected a version such as {INTERFACE_VERSION!r}")
-    if not compatible(loaded.interface):
-        raise IncompatibleInterface(
-            f"{which} speaks version {loaded.interface} of the controller interface, and "
-            f"version {INTERFACE_VERSION} is spoken here: install releases that agree in the first number"
-        )
+    fault = interface_fault(loaded.interface)
+    if fault:
+        raise IncompatibleInterface(f"{which} {fault}")
     fault = statement_fault(loaded)
     if fault:
         raise ControllerError(f"{which} {fault}")
@@ -122,6 +120,16 @@ def statement_fault(law: type[Controller[Any]]) -> str:
 
 def compatible(version: object) -> bool:
     """Tell whether a controller that speaks this version of the interface can be used here."""
-    match = re.fullmatch(r"(\d+)\.(\d+)", version) if isinstance(version, str) else None
+    return not interface_fault(version)
+
+
+def interface_fault(version: object) -> str:
+    """Say why a controller that speaks this version of the interface cannot be used here, if it cannot."""
+    match = re.fullmatch(r"([0-9]+)\.([0-9]+)", version) if isinstance(version, str) else None
+    if match is None:
+        return f"states the interface {version!r}, which is not a version: expected one such as {INTERFACE_VERSION!r}"
     major, minor = (int(number) for number in INTERFACE_VERSION.split("."))
-    return match is not None and int(match[1]) == major and int(match[2]) <= minor
+    differs = f"speaks version {version} of the controller interface, and version {INTERFACE_VERSION} is spoken here"
+    if int(match[1]) != major:
+        return f"{differs}: install releases that agree in the first number"
+    return f"{differs}: install a newer formation-controllers" if int(match[2]) > minor else ""

@@ -97,15 +97,22 @@ def test_an_unknown_controller_is_refused_with_the_nearest_and_the_known():
         load("zzz")
 
 
-@pytest.mark.parametrize(("attribute", "version"), [("Older", "0.3"), ("Newer", "1.9"), ("Silent", "None")])
-def test_another_version_of_the_interface_is_refused(distribution, attribute, version):
+SPOKEN = f"of the controller interface, and version {INTERFACE_VERSION} is spoken here"
+
+
+@pytest.mark.parametrize(
+    ("attribute", "fault"),
+    [
+        ("Older", f"speaks version 0.3 {SPOKEN}: install releases that agree in the first number"),
+        ("Newer", f"speaks version 1.9 {SPOKEN}: install a newer formation-controllers"),
+        ("Silent", f"states the interface None, which is not a version: expected one such as {INTERFACE_VERSION!r}"),
+    ],
+)
+def test_another_version_of_the_interface_is_refused(distribution, attribute, fault):
     distribution("someones", {"someones-law": attribute})
-    with pytest.raises(
-        IncompatibleInterface,
-        match=rf"controller 'someones-law' of someones 2.5 speaks version {version} .*"
-        rf"version {INTERFACE_VERSION} is spoken here",
-    ):
+    with pytest.raises(IncompatibleInterface) as caught:
         load("someones-law")
+    assert str(caught.value) == f"controller 'someones-law' of someones 2.5 {fault}"
 
 
 @pytest.mark.parametrize(
