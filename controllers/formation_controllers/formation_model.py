@@ -17,9 +17,10 @@ What holds of it, for a robot with M2_dot - 2 C2 skew (as both vehicles have, ev
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +32,9 @@ from formation_controllers.gains import gain_records
 from formation_controllers.interface import Floats, Leader
 from formation_controllers.kinematics import TRACTOR_TRAILER, vehicle_record
 from formation_controllers.vehicles import Vehicle
+
+COSINE_MIN: Final = 1e-9
+"""Least magnitude of the bearing's cosine; below it R is taken for singular."""
 
 OfPose: TypeAlias = Floats | Callable[[Floats], ArrayLike]
 OfPoseAndVelocity: TypeAlias = Floats | Callable[[Floats, Floats], ArrayLike]
@@ -168,7 +172,7 @@ def formation_model(
     Raises
     ------
     ControllerError
-        If the range is zero or R is singular (a bearing of 90 degrees), or a shape does not fit.
+        If the range is zero or the bearing 90 degrees, where R is singular, or a shape does not fit.
     """
     own, told = _vector("pose", pose, 4), _vector("the leader's pose", leader.pose, 4)
     rates, leader_velocity = _vector("q_dot", q_dot, 2), _vector("the leader's velocity", leader.velocity, 2)
@@ -183,7 +187,7 @@ def formation_model(
     h, h_d = kinematics.steering_angle(own, car), kinematics.steering_angle(told, car)
     R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
-    if not (np.isfinite(R).all() and abs(np.linalg.det(R)) > 0):
+    if not (np.isfinite(R).all() and abs(math.cos(phi - h)) >= COSINE_MIN):
         raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h:g} rad")
     R_inverse = np.linalg.inv(R)
     b = R_inverse @ delta

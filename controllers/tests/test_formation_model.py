@@ -298,6 +298,11 @@ def test_what_is_singular_or_of_the_wrong_shape_is_refused():
     leader = Leader(np.array([4.0, 1.0, 0.2, 0.0]), np.zeros(2))
     with pytest.raises(ControllerError, match="singular at range 0 m"):
         formation_model([0, 0, 0, 0], leader._replace(pose=np.array([1.2, 0, 0, 0])), [0, 0], CarLike(1.2), good)
+    abreast = leader._replace(pose=np.array([1.2, 3.0, 0, 0]))
+    for steering in (0.0, 1e-12):
+        with pytest.raises(ControllerError, match=r"singular at range 3 m and bearing 1.5708 rad"):
+            formation_model([0, 0, 0, steering], abreast, [0, 0], CarLike(1.2), good)
+    assert np.isfinite(formation_model([0, 0, 0, 1e-6], abreast, [0, 0], CarLike(1.2), good).M).all()
     with pytest.raises(ControllerError, match=r"pose has shape \(3,\): expected \(4,\)"):
         formation_model([0, 0, 0], leader, [0, 0], CarLike(1.2), good)
     bad = ReducedDynamics(np.eye(3), np.zeros((2, 2)), np.eye(2), np.eye(2))
