@@ -23,7 +23,7 @@ from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
-from formation_controllers.formation_model import FormationModel, ReducedDynamics, formation_model
+from formation_controllers.formation_model import COSINE_MIN, FormationModel, ReducedDynamics, formation_model
 from formation_controllers.gains import gain, gain_records
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
@@ -59,7 +59,9 @@ class Lqg(Controller[LqgGains]):
     """Linear-quadratic control with a Kalman filter and integral action; needs python-control, the extra ``lqg``.
 
     Designed at the start, for each follower alone. It speaks to the robot through B^-1 of (10) at the present pose and
-    knows nothing of other nonlinearities: far from a straight motion at v_0 it promises nothing.
+    knows nothing of other nonlinearities: far from a straight motion at v_0 it promises nothing. A `torque_limit` holds
+    the integrals, but the filter predicts with the force of the torque commanded, not of the one that saturated
+    actuators apply, and its estimate suffers meanwhile: that force is to be had only by dividing by det R.
     """
 
     interface: ClassVar[str] = "1.1"
@@ -170,7 +172,7 @@ def linearised(vehicle: Vehicle, gains: LqgGains, rho: float, bearing: float) ->
     ControllerError
         If the range is zero or the bearing is 90 degrees, where R is singular.
     """
-    if rho <= 0 or abs(math.cos(bearing)) < 1e-9:
+    if rho <= 0 or abs(math.cos(bearing)) < COSINE_MIN:
         raise ControllerError(f"a range of {rho:g} m at a bearing of {bearing:g} rad is singular, (8)")
     reduced = ReducedDynamics.of_vehicle(vehicle, gains)
     length = float(vehicle_record(vehicle)[0]["length"])

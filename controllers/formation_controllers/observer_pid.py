@@ -150,8 +150,7 @@ def report_estimate(seen: Sight, own: np.void, errors: Errors, out: np.void) -> 
 def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Errors, held: bool, period: float) -> None:
     """Advance observer (33), (34) and the control's integrals: explicit Euler, values of this tick.
 
-    Saturation holds the integrals of the control but not those of the observer, whose error does not depend on
-    what the actuators do.
+    Saturation holds the integrals of the control but not those of the observer, whose equations contain no torque.
     """
     for j in range(2):
         q_tilde = errors.q_tilde[j]
