@@ -7,7 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, Desired, Leader, Team
+from formation_controllers import CarLike, ControllerError, Desired, Leader, Team, TractorTrailer
 from formation_controllers.geometry import formation_rates, input_matrix, posture_error, range_bearing
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
 from hypothesis import given, settings
@@ -84,17 +84,21 @@ def test_a_smaller_weight_bound_lets_all_followers_settle_under_noise(first_simu
     assert (telemetry["det_R"] > 0).all()
 
 
-@pytest.mark.parametrize("drive", ["as_printed", "front_wheel", "rear_wheel"])
-def test_one_tick_is_the_law_in_matrix_form(drive):
+@pytest.mark.parametrize(
+    "vehicle",
+    [*(CarLike(1.2, drive) for drive in ("as_printed", "front_wheel", "rear_wheel")), TractorTrailer(1.5, 0.15, 0.4)],
+    ids=lambda vehicle: getattr(vehicle, "drive", vehicle.kind),
+)
+def test_one_tick_is_the_law_in_matrix_form(vehicle):
     """Torque and all states after one tick, from random states, against (24) to (34) written with matrices."""
     random = np.random.default_rng(7)
     n, h = 50, 0.02
     gains = NeuralAdaptivePidGains(
         K_p=(10, 7), Lambda_0=(2, 3), Lambda_1=(0.05, 0.1), k_d=8, theta_m=5, W_m=20, widths=np.linspace(5, 12, 9)
     )
-    vehicle = CarLike(1.2, drive)
     pose = random.uniform([-6, -3, -1, -1], [-4, 3, 1, 1], (n, 4))
     leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]))
+    gamma_d = leader.pose[3] - leader.pose[2] if vehicle.kind == "tractor_trailer" else leader.pose[3]
     desired = Desired(*random.normal(size=(3, n, 2)))
     controller = NeuralAdaptivePid(Team(vehicle, n, h), gains)
     controller.start(pose, leader, desired)
@@ -117,7 +121,7 @@ def test_one_tick_is_the_law_in_matrix_form(drive):
         q_hat_dot = R[i] @ v_hat + delta[i]
         eps_hat_dot = q_hat_dot - desired.q_dot[i]
         s = eps_hat_dot + L0 @ (eps + tilde) + L1 @ own["epsilon_q_tilde_integral"]  # (25)
-        x = np.concatenate([e[i], leader.pose[3:], leader.velocity, q_hat_dot, desired.q_dot[i], desired.q_ddot[i]])
+        x = np.concatenate([e[i], [gamma_d], leader.velocity, q_hat_dot, desired.q_dot[i], desired.q_ddot[i]])
         sigma = np.exp(-((x - np.array(gains.centres)[:, None]) ** 2).sum(axis=1) / np.array(gains.widths) ** 2)
         u = -K_p @ eps_hat_dot - K_p @ L0 @ eps_hat - K_p @ L1 @ own["epsilon_hat_integral"] - own["W"] @ sigma
         u -= s * own["theta"] ** 2 / (own["theta"] * np.linalg.norm(s) + gains.epsilon_t)
