@@ -76,7 +76,8 @@ def _check_on(law: type[Controller[Any]], gains: tuple[Gains, ...], vehicle: Veh
     again.start(*course[0][:3])
     assert _same([again.step(*given) for given in course], torques), f"{name}: after a reset it gives other torques"
 
-    for rows in (range(size)[::-1], [size - 1], [0]):
+    shuffled = np.random.default_rng(2).permutation(size).tolist()
+    for rows in (range(size)[::-1], shuffled, *([row] for row in range(size))):
         _, part = run(rows)
         wanted = [torque[list(rows)] for torque in torques]
         assert _same(part, wanted), f"{name}: a follower's torque depends on the rest of the team or on its place"

@@ -285,6 +285,15 @@ class WholeTeam(Integral):
         return super().on_step(pose, leader, desired) + pose.mean(axis=0)[:2]
 
 
+class Neighbours(Integral):
+    """Rows between the first and the last are coupled, whatever the order."""
+
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        torque[1:-1] += pose[1:-1, :2].sum(axis=0)
+        return torque
+
+
 class Place(Integral):
     def on_step(self, pose, leader, desired):
         return super().on_step(pose, leader, desired) + np.arange(len(pose))[:, None]
@@ -328,6 +337,7 @@ class Elsewhere(Integral):
     ("broken", "message"),
     [
         (WholeTeam, "a follower's torque depends on the rest of the team or on its place"),
+        (Neighbours, "a follower's torque depends on the rest of the team or on its place"),
         (Place, "a follower's torque depends on the rest of the team or on its place"),
         (Hidden, "after a reset it gives other torques"),
         (Clobbers, "it changes its inputs"),
