@@ -43,7 +43,8 @@ class Bounds:
     c_1, c_2, c_4, c_5
         Constants of (22) and (38); they depend on the gains too.
     c_3
-        Constant of (27); no gain condition has it, but the region of attraction has, (52).
+        Constant of (27). It enters only the region of attraction, (52), which is not computed here: no condition
+        depends on it.
     lambda_m, lambda_d
         Smallest eigenvalues of M and D, Properties 1 and 3.
 
@@ -112,12 +113,15 @@ class GainReport:
         The free constant at which the conditions are told: that with the largest smallest margin.
     conditions : tuple of Condition
         (39) to (42), and Remark 2 if a formation is given.
+    discriminant : float
+        Lambda_0^2 - 4 Lambda_1; alpha and beta are real if it is not negative.
     """
 
     alpha: float
     beta: float
     l: float  # noqa: E741 (the paper's letter)
     conditions: tuple[Condition, ...]
+    discriminant: float
 
     @property
     def satisfied(self) -> bool:
@@ -130,8 +134,14 @@ class GainReport:
 
     def __str__(self) -> str:
         """Return a table."""
-        lines = [f"alpha = {self.alpha:.4g}, beta = {self.beta:.4g}, l = {self.l:.4g}"]
+        if self.discriminant < 0:
+            lines = [f"no real alpha and beta exist: Lambda_0^2 - 4 Lambda_1 = {self.discriminant:.4g}"]
+        else:
+            lines = [f"alpha = {self.alpha:.4g}, beta = {self.beta:.4g}, l = {self.l:.4g}"]
         for c in self.conditions:
+            if math.isnan(c.margin):
+                lines.append(f"{c.name:8} FAILS: it needs real alpha and beta")
+                continue
             holds = "holds" if c.satisfied else "FAILS"
             interval = f"for l in ({c.l_above:.4g}, {c.l_below:.4g})" if c.l_above < c.l_below else "for no l"
             lines.append(f"{c.name:8} {c.left:10.4g} > {c.right:10.4g}  {holds} by {abs(c.margin):.4g}; {interval}")
@@ -154,7 +164,10 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
     ------
     GainError
         If Lambda_0 or Lambda_1 differs between range and bearing: (39), (40) are for (alpha + beta) I and alpha beta I.
+    ControllerError
+        If desired bearings are given but there is none, or one is not a finite number.
     """
+    largest = None if desired_bearing is None else _largest(desired_bearing)
     sums, products = np.asarray(gains.Lambda_0), np.asarray(gains.Lambda_1)
     if sums[0] != sums[1] or products[0] != products[1]:
         raise GainError("gains 'Lambda_0' and 'Lambda_1' must be the same for range and bearing: alpha and beta are")
@@ -166,10 +179,9 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
         best = _argmax(lambda l: min(left - right for left, right in (side(l) for side in margins.values())))  # noqa: E741
     intervals = _intervals(alpha, beta, gains, bounds)
     conditions = [Condition(name, *side(best), *intervals[name]) for name, side in margins.items()]
-    if desired_bearing is not None:
-        largest = float(np.abs(desired_bearing).max())
+    if largest is not None:
         conditions.append(Condition("Remark 2", math.pi / 2, largest, 0.0, math.inf if largest < math.pi / 2 else 0.0))
-    return GainReport(alpha, beta, best, tuple(conditions))
+    return GainReport(alpha, beta, best, tuple(conditions), float(sums[0] * sums[0] - 4 * products[0]))
 
 
 def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0.1) -> G:  # noqa: E741
@@ -204,6 +216,17 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
     K_p = max(*gains.K_p, more * (0.5 * l * (bounds.c_1 + bounds.c_2) - bounds.lambda_d) / (1 - l))  # type: ignore[misc]
     k_d = max(gains.k_d, more * (K_p * (1 + l) + 0.5 * l * (bounds.c_4 + bounds.c_5)) / bounds.lambda_m)
     return replace(gains, Lambda_0=alpha + beta, Lambda_1=alpha * beta, K_p=K_p, k_d=k_d)
+
+
+def _largest(bearings: ArrayLike) -> float:
+    """Return the largest magnitude of bearings."""
+    try:
+        magnitudes = np.abs(np.asarray(bearings, dtype=float))
+    except (TypeError, ValueError):
+        magnitudes = np.array([math.nan])
+    if not (magnitudes.size and np.isfinite(magnitudes).all()):
+        raise ControllerError(f"the desired bearing is {bearings!r}: expected one or more finite numbers")
+    return float(magnitudes.max())
 
 
 def _alpha_beta(total: float, product: float, gains: ObserverPidGains) -> tuple[float, float]:

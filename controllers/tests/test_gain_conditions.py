@@ -135,6 +135,20 @@ def test_a_report_reads_as_a_table():
     assert "holds by" in text
 
 
+def test_a_report_without_real_roots_says_so():
+    """Lambda_0 = 2 and Lambda_1 = 3: a discriminant of 4 - 12."""
+    text = str(check_gains(replace(PRINTED, Lambda_0=2, Lambda_1=3), BOUNDS))
+    assert text.splitlines()[0].startswith("no real alpha and beta exist: Lambda_0^2 - 4 Lambda_1 = -8")
+    assert "(39)     FAILS: it needs real alpha and beta" in text
+    assert "nan" not in text
+
+
+@pytest.mark.parametrize("bearing", [math.nan, [], [0.1, math.inf], "left"])
+def test_a_desired_bearing_that_is_no_number_is_refused(bearing):
+    with pytest.raises(ControllerError, match=r"the desired bearing is .*: expected one or more finite numbers"):
+        check_gains(PRINTED, BOUNDS, bearing)
+
+
 def test_what_the_theorem_does_not_cover_is_refused():
     with pytest.raises(GainError, match="must be the same for range and bearing"):
         check_gains(replace(PRINTED, Lambda_0=(1, 2)), BOUNDS)
