@@ -46,7 +46,12 @@ class LimitGains(GuardGains):
 
 TORQUE_SIGNALS: Final = (
     Signal("torque_command", "N.m", "torque before any saturation", ("tau_1", "tau_2")),
-    Signal("drive_gain", "1", "(1, 1) entry of B2, (3)", singular_at_zero="the law is singular"),
+    Signal(
+        "drive_gain",
+        "1",
+        "(1, 1) entry of B2, (3); of a tractor-trailer in 1/m, and it changes sign through infinity, not zero",
+        singular_at_zero="the law is singular",
+    ),
     Signal("det_R", "1", "determinant of R, (8), (55)", singular_at_zero="the formation model is singular"),
     Signal("guarded", "1", "1 where the gain `guard` bounds something, else 0"),
 )
