@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Self
@@ -113,15 +114,19 @@ def gain_records(gains: Sequence[Gains]) -> NDArray[np.void]:
 
 def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, ...]:
     """Return a gain in its normal form, or refuse it."""
-    entries = tuple(value) if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) else (value,)
+    given = value.tolist() if isinstance(value, np.ndarray) else value
+    entries = (
+        tuple(given) if isinstance(given, Sequence) and not isinstance(given, str | bytes | bytearray) else (given,)
+    )
     allowed = {1: "one number", 2: "one number or a pair (range, bearing)", None: "one or more numbers"}[info.size]
-    try:
-        numbers = tuple(float(entry) for entry in entries if not isinstance(entry, str | bool))
-    except (TypeError, ValueError):
-        numbers = ()
-    if not numbers or len(numbers) != len(entries) or (info.size and len(numbers) not in (1, info.size)):
+    real = all(isinstance(entry, numbers.Real) and not isinstance(entry, bool) for entry in entries)
+    if not entries or not real or (info.size and len(entries) not in (1, info.size)):
         raise GainError(f"gain {name!r} is {value!r}: expected {allowed}")
-    for number in numbers:
+    try:
+        values = tuple(float(entry) for entry in entries)
+    except OverflowError:
+        raise GainError(f"gain {name!r} is beyond the largest number of double precision") from None
+    for number in values:
         if math.isnan(number) or (info.finite and math.isinf(number)):
             raise GainError(f"gain {name!r} is {number}: expected a {'finite ' * info.finite}number")
         because = f" ({info.reason})" if info.reason else ""
@@ -132,5 +137,5 @@ def _checked(name: str, value: object, info: GainInfo) -> float | tuple[float, .
         if info.at_least is not None and not number >= info.at_least:
             raise GainError(f"gain {name!r} is {number:g}: must be at least {info.at_least:g}{because}")
     if info.size == 1:
-        return numbers[0]
-    return numbers * 2 if info.size == 2 and len(numbers) == 1 else numbers
+        return values[0]
+    return values * 2 if info.size == 2 and len(values) == 1 else values

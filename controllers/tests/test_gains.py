@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from formation_controllers import GainError, gain_info
 from formation_controllers.gains import gain_records
@@ -37,6 +38,14 @@ def test_every_gain_says_what_it_is():
         assert info.symbol, name
         assert info.unit, name
         assert "(" in info.description or info.symbol == "-", f"{name} names no equation"
+
+
+def test_gains_may_be_numbers_of_numpy():
+    gains = NeuralAdaptivePidGains(
+        K_p=np.array(3.0), k_d=np.float64(7), widths=np.array([5]), Lambda_0=np.array([1, 2])
+    )
+    assert (gains.K_p, gains.k_d, gains.widths, gains.Lambda_0) == ((3.0, 3.0), 7.0, (5.0,) * 9, (1.0, 2.0))
+    assert type(gains.k_d) is float
 
 
 def test_gains_are_frozen_and_hashable():
@@ -80,6 +89,17 @@ def test_a_gain_may_be_infinite_where_that_switches_it_off():
         ({"theta_m": "ten"}, r"'theta_m' is 'ten': expected one number"),
         ({"theta_m": None}, r"'theta_m' is None: expected one number"),
         ({"theta_m": True}, r"'theta_m' is True: expected one number"),
+        ({"theta_m": 1j}, r"'theta_m' is 1j: expected one number"),
+        ({"theta_m": np.complex128(1j)}, r"'theta_m' is .*: expected one number"),
+        ({"theta_m": np.bool_(True)}, r"'theta_m' is .*True.*: expected one number"),
+        ({"theta_m": b"1"}, r"'theta_m' is b'1': expected one number"),
+        ({"theta_m": np.array("1")}, r"'theta_m' is array.*: expected one number"),
+        ({"theta_m": 10**400}, r"'theta_m' is beyond the largest number of double precision"),
+        ({"K_p": b"12"}, r"'K_p' is b'12': expected one number or a pair"),
+        ({"K_p": (True, 1)}, r"'K_p' is \(True, 1\): expected one number or a pair"),
+        ({"K_p": np.eye(2)}, r"'K_p' is array(.|\n)*: expected one number or a pair"),
+        ({"K_p": {1: 2}}, r"'K_p' is \{1: 2\}: expected one number or a pair"),
+        ({3: 10}, r"unknown gain 3; known: K_p"),
         ({"centres": ()}, r"'centres' is \(\): expected one or more numbers"),
         ({"widths": (1, 2)}, r"'widths' has 2 entries: expected 1, or 9"),
     ],
