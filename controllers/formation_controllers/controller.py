@@ -215,11 +215,17 @@ class Controller(ABC, Generic[G]):
         Raises
         ------
         ControllerError
-            If a state is missing, unknown or of another shape.
+            If a state is missing, unknown, of another shape or not finite. The controller is then as it was.
         """
+        if not isinstance(state, Mapping):
+            raise ControllerError(f"the state is a {type(state).__name__}: expected a mapping from names to arrays")
         if set(state) != set(self._names()):
-            raise ControllerError(f"the states are {sorted(state)}: expected {sorted(self._names())}")
+            raise ControllerError(f"the states are {sorted(map(str, state))}: expected {sorted(self._names())}")
         arrays = {name: _array(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()}
+        for name, array in arrays.items():
+            rows = np.isfinite(array).reshape(self.team.size, -1).all(axis=1)
+            if not rows.all():
+                raise ControllerError(f"state {name!r} is not finite", robot=int(rows.argmin()))
         self._clear()
         for name, array in arrays.items():
             self._state[name] = array
@@ -247,8 +253,8 @@ class Controller(ABC, Generic[G]):
             If the bytes are not a state of such a controller.
         """
         try:
-            state = np.load(io.BytesIO(data), allow_pickle=False)
-        except (ValueError, EOFError) as error:
+            state = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+        except Exception as error:  # whatever NumPy does with what is no such file
             raise ControllerError(f"the bytes are not a controller's state: {error}") from None
         self.set_state({name: state[name] for name in state.dtype.names or ()})
 
@@ -302,8 +308,12 @@ class Controller(ABC, Generic[G]):
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return a value as an array of floats of this shape, laid out as compiled code expects it."""
     try:
+        if not (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
+            value = np.asarray(value)
+            if value.dtype.kind not in "biufO":  # a complex number, a text, a date
+                raise TypeError
         array = np.asarray(value, dtype=float, order="C")
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ControllerError(f"{name} is not an array of numbers") from None
     if array.shape != shape:
         raise ControllerError(f"{name} has shape {array.shape}: expected {shape}")

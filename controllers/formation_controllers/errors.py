@@ -38,9 +38,9 @@ class GainError(ControllerError):
     """A gain is unknown, malformed or out of its bounds."""
 
 
-def unknown(what: str, name: str, known: Iterable[str]) -> str:
+def unknown(what: str, name: object, known: Iterable[str]) -> str:
     """Say that a name is unknown, which one was probably meant and which there are."""
     names = sorted(known)
-    nearest = difflib.get_close_matches(name, names, n=1)
+    nearest = difflib.get_close_matches(name, names, n=1) if isinstance(name, str) else []
     meant = f"; did you mean {nearest[0]!r}?" if nearest else ";"
     return f"unknown {what} {name!r}{meant} known: {', '.join(names) or 'none'}"

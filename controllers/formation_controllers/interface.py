@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numbers
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation_controllers.errors import ControllerError
-from formation_controllers.vehicles import Vehicle
+from formation_controllers.vehicles import CarLike, TractorTrailer, Vehicle, is_positive
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Team:
     Raises
     ------
     ControllerError
-        If size or period is not positive.
+        If the vehicle is none that is known, the size is not a positive whole number or the period not a positive time.
     """
 
     vehicle: Vehicle
@@ -50,9 +50,13 @@ class Team:
     period: float
 
     def __post_init__(self) -> None:
+        if not isinstance(self.vehicle, CarLike | TractorTrailer):
+            raise ControllerError(f"the vehicle is {self.vehicle!r}: expected a CarLike or a TractorTrailer")
+        if not isinstance(self.size, numbers.Integral) or isinstance(self.size, bool):
+            raise ControllerError(f"the size of the team is {self.size!r}: expected a whole number")
         if self.size < 1:
             raise ControllerError(f"the team has {self.size} followers: it needs at least one")
-        if not (math.isfinite(self.period) and self.period > 0):
+        if not is_positive(self.period):
             raise ControllerError(f"the period is {self.period} s: it must be a positive time")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass
 from typing import ClassVar, Final, TypeAlias
 
@@ -39,7 +40,7 @@ class CarLike:
 
     def __post_init__(self) -> None:
         _require_length("wheelbase", self.wheelbase)
-        if self.drive not in DRIVES:
+        if not (isinstance(self.drive, str) and self.drive in DRIVES):
             raise ControllerError(unknown("drive", self.drive, DRIVES))
 
 
@@ -81,6 +82,16 @@ class TractorTrailer:
 Vehicle: TypeAlias = CarLike | TractorTrailer
 
 
+def is_positive(value: object) -> bool:
+    """Tell whether a value is a positive and finite real number."""
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value) and float(value) > 0
+    except OverflowError:
+        return False
+
+
 def _require_length(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0):
+    if not is_positive(value):
         raise ControllerError(f"the {name} is {value} m: it must be a positive length")

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, Desired, GainError, Gains, Leader, Signal, Team
+from formation_controllers import (
+    CarLike,
+    ControllerError,
+    Desired,
+    GainError,
+    Gains,
+    Leader,
+    Signal,
+    Team,
+    TractorTrailer,
+)
 from formation_controllers.controller import Controller
 from formation_controllers.gains import gain
 from formation_controllers.geometry import range_bearing
@@ -90,11 +101,35 @@ def test_inputs_may_be_lists_read_only_or_strided():
         ({"period": 0.0}, "period is 0.0 s: it must be a positive time"),
         ({"period": -0.02}, "period is -0.02 s"),
         ({"period": math.nan}, "period is nan s"),
+        ({"period": "0.02"}, "period is 0.02 s: it must be a positive time"),
+        ({"period": None}, "period is None s"),
+        ({"period": True}, "period is True s"),
+        ({"period": 10**400}, "it must be a positive time"),
+        ({"period": 1j}, "period is 1j s"),
+        ({"size": 3.0}, "the size of the team is 3.0: expected a whole number"),
+        ({"size": "3"}, "the size of the team is '3': expected a whole number"),
+        ({"size": True}, "the size of the team is True: expected a whole number"),
+        ({"vehicle": None}, "the vehicle is None: expected a CarLike or a TractorTrailer"),
+        ({"vehicle": CarLike}, "the vehicle is <class .*CarLike'>: expected a CarLike or a TractorTrailer"),
     ],
 )
 def test_an_impossible_team_is_refused(team, message):
     with pytest.raises(ControllerError, match=message):
         Team(**{"vehicle": CarLike(1.2), "size": 3, "period": 0.02} | team)
+
+
+@pytest.mark.parametrize("value", ["1.2", None, True, 1j, [1.2], np.array([1.2]), 10**400, math.nan, -1])
+def test_a_length_that_is_no_positive_number_is_refused(value):
+    with pytest.raises(ControllerError, match=r"the wheelbase is .* m: it must be a positive length"):
+        CarLike(value)
+    with pytest.raises(ControllerError, match=r"the half track is .* m: it must be a positive length"):
+        TractorTrailer(1.5, 0.15, value)
+
+
+@pytest.mark.parametrize("drive", [None, 1, ["as_printed"], np.array(["as_printed"] * 2)])
+def test_a_drive_that_is_no_name_is_refused(drive):
+    with pytest.raises(ControllerError, match=r"unknown drive .* known: as_printed, front_wheel, rear_wheel"):
+        CarLike(1.2, drive)
 
 
 def test_another_vehicle_is_refused():
@@ -134,6 +169,10 @@ def test_nothing_works_before_the_start_or_after_a_reset(call):
         ({"pose": POSE[:2]}, r"pose has shape \(2, 4\): expected \(3, 4\)"),
         ({"pose": POSE[:, :3]}, r"pose has shape \(3, 3\): expected \(3, 4\)"),
         ({"pose": [["a"] * 4] * 3}, "pose is not an array of numbers"),
+        ({"pose": [["1"] * 4] * 3}, "pose is not an array of numbers"),
+        ({"pose": POSE + 0j}, "pose is not an array of numbers"),
+        ({"pose": (POSE + 1j).tolist()}, "pose is not an array of numbers"),
+        ({"pose": [[10**400] * 4] * 3}, "pose is not an array of numbers"),
         ({"leader": LEADER._replace(pose=np.zeros(3))}, r"leader's pose has shape \(3,\): expected \(4,\)"),
         ({"leader": LEADER._replace(velocity=np.zeros(3))}, "leader's velocity has shape"),
         ({"leader": LEADER._replace(acceleration=np.zeros(3))}, "leader's acceleration has shape"),
@@ -267,7 +306,22 @@ def test_states_that_do_not_fit_are_refused_and_change_nothing():
         controller.set_state({"ticks": state["ticks"]})
     with pytest.raises(ControllerError, match=r"state 'integral' has shape \(2, 2\): expected \(3, 2\)"):
         controller.set_state(state | {"integral": np.zeros((2, 2))})
-    for data in (b"", b"nonsense", before[: len(before) // 2]):
+    with pytest.raises(ControllerError, match=r"the state is a list: expected a mapping"):
+        controller.set_state(["integral", "ticks"])
+    for value in (math.nan, math.inf):
+        lost = state | {"integral": state["integral"].copy()}
+        lost["integral"][1, 0] = value
+        with pytest.raises(ControllerError, match="robot 1: state 'integral' is not finite"):
+            controller.set_state(lost)
+    archive, infinite = io.BytesIO(), io.BytesIO()
+    np.savez(archive, **state)
+    records = np.load(io.BytesIO(before))
+    records["ticks"][2] = math.inf
+    np.save(infinite, records)
+    with pytest.raises(ControllerError, match="robot 2: state 'ticks' is not finite"):
+        controller.from_bytes(infinite.getvalue())
+    garbage = (b"", b"nonsense", b"PK\x03\x04nonsense", before[: len(before) // 2], before[:20] + b"((" + before[22:])
+    for data in (*garbage, archive.getvalue(), "a text", None, 3.0):
         with pytest.raises(ControllerError, match="the bytes are not a controller's state"):
             controller.from_bytes(data)
     other = Integral(Team(CarLike(1.2), 2, 0.02))
