@@ -15,7 +15,7 @@ from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.geometry import first_range_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import TRACTOR_TRAILER, vehicle_record
 from formation_controllers.sight import TORQUE_SIGNALS, GuardGains
@@ -61,8 +61,7 @@ class FeedbackLinearisation(Controller[FeedbackLinearisationGains]):
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Choose the turn of the bearing."""
-        bearing = range_bearing(pose, leader.pose, self.team.vehicle)[np.newaxis, :, 1]
-        self._state["bearing"] = unwrapped_bearing(bearing, desired.q[np.newaxis, :, 1])[0]
+        self._state["bearing"] = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)[:, 1]
 
     def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
         """Return the torques."""

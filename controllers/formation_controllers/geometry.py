@@ -105,6 +105,31 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
     return course
 
 
+def first_range_bearing(pose: ArrayLike, leader_pose: ArrayLike, desired: ArrayLike, vehicle: Vehicle) -> Floats:
+    """Range [m] and bearing [rad] at time zero, the bearing on the turn nearest to the desired one.
+
+    Parameters
+    ----------
+    pose, leader_pose, vehicle
+        As for `range_bearing`.
+    desired
+        Desired range and bearing (N, 2).
+
+    Returns
+    -------
+    ndarray
+        Shape (N, 2).
+
+    Raises
+    ------
+    ControllerError
+        If the shapes do not fit.
+    """
+    q = range_bearing(pose, leader_pose, vehicle)
+    q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], np.asarray(desired)[np.newaxis, :, 1])[0]
+    return q
+
+
 def formation_rates(
     pose: ArrayLike, leader_pose: ArrayLike, leader_speed: ArrayLike, vehicle: Vehicle
 ) -> tuple[Floats, Floats]:

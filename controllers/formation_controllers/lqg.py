@@ -25,7 +25,7 @@ from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.formation_model import COSINE_MIN, FormationModel, ReducedDynamics, formation_model
 from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.geometry import first_range_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import vehicle_record
 from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains
@@ -98,8 +98,7 @@ class Lqg(Controller[LqgGains]):
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Design for the desired range and bearing; the estimate starts at the measured error, its rate at zero."""
-        q = range_bearing(pose, leader.pose, self.team.vehicle)
-        q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
+        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
         self._state["bearing"] = q[:, 1]
         self._state["x_hat"][:, :2] = q - desired.q
         for robot, (own, gains) in enumerate(zip(self._state, self.robot_gains, strict=True)):

@@ -15,7 +15,7 @@ from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.errors import GainError
 from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.geometry import first_range_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import vehicle_record
 from formation_controllers.rbf import NetworkGains
@@ -90,8 +90,7 @@ class NeuralHighGain(Controller[NeuralHighGainGains]):
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Set pi_1(0) = q(0); everything else starts at zero."""
-        q = range_bearing(pose, leader.pose, self.team.vehicle)
-        q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
+        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
         self._state["pi_1"] = q
         self._state["bearing"] = q[:, 1]
 

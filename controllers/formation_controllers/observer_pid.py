@@ -13,7 +13,7 @@ from formation_controllers import observer, sight
 from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.geometry import first_range_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 from formation_controllers.kinematics import vehicle_record
 from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains, Sight
@@ -73,8 +73,7 @@ class ObserverPid(Controller[ObserverPidGains]):
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
-        q = range_bearing(pose, leader.pose, self.team.vehicle)
-        q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], desired.q[np.newaxis, :, 1])[0]
+        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
         self._state["q_hat"] = q
         self._state["bearing"] = q[:, 1]
 
