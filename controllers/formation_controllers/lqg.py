@@ -18,7 +18,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from formation_controllers import dynamics, sight
+from formation_controllers import dynamics, kinematics, sight
 from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import ModelGains
@@ -59,9 +59,9 @@ class Lqg(Controller[LqgGains]):
     """Linear-quadratic control with a Kalman filter and integral action; needs python-control, the extra ``lqg``.
 
     Designed at the start, for each follower alone. It speaks to the robot through B^-1 of (10) at the present pose and
-    knows nothing of other nonlinearities: far from a straight motion at v_0 it promises nothing. A `torque_limit` holds
-    the integrals, but the filter predicts with the force of the torque commanded, not of the one that saturated
-    actuators apply, and its estimate suffers meanwhile: that force is to be had only by dividing by det R.
+    knows nothing of other nonlinearities: far from a straight motion at v_0 it promises nothing. A torque beyond the
+    `torque_limit` holds the integrals, and the filter predicts with the torque clipped to it, which is what saturated
+    actuators apply: the clipped part changes q_ddot by R M2^-1 B2 (tau_clipped - tau), at the present pose.
     """
 
     interface: ClassVar[str] = "1.1"
@@ -203,6 +203,12 @@ def linearised(vehicle: Vehicle, gains: LqgGains, rho: float, bearing: float) ->
 
 
 @compiled
+def clipped(torque: float, limit: float) -> float:
+    """Return what an actuator with this limit applies."""
+    return min(max(torque, -limit), limit)
+
+
+@compiled
 def tick(
     pose: Floats,
     leader_pose: Floats,
@@ -255,6 +261,22 @@ def tick(
         if not held:
             own["integral"][0] += period * epsilon_1
             own["integral"][1] += period * epsilon_2
+        else:
+            # The force that would change q_ddot by as much as the clipped part of the torque does
+            lost_1, lost_2 = clipped(tau_1, g["torque_limit"]) - tau_1, clipped(tau_2, g["torque_limit"]) - tau_2
+            m_11, m_12, m_22 = dynamics.inertia(seen.steering, car, g)
+            v_dot, omega_dot = kinematics.solve_2x2(
+                m_11,
+                m_12,
+                m_12,
+                m_22,
+                seen.b_11 * lost_1 + seen.b_12 * lost_2,
+                seen.b_21 * lost_1 + seen.b_22 * lost_2,
+            )
+            q_1_ddot = seen.r_11 * v_dot + seen.r_12 * omega_dot
+            q_2_ddot = seen.r_21 * v_dot + seen.r_22 * omega_dot
+            u_1 += M[0, 0] * q_1_ddot + M[0, 1] * q_2_ddot
+            u_2 += M[1, 0] * q_1_ddot + M[1, 1] * q_2_ddot
         for j in range(STATES):
             x_hat[j] = Gamma[j, 0] * u_1 + Gamma[j, 1] * u_2
             for k in range(STATES):

@@ -1,0 +1,104 @@
+"""The linear-quadratic law: its design against SciPy's Riccati equations, one tick in matrix form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from formation_controllers import CarLike, Desired, Leader, Team, TractorTrailer
+from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
+from formation_controllers.formation_model import ReducedDynamics
+from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
+from formation_controllers.lqg import Lqg, LqgGains, linearised
+
+pytest.importorskip("control")
+linalg = pytest.importorskip("scipy.linalg")
+
+H, N = 0.02, 12
+C = np.eye(2, 4)
+VEHICLES = pytest.mark.parametrize(
+    ("vehicle", "model"),
+    [(CarLike(1.2), {}), (TractorTrailer(1.5, 0.15, 0.4), TRACTOR_TRAILER_MODEL)],
+    ids=["car_like", "tractor_trailer"],
+)
+
+
+def design_problem(vehicle, model):
+    """Return a started controller whose followers all have gains, a range and a bearing of their own, and its inputs."""
+    random = np.random.default_rng(11)
+    pairs = ("q_max", "rate_max", "integral_max", "force_max", "force_noise", "q_noise")
+    gains = [
+        LqgGains(
+            v_0=random.uniform(0.1, 0.6),
+            torque_limit=math.inf if i % 2 else 2.0,
+            **{name: tuple(random.uniform(0.5, 2, 2) * getattr(LqgGains(), name)) for name in pairs},
+            **model,
+        )
+        for i in range(N)
+    ]
+    pose = random.uniform([-6, -3, -0.5, -0.5], [-4, 3, 0.5, 0.5], (N, 4))
+    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]), np.array([0.7, 0.2]))
+    q = range_bearing(pose, leader.pose, vehicle)
+    desired = Desired(q + random.uniform(-0.3, 0.3, (N, 2)), *random.normal(size=(2, N, 2)))
+    controller = Lqg(Team(vehicle, N, H), gains)
+    controller.start(pose, leader, desired)
+    return random, gains, pose, leader, desired, controller
+
+
+@VEHICLES
+def test_the_design_solves_the_riccati_equations_of_control_and_filter(vehicle, model):
+    _, gains, _, _, desired, controller = design_problem(vehicle, model)
+    state = controller.get_state()
+    for i, g in enumerate(gains):
+        A, B, M = linearised(vehicle, g, *desired.q[i])
+        held = linalg.expm(np.block([[A, B], [np.zeros((2, 6))]]) * H)  # input constant over a period
+        Phi, Gamma = held[:4, :4], held[:4, 4:]
+        F = np.block([[Phi, np.zeros((4, 2))], [H * C, np.eye(2)]])
+        G = np.vstack([Gamma, np.zeros((2, 2))])
+        Q = np.diag(1 / np.square([*g.q_max, *g.rate_max, *g.integral_max]))
+        R = np.diag(1 / np.square(g.force_max))
+        S = linalg.solve_discrete_are(F, G, Q, R)
+        K = np.linalg.solve(R + G.T @ S @ G, G.T @ S @ F)
+        noise = np.diag(np.square(g.q_noise))
+        P = linalg.solve_discrete_are(Phi.T, C.T, Gamma @ np.diag(np.square(g.force_noise)) @ Gamma.T, noise)
+        L = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
+        for name, expected in {"Phi": Phi, "Gamma": Gamma, "K": K, "L": L, "M": M}.items():
+            found = state[name][i]
+            np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max(), err_msg=name)
+    assert np.ptp(state["K"], axis=0).min() > 0
+    assert np.ptp(state["L"], axis=0).min() > 0
+
+
+@VEHICLES
+def test_one_tick_is_the_law_in_matrix_form(vehicle, model):
+    """Filter, feedback, feedforward, clipping and prediction, each follower with a design of its own."""
+    random, gains, pose, leader, desired, controller = design_problem(vehicle, model)
+    state = controller.get_state()
+    state["x_hat"], state["integral"] = random.normal(size=(N, 4)), random.normal(size=(N, 2))
+    controller.set_state(state)
+    torque, after, told = controller.step(pose, leader, desired), controller.get_state(), controller.telemetry()
+    R, _ = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
+    q, B2 = range_bearing(pose, leader.pose, vehicle), input_matrix(pose, vehicle)
+    for i, g in enumerate(gains):
+        own = {name: value[i] for name, value in state.items()}
+        epsilon = q[i] - desired.q[i]
+        x = own["x_hat"] + own["L"] @ (epsilon - C @ own["x_hat"])
+        u = -own["K"] @ np.concatenate([x, own["integral"]])
+        heading = pose[i, 2]
+        d_1 = g.d_x * math.cos(heading) ** 2 + g.d_y * math.sin(heading) ** 2
+        pace = np.array([g.m * leader.acceleration[0] + d_1 * leader.velocity[0], 0.0])
+        tau = np.linalg.solve(B2[i], R[i].T @ (u + own["M"] @ desired.q_ddot[i]) + pace)
+        applied = np.clip(tau, -g.torque_limit, g.torque_limit)
+        M2, _, _ = ReducedDynamics.of_vehicle(vehicle, g).at(pose[i])
+        lost = R[i] @ np.linalg.solve(M2, B2[i] @ (applied - tau))  # of q_ddot
+        x_hat = own["Phi"] @ x + own["Gamma"] @ (u + own["M"] @ lost)
+        integral = own["integral"] + (0 if told["held"][i] else H) * epsilon
+        close = {"rtol": 1e-9, "atol": 1e-9}
+        np.testing.assert_allclose(torque[i], tau, **close)
+        np.testing.assert_allclose(after["x_hat"][i], x_hat, **close)
+        np.testing.assert_allclose(after["integral"][i], integral, **close)
+        names = ["range_estimate", "bearing_estimate", "range_rate_estimate", "bearing_rate_estimate"]
+        estimates = x + np.concatenate([desired.q[i], desired.q_dot[i]])
+        np.testing.assert_allclose([told[name][i] for name in names], estimates, **close)
+    assert told["held"].tolist() == [1.0, 0.0] * (N // 2)
