@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from formation_controllers import load
+from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 from formation_controllers.gains import Gains
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.interface import Desired, Leader, Team
@@ -192,3 +195,19 @@ def second_simulation():
 @pytest.fixture(scope="session")
 def third_simulation():
     return ThirdSimulation
+
+
+def bits(name, course):
+    """Return law, course and a hash of every number after 2 s."""
+    law = load(name)
+    has_model = "I_1" in vars(law.gains_type()) and course is ThirdSimulation
+    simulation = course(law=law, gains=law.gains_type(guard=0.1, **(TRACTOR_TRAILER_MODEL if has_model else {})))
+    simulation.run(100)
+    controller = simulation.controller
+    numbers = simulation.state.tobytes() + controller.to_bytes() + controller._telemetry.tobytes()
+    return f"{name} {course.__name__} {hashlib.sha256(numbers).hexdigest()}"
+
+
+@pytest.fixture(scope="session")
+def bits_of_a_run():
+    return bits

@@ -10,6 +10,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from formation_controllers import CarLike, ControllerError, Desired, GainError, Leader, Team, TractorTrailer, load
@@ -365,44 +366,31 @@ def test_weights_stand_still_exactly_while_a_torque_is_beyond_its_limit(first_si
 # Plain Python ----------------------------------------------------------------------------------------------
 
 PLAIN_RUN = """
-import hashlib, importlib.util, sys
+import importlib.util, sys
 import numba
-from formation_controllers import load
-from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 spec = importlib.util.spec_from_file_location("conftest", sys.argv[1])
 conftest = importlib.util.module_from_spec(spec)
 sys.modules["conftest"] = conftest
 spec.loader.exec_module(conftest)
 assert numba.config.DISABLE_JIT == int(sys.argv[2])
-for name in sys.argv[3:]:
-    law = load(name)
-    for course in (conftest.FirstSimulation, conftest.SecondSimulation, conftest.ThirdSimulation):
-        has_model = "I_1" in vars(law.gains_type()) and course is conftest.ThirdSimulation
-        gains = law.gains_type(guard=0.1, **(TRACTOR_TRAILER_MODEL if has_model else {}))
-        simulation = course(law=law, gains=gains)
-        simulation.run(100)
-        controller = simulation.controller
-        bits = simulation.state.tobytes() + controller.to_bytes() + controller._telemetry.tobytes()
-        print(name, course.__name__, hashlib.sha256(bits).hexdigest())
+courses = conftest.FirstSimulation, conftest.SecondSimulation, conftest.ThirdSimulation
+print("\\n".join(conftest.bits(name, course) for name in sys.argv[3:] for course in courses))
 """
 
 
-def test_plain_python_gives_the_same_bits():
+def test_plain_python_gives_the_same_bits(first_simulation, second_simulation, third_simulation, bits_of_a_run):
     """With NUMBA_DISABLE_JIT=1 the same formulas run uncompiled: not a bit differs after 2 s, in any law."""
     names = [name for name in NAMES if name != "lqg" or importlib.util.find_spec("control")]
-    results = []
-    for disabled in ("0", "1"):
-        results.append(
-            subprocess.run(
-                [sys.executable, "-c", PLAIN_RUN, str(Path(__file__).with_name("conftest.py")), disabled, *names],
-                env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
-                capture_output=True,
-                check=True,
-                text=True,
-            ).stdout.splitlines()
-        )
-    assert len(results[0]) == 3 * len(names)
-    assert results[0] == results[1]
+    other = str(1 - numba.config.DISABLE_JIT)  # what this process is not
+    found = subprocess.run(
+        [sys.executable, "-c", PLAIN_RUN, str(Path(__file__).with_name("conftest.py")), other, *names],
+        env=os.environ | {"NUMBA_DISABLE_JIT": other},
+        capture_output=True,
+        check=True,
+        text=True,
+    ).stdout.splitlines()
+    courses = first_simulation, second_simulation, third_simulation
+    assert found == [bits_of_a_run(name, course) for name in names for course in courses]
 
 
 # An older controller ---------------------------------------------------------------------------------------

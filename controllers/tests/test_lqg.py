@@ -25,7 +25,7 @@ VEHICLES = pytest.mark.parametrize(
 
 
 def design_problem(vehicle, model):
-    """Return a started controller whose followers all have gains, a range and a bearing of their own, and its inputs."""
+    """Return a started controller with gains, a range and a bearing of each follower's own, and its inputs."""
     random = np.random.default_rng(11)
     pairs = ("q_max", "rate_max", "integral_max", "force_max", "force_noise", "q_noise")
     gains = [

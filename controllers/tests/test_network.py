@@ -37,7 +37,7 @@ bases = arrays(float, HIDDEN, elements=st.floats(0, 1))
 bounds = st.floats(1e-3, 1e4)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(W=weights, steps=st.lists(st.tuples(errors, bases), max_size=20), W_m=bounds, gamma_w=st.floats(0, 1e3))
 def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
     for s, sigma in steps:

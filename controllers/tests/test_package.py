@@ -97,9 +97,8 @@ def test_without_a_place_for_compiled_code_the_package_works_uncached(tmp_path, 
     code = (
         "from numba.core import caching\n"
         f"{obstacle}"
-        "from formation_controllers import CarLike\n"
-        "from formation_controllers.geometry import range_bearing\n"
-        "print(range_bearing([0, 0, 0, 0], [4, 0, 0, 0], CarLike(1.0))[0])"
+        "from formation_controllers.kinematics import line_of_sight\n"
+        "print(line_of_sight(4.0, 0.0, 1.0)[0])"
     )
     assert run(code, NUMBA_CACHE_DIR=str(tmp_path)).strip() == "3.0"
     assert not list(tmp_path.glob("**/*.nbc"))
