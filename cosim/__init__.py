@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from cosim.changes import Change
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-    from cosim.scenario import Scenario, read_scenario
+    from cosim.reader import read_scenario
+    from cosim.scenario import Scenario
     from cosim.simulation import Simulation
 
 __all__ = [
@@ -57,7 +58,8 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
     RunInterrupted
         The user pressed Ctrl-C; likewise.
     """
-    from cosim.scenario import Scenario, read_scenario
+    from cosim.reader import read_scenario
+    from cosim.scenario import Scenario
     from cosim.simulation import Simulation
 
     if not isinstance(scenario, Scenario):
@@ -69,7 +71,7 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
 _HOMES = {
     "Scenario": "cosim.scenario",
     "Simulation": "cosim.simulation",
-    "read_scenario": "cosim.scenario",
+    "read_scenario": "cosim.reader",
 }
 
 

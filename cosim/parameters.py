@@ -9,7 +9,8 @@ from typing import Any
 from cosim.contract import unit_of
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
-from cosim.scenario import Setting, quantity
+from cosim.quantity import quantity
+from cosim.scenario import Setting
 from plants import UnitError
 
 

@@ -11,7 +11,7 @@ from rich.markup import escape
 import plants
 from cosim.cli.console import out, table
 from cosim.errors import InputError
-from cosim.scenario import read_scenario
+from cosim.reader import read_scenario
 
 _FOLDER = Path("scenarios")
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from cosim.changes import Change, set_controller, set_fmu, set_seed
 from cosim.errors import InputError
-from cosim.scenario import Scenario, read_scenario
+from cosim.reader import read_scenario
+from cosim.scenario import Scenario
 from cosim.team import installed
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from cosim.changes import Change, set_controller, set_fmu, set_seed
 from cosim.errors import InputError
-from cosim.scenario import quantity, read_scenario
+from cosim.quantity import quantity
+from cosim.reader import read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 

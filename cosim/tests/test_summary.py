@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 
 from cosim.errors import InputError, Location, OutputError
+from cosim.reader import read_scenario
 from cosim.result import load, save
-from cosim.scenario import RmsExpectation, Scenario, read_scenario
+from cosim.scenario import Scenario
 from cosim.summary import check_expectations, summarise
 
 EXAMPLE = Path(__file__).with_name("example.xml")

@@ -1,0 +1,444 @@
+"""From a document that satisfies the schema to a scenario; checks what a schema cannot say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from lxml import etree
+
+from cosim.changes import Change, set_value
+from cosim.document import NAMESPACE, Document, local_name, read_document
+from cosim.errors import InputError, nearest, printable
+from cosim.quantity import quantity, split
+from cosim.scenario import (
+    LEADER,
+    ControllerSource,
+    Effect,
+    Entries,
+    Event,
+    Expectation,
+    Follower,
+    InputSource,
+    Leader,
+    PlaceChange,
+    PlantSource,
+    Scenario,
+    Setting,
+    Trajectory,
+    Wave,
+)
+
+MAX_TICKS = 10_000_000
+
+_NS = "{" + NAMESPACE + "}"
+_T = TypeVar("_T")
+
+_UNITS = {"x": "m", "y": "m", "psi": "rad", "gamma": "rad", "theta_1": "rad", "theta_0": "rad"}
+_TORQUES = ("tau_drive", "tau_steer", "tau_right", "tau_left")
+_NOT_NEGATIVE = ("noise", "quantisation")
+_PARTS = {"dropout": "probability", "effectiveness": "factor"}
+_LIMITS = {"saturation": "N.m", "rate": "N.m/s"}
+
+
+def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Scenario:
+    """Read a scenario file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    changes
+        Made before the document is checked: ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.changes`.
+
+    Raises
+    ------
+    InputError
+        What the file says is not a scenario; with file, line and column.
+    """
+    made = [set_value(change) if isinstance(change, str) else change for change in changes]
+    return _Reader(read_document(Path(path), made)).scenario()
+
+
+class _Reader:
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.horizon = 0.0
+        self.step = 0.0
+
+    def scenario(self) -> Scenario:
+        root = self.document.root
+        simulation = self._child(root, "simulation")
+        self.step = self._positive(simulation, "step", "s")
+        ticks = self._ticks(simulation)
+        self.horizon = ticks * self.step
+        plants = self._table(root, "plant", self._plant)
+        controllers = self._table(root, "controller", self._controller)
+        leader = self._leader(self._child(root, "leader"), plants)
+        sensor, actuator = self._effects(root, "sensor"), self._effects(root, "actuator")
+        followers = self._table(root, "follower", lambda e: self._follower(e, plants, controllers, sensor, actuator))
+        if LEADER in followers:
+            raise InputError(f"a follower cannot have the id {LEADER!r}", followers[LEADER].where)
+        events = [event for element in root.iterfind(_NS + "event") for event in self._event(element, list(followers))]
+        return Scenario(
+            path=self.document.path,
+            text=self.document.text,
+            name=root.get("name", ""),
+            title=printable(" ".join(root.findtext(_NS + "title", "").split())),
+            step=self.step,
+            ticks=ticks,
+            period=self._steps(simulation, "period") if "period" in simulation.attrib else 1,
+            seed=int(simulation.get("seed", "0")),
+            plants=plants,
+            controllers=controllers,
+            inputs=self._inputs(root),
+            leader=leader,
+            followers=tuple(followers.values()),
+            events=tuple(sorted(events, key=lambda event: event.time)),
+            expectations=tuple(
+                self._expectation(element, list(followers)) for element in root.iterfind(f"{_NS}expect/*")
+            ),
+        )
+
+    # Plants, controllers, robots
+
+    def _plant(self, element: etree._Element) -> PlantSource:
+        model, fmu = element.get("model"), element.get("fmu")
+        if (model is None) == (fmu is None):
+            raise self._error(element, "a <plant> needs either model=... (a built-in model) or fmu=... (a file)")
+        return PlantSource(
+            id=element.get("id", ""),
+            model=model,
+            fmu=None if fmu is None else self._path(element, "fmu"),
+            parameters=self._settings(element, "parameter"),
+            where=self.document.where(element),
+        )
+
+    def _controller(self, element: etree._Element) -> ControllerSource:
+        return ControllerSource(
+            id=element.get("id", ""),
+            name=element.get("name", ""),
+            package=element.get("package", ""),
+            version=element.get("version", ""),
+            gains=self._settings(element, "gain"),
+            where=self.document.where(element),
+        )
+
+    def _leader(self, element: etree._Element, plants: Mapping[str, PlantSource]) -> Leader:
+        where = self.document.where(element)
+        self._known(element, "plant", plants)
+        trajectory = element.find(_NS + "trajectory")
+        for tag in ("pose", "torque", "parameter", "input"):
+            found = element.find(_NS + tag)
+            if trajectory is not None and found is not None and tag != "parameter":
+                raise self._error(
+                    found, f"a leader with a <trajectory> has no <{tag}>: its motion follows from the path"
+                )
+            if trajectory is None and found is None and tag == "pose":
+                raise self._error(element, "the <leader> needs a <pose> to start from, or a <trajectory> to move along")
+        return Leader(
+            plant=element.get("plant", ""),
+            pose=self._entries(element, "pose", _UNITS),
+            torque=self._entries(element, "torque", dict.fromkeys(_TORQUES, "N.m")),
+            trajectory=None if trajectory is None else self._trajectory(trajectory),
+            parameters=self._settings(element, "parameter"),
+            sensor=self._effects(element, "sensor"),
+            inputs=self._inputs(element),
+            where=where,
+        )
+
+    def _follower(
+        self,
+        element: etree._Element,
+        plants: Mapping[str, PlantSource],
+        controllers: Mapping[str, ControllerSource],
+        sensor: tuple[Effect, ...],
+        actuator: tuple[Effect, ...],
+    ) -> Follower:
+        self._known(element, "plant", plants)
+        self._known(element, "controller", controllers)
+        desired = self._child(element, "desired")
+        place = (self._positive(desired, "range", "m"), self._quantity(desired, "bearing", "rad"))
+        return Follower(
+            id=element.get("id", ""),
+            plant=element.get("plant", ""),
+            controller=element.get("controller", ""),
+            pose=self._entries(element, "pose", _UNITS),
+            desired=place,
+            changes=self._changes(desired, place),
+            parameters=self._settings(element, "parameter"),
+            gains=self._settings(element, "gain"),
+            sensor=sensor if element.find(_NS + "sensor") is None else self._effects(element, "sensor"),
+            actuator=actuator if element.find(_NS + "actuator") is None else self._effects(element, "actuator"),
+            inputs=self._inputs(element),
+            where=self.document.where(element),
+        )
+
+    def _entries(self, element: etree._Element, tag: str, units: Mapping[str, str]) -> Entries:
+        child = element.find(_NS + tag)
+        if child is None:
+            return Entries({}, self.document.where(element))
+        values = {name: self._quantity(child, name, units[name]) for name in child.attrib}
+        return Entries(values, self.document.where(child))
+
+    def _trajectory(self, element: etree._Element) -> Trajectory:
+        waypoints = element.findall(_NS + "waypoint")
+        if bool(waypoints) == ("file" in element.attrib):
+            raise self._error(element, "a <trajectory> needs either waypoints or file=...")
+        points = []
+        for waypoint in waypoints:
+            point = tuple(self._quantity(waypoint, name, unit) for name, unit in (("at", "s"), ("x", "m"), ("y", "m")))
+            if points and point[0] <= points[-1][0]:
+                raise self._error(waypoint, f"the waypoint at {point[0]:g} s is not later than the one before it")
+            points.append((point[0], point[1], point[2]))
+        return Trajectory(
+            waypoints=tuple(points),
+            file=self._path(element, "file") if "file" in element.attrib else None,
+            smoothing=self._not_negative(element, "smoothing", "m") if "smoothing" in element.attrib else 0.0,
+            where=self.document.where(element),
+        )
+
+    def _changes(self, desired: etree._Element, place: tuple[float, float]) -> tuple[PlaceChange, ...]:
+        changes: list[PlaceChange] = []
+        before = 0.0
+        for element in desired.iterfind(_NS + "change"):
+            start, stop = self._span(element)
+            if start < before:
+                raise self._error(
+                    element, f"the change from {start:g} s begins before {before:g} s, when the one before it ends"
+                )
+            if not {"range", "bearing"} & set(element.attrib):
+                raise self._error(element, "the <change> has neither a range nor a bearing: nothing changes")
+            place = (
+                self._positive(element, "range", "m") if "range" in element.attrib else place[0],
+                self._quantity(element, "bearing", "rad") if "bearing" in element.attrib else place[1],
+            )
+            changes.append(PlaceChange(start, stop, *place, self.document.where(element)))
+            before = stop
+        return tuple(changes)
+
+    # Sensors, actuators, signals, events
+
+    def _effects(self, element: etree._Element, tag: str) -> tuple[Effect, ...]:
+        return tuple(effect for child in element.iterfind(f"{_NS}{tag}/*") for effect in self._effect(child))
+
+    def _effect(self, element: etree._Element) -> list[Effect]:
+        kind, where = local_name(element), self.document.where(element)
+        start, stop = self._window(element, math.inf)
+        if kind in ("noise", "bias", "quantisation"):
+            read = self._not_negative if kind in _NOT_NEGATIVE else self._quantity
+            entries = [name for name in element.attrib if name in _UNITS]
+            return [Effect(kind, read(element, name, _UNITS[name]), (name,), start, stop, where) for name in entries]
+        channels = tuple(element.get("channels", "").split())
+        if kind == "delay":
+            return [Effect(kind, self._steps(element, "time") * self.step, channels, 0.0, math.inf, where)]
+        if kind in _LIMITS:
+            return [Effect(kind, self._positive(element, "limit", _LIMITS[kind]), channels, start, stop, where)]
+        part = float(element.get(_PARTS[kind], "nan"))
+        if not 0 <= part <= 1:
+            raise self._error(element, f'{_PARTS[kind]}="{element.get(_PARTS[kind])}" of <{kind}> is not from 0 to 1')
+        return [Effect(kind, part, channels, start, stop, where)]
+
+    def _inputs(self, element: etree._Element) -> tuple[InputSource, ...]:
+        inputs = []
+        for child in element.iterfind(_NS + "input"):
+            waves = tuple(self._wave(wave) for wave in child if isinstance(wave.tag, str))
+            inputs.append(InputSource(child.get("name", ""), waves, self.document.where(child)))
+        return tuple(inputs)
+
+    def _wave(self, element: etree._Element) -> Wave:
+        kind = local_name(element)
+        start, stop = self._span(element) if kind in ("ramp", "pulse") else self._window(element, math.inf)
+        if kind == "step":
+            start = self._not_negative(element, "at", "s")
+        cutoff = self._positive(element, "cutoff", "Hz") if kind == "random" else 0.0
+        if cutoff >= 0.5 / self.step:
+            raise self._error(
+                element, f"the cutoff {cutoff:g} Hz is not below half of the ticks' frequency, {0.5 / self.step:g} Hz"
+            )
+        return Wave(
+            kind=kind,
+            value=element.get("value", ""),
+            start=start,
+            stop=stop,
+            period=self._positive(element, "period", "s") if kind == "sine" else 0.0,
+            phase=self._quantity(element, "phase", "rad") if "phase" in element.attrib else 0.0,
+            cutoff=cutoff,
+            file=self._path(element, "file") if kind == "table" else None,
+            column=element.get("column", ""),
+            where=self.document.where(element),
+        )
+
+    def _event(self, element: etree._Element, followers: list[str]) -> list[Event]:
+        where = self.document.where(element)
+        time = self._not_negative(element, "at", "s")
+        if time > self.horizon:
+            raise self._error(element, f"the event at {time:g} s is after the end of the run at {self.horizon:g} s")
+        robots = self._robots(element, [LEADER, *followers])
+        torque = element.find(_NS + "torque")
+        stops = element.find(_NS + "stop") is not None
+        if torque is not None and robots != (LEADER,):
+            raise self._error(torque, 'only the torque of robots="leader" can be given: a follower has a controller')
+        return [
+            Event(
+                time=time,
+                robot=robot,
+                parameters=self._settings(element, "parameter"),
+                torque=None if torque is None else self._entries(element, "torque", dict.fromkeys(_TORQUES, "N.m")),
+                stops=stops,
+                where=where,
+            )
+            for robot in robots
+        ]
+
+    # Expectations
+
+    def _expectation(self, element: etree._Element, followers: list[str]) -> Expectation:
+        kind = local_name(element)
+        start, stop = self._window(element, self.horizon)
+        if not start < stop <= self.horizon and kind != "final":
+            raise self._error(
+                element, f"the window from {start:g} s to {stop:g} s is not within the run of {self.horizon:g} s"
+            )
+        bound, unit = 0.0, "1"
+        if kind == "settled":
+            bound, unit = split(element.get("by", ""))
+            if not 0 <= (by := self._quantity(element, "by", "s")) < self.horizon:
+                raise self._error(element, f"{by:g} s is not within the run of {self.horizon:g} s")
+        elif kind == "compare":
+            bound = float(element.get("factor", "nan"))
+            if bound <= 0:
+                raise self._error(element, f'factor="{element.get("factor")}" of <compare> must be greater than zero')
+        elif kind != "regular":
+            bound, unit = split(element.get("above" if kind in ("least", "distance") else "below", ""))
+        return Expectation(
+            kind=kind,
+            signal=element.get("signal", ""),
+            component=element.get("component", ""),
+            bound=bound,
+            unit=unit,
+            start=start,
+            stop=stop,
+            range_band=self._positive(element, "range", "m") if kind == "settled" else math.inf,
+            bearing_band=self._positive(element, "bearing", "rad") if kind == "settled" else math.inf,
+            measure=element.get("measure", ""),
+            scenario=self._path(element, "scenario") if kind == "compare" else None,
+            robots=self._robots(element, followers) if "robots" in element.attrib else (),
+            fails=element.get("fails", ""),
+            where=self.document.where(element),
+        )
+
+    # Times
+
+    def _ticks(self, simulation: etree._Element) -> int:
+        horizon = self._positive(simulation, "horizon", "s")
+        steps = horizon / self.step
+        if steps > MAX_TICKS:
+            raise self._error(
+                simulation, f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible"
+            )
+        return self._whole(simulation, f"the horizon {horizon:g} s", steps, 1)
+
+    def _steps(self, element: etree._Element, name: str) -> int:
+        """Return how many communication steps a time is."""
+        time = self._not_negative(element, name, "s")
+        return self._whole(element, f"{name} {time:g} s", time / self.step, 1 if name == "period" else 0)
+
+    def _whole(self, element: etree._Element, what: str, steps: float, least: int) -> int:
+        whole = round(steps)
+        if whole < least or abs(steps - whole) > 1e-9 * max(whole, 1):
+            raise self._error(
+                element,
+                f"the {what.removeprefix('the ')} is not a whole number of communication steps of {self.step:g} s",
+            )
+        return whole
+
+    def _window(self, element: etree._Element, end: float) -> tuple[float, float]:
+        start = self._not_negative(element, "from", "s") if "from" in element.attrib else 0.0
+        stop = self._quantity(element, "to", "s") if "to" in element.attrib else end
+        if start > stop:
+            raise self._error(element, f"the window ends at {stop:g} s, before it begins at {start:g} s")
+        return start, stop
+
+    def _span(self, element: etree._Element) -> tuple[float, float]:
+        start, stop = self._window(element, math.inf)
+        if start == stop:
+            raise self._error(element, f"it begins and ends at {start:g} s: it must last")
+        return start, stop
+
+    # Values
+
+    def _settings(self, element: etree._Element, tag: str) -> tuple[Setting, ...]:
+        settings = [
+            Setting(child.get("name", ""), child.get("value", ""), self.document.where(child))
+            for child in element.iterfind(_NS + tag)
+        ]
+        seen: dict[str, Setting] = {}
+        for setting in settings:
+            if setting.name in seen:
+                first = seen[setting.name].where
+                raise InputError(
+                    f"the {tag} {setting.name!r} is given twice; first in line {first.line}", setting.where
+                )
+            seen[setting.name] = setting
+        return tuple(settings)
+
+    def _path(self, element: etree._Element, name: str) -> Path:
+        """Return a path that is written relative to the folder of the file that holds the element."""
+        return (Path(self.document.where(element).file).parent / element.get(name, "")).absolute()
+
+    def _robots(self, element: etree._Element, known: list[str]) -> tuple[str, ...]:
+        robots = tuple(dict.fromkeys(element.get("robots", "").split()))
+        for robot in robots:
+            if robot not in known:
+                raise self._error(element, f"the scenario has no robot {robot!r}: {nearest(robot, known)}")
+        return robots
+
+    def _known(self, element: etree._Element, what: str, table: Mapping[str, object]) -> None:
+        key = element.get(what, "")
+        if key not in table:
+            raise self._error(element, f"the scenario has no {what} {key!r}: {nearest(key, list(table))}")
+
+    def _quantity(self, element: etree._Element, name: str, unit: str) -> float:
+        text = element.get(name, "")
+        try:
+            return quantity(text, unit)
+        except ValueError as error:
+            raise self._error(element, f'{name}="{text}" of <{local_name(element)}>: {error}') from None
+
+    def _positive(self, element: etree._Element, name: str, unit: str) -> float:
+        value = self._quantity(element, name, unit)
+        if value <= 0:
+            raise self._error(
+                element, f'{name}="{element.get(name)}" of <{local_name(element)}> must be greater than zero'
+            )
+        return value
+
+    def _not_negative(self, element: etree._Element, name: str, unit: str) -> float:
+        value = self._quantity(element, name, unit)
+        if value < 0:
+            raise self._error(element, f'{name}="{element.get(name)}" of <{local_name(element)}> must not be negative')
+        return value
+
+    # The tree
+
+    def _table(self, root: etree._Element, tag: str, read: Callable[[etree._Element], _T]) -> dict[str, _T]:
+        table: dict[str, _T] = {}
+        first: dict[str, int] = {}
+        for element in root.iterfind(_NS + tag):
+            key = element.get("id", "")
+            if key in table:
+                raise self._error(element, f"the id {key!r} is given to a second <{tag}>; first in line {first[key]}")
+            table[key] = read(element)
+            first[key] = self.document.where(element).line
+        return table
+
+    def _child(self, element: etree._Element, tag: str) -> etree._Element:
+        child = element.find(_NS + tag)
+        assert child is not None, f"the schema demands <{tag}>"
+        return child
+
+    def _error(self, element: etree._Element, message: str) -> InputError:
+        return InputError(message, self.document.where(element))
