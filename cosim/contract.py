@@ -65,7 +65,33 @@ CAR_LIKE = Contract(
     geometry={"wheelbase": Role("a", "parameter", "m"), "drive": Role("drive", "parameter", "")},
 )
 
-CONTRACTS = (CAR_LIKE,)
+TRACTOR_TRAILER = Contract(
+    vehicle="tractor_trailer",
+    pose=(
+        Role("x", "output", "m"),
+        Role("y", "output", "m"),
+        Role("theta_1", "output", "rad"),
+        Role("theta_0", "output", "rad"),
+    ),
+    velocity=(Role("v", "output", "m/s"), Role("omega", "output", "rad/s")),
+    torque=(Role("tau_right", "input", "N.m"), Role("tau_left", "input", "N.m")),
+    geometry={
+        "hitch_length": Role("d", "parameter", "m"),
+        "wheel_radius": Role("r", "parameter", "m"),
+        "half_track": Role("b", "parameter", "m"),
+    },
+)
+
+CONTRACTS = (CAR_LIKE, TRACTOR_TRAILER)
+
+
+def labels(contracts: Iterable[Contract], roles: str) -> tuple[str, ...]:
+    """Return names for the entries of the roles ``pose``, ``velocity`` or ``torque`` that fit all of the contracts.
+
+    Where vehicles differ the names are joined, as in "psi/theta_1".
+    """
+    names = zip(*([role.name for role in getattr(contract, roles)] for contract in contracts), strict=True)
+    return tuple("/".join(dict.fromkeys(entry)) for entry in names)
 
 
 @dataclass(frozen=True)

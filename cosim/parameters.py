@@ -46,6 +46,26 @@ def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, .
     return tuple(values)
 
 
+def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, Any]:
+    """Return the fields of the controllers' vehicle description, as the parameters of an FMU are set.
+
+    Raises
+    ------
+    InputError
+        A parameter of the geometry is neither set nor has a start value.
+    """
+    values = {parameter.variable.name: parameter.value for parameter in parameters}
+    found: dict[str, Any] = {}
+    for field, role in fmu.binding.contract.geometry.items():
+        bound = fmu.binding.bound[role.name]
+        variable = bound.variable
+        value = values.get(variable.name, variable.start)
+        if value is None:
+            raise InputError(f"the parameter {variable.name!r} of {fmu.path.name} has no value: set it", where)
+        found[field] = items(variable).get(int(value)) if variable.type == "Enumeration" else float(value) * bound.scale
+    return found
+
+
 def items(variable: Any) -> dict[int, str]:
     """Return the items of an enumeration by their values."""
     return {int(item.value): str(item.name) for item in variable.declaredType.items}

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cosim.contract import BoundRole
 from cosim.errors import InputError, Location, SimulationError, printable
 from cosim.fmu import Fmu
-from cosim.parameters import ParameterValue, items
+from cosim.parameters import ParameterValue
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _WARNING = 1
@@ -44,6 +44,8 @@ class Plant:
         Values for parameters of the FMU.
     pose
         Initial pose in the contract's units.
+    inputs
+        Inputs of the FMU that are given besides the torques.
     stop_time
         End of the run [s].
     where
@@ -66,6 +68,7 @@ class Plant:
         robot: str,
         parameters: Iterable[ParameterValue],
         pose: Iterable[float],
+        inputs: Iterable[BoundRole],
         stop_time: float,
         where: Location | None = None,
     ) -> None:
@@ -100,20 +103,36 @@ class Plant:
             self.close()
             raise InputError(f"the FMU {fmu.path} cannot be started as {robot}: {said}", where) from None
         self._outputs = _Block(self._instance, "fmi2GetReal", fmu.binding.of((*contract.pose, *contract.velocity)))
-        self._inputs = _Block(self._instance, "fmi2SetReal", fmu.binding.of(contract.torque))
+        self._inputs = _Block(self._instance, "fmi2SetReal", (*fmu.binding.of(contract.torque), *inputs))
         self._do_step = self._instance.dll["fmi2DoStep"]
         self._do_step.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
 
-    def step(self, time: float, step: float, torque: NDArray[np.float64]) -> None:
-        """Hold the torques (2,) [N.m] and advance from a communication point by one communication step [s].
+    def step(
+        self,
+        time: float,
+        step: float,
+        torque: NDArray[np.float64],
+        inputs: NDArray[np.float64] | tuple[()] = (),
+        changes: Iterable[ParameterValue] = (),
+    ) -> None:
+        """Hold the torques (2,) [N.m] and other inputs, and advance from a communication point by one step [s].
+
+        Parameters that change do so before.
 
         Raises
         ------
         SimulationError
-            The FMU did not accept the torques or did not complete the step: its own messages.
+            The FMU did not accept the values or did not complete the step: its own messages.
         """
-        np.divide(torque, self._inputs.scale, out=self._inputs.values)
-        self._check(self._inputs.call(), "accept the torques", time)
+        for change in changes:
+            try:
+                self._set(change)
+            except InputError as error:
+                raise SimulationError(self.robot, time, f"{change.where}: {error.message}") from None
+        self._inputs.values[:2] = torque
+        self._inputs.values[2:] = inputs
+        self._inputs.values /= self._inputs.scale
+        self._check(self._inputs.call(), "accept its inputs", time)
         self._check(self._do_step(self._instance.component, time, step, 1), "complete the step", time)
 
     def read(self, time: float, out: NDArray[np.float64]) -> None:
@@ -126,18 +145,6 @@ class Plant:
         """
         self._check(self._outputs.call(), "return its outputs", time)
         np.multiply(self._outputs.values, self._outputs.scale, out=out)
-
-    def geometry(self) -> dict[str, Any]:
-        """Return the geometry that controllers are told, as the parameters of this instance say."""
-        geometry: dict[str, Any] = {}
-        for field, role in self.fmu.binding.contract.geometry.items():
-            bound = self.fmu.binding.bound[role.name]
-            reference = [bound.variable.valueReference]
-            if bound.variable.type == "Enumeration":
-                geometry[field] = items(bound.variable).get(self._instance.getInteger(reference)[0])
-            else:
-                geometry[field] = self._instance.getReal(reference)[0] * bound.scale
-        return geometry
 
     def close(self) -> None:
         """Terminate the instance, free it and release its library."""

@@ -187,7 +187,7 @@ class _Reader:
         waypoints = element.findall(_NS + "waypoint")
         if bool(waypoints) == ("file" in element.attrib):
             raise self._error(element, "a <trajectory> needs either waypoints or file=...")
-        points = []
+        points: list[tuple[float, float, float]] = []
         for waypoint in waypoints:
             point = tuple(self._quantity(waypoint, name, unit) for name, unit in (("at", "s"), ("x", "m"), ("y", "m")))
             if points and point[0] <= points[-1][0]:
@@ -387,7 +387,8 @@ class _Reader:
 
     def _path(self, element: etree._Element, name: str) -> Path:
         """Return a path that is written relative to the folder of the file that holds the element."""
-        return (Path(self.document.where(element).file).parent / element.get(name, "")).absolute()
+        folder = Path(self.document.where(element).file).parent
+        return (folder / str(element.get(name))).absolute()
 
     def _robots(self, element: etree._Element, known: list[str]) -> tuple[str, ...]:
         robots = tuple(dict.fromkeys(element.get("robots", "").split()))

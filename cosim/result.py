@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 
+from cosim.contract import labels
 from cosim.errors import OutputError
 from cosim.fmu import Fmu
 from cosim.recorder import Recorder
@@ -43,9 +44,7 @@ def dataset(
     coordinates: dict[str, object] = {
         "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
         "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        "pose_component": [role.name for role in setup.contract.pose],
-        "velocity_component": [role.name for role in setup.contract.velocity],
-        "torque_component": [role.name for role in setup.contract.torque],
+        **{f"{roles}_component": list(labels(setup.contracts, roles)) for roles in ("pose", "velocity", "torque")},
     }
     for team in teams:
         for signal in team.controller.signals:

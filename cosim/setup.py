@@ -2,27 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import plants
-from cosim.contract import Contract
-from cosim.errors import InputError
-from cosim.fmu import Fmu, open_fmu
-from cosim.parameters import ParameterValue, understand
-from cosim.recorder import Channel
-from cosim.scenario import PlantSource, Scenario
-from cosim.summary import check_expectations
-from cosim.team import Law, find_law
-from cosim.timing import timed
+import formation_controllers as fc
+import numpy as np
+from formation_controllers.vehicles import Vehicle
+from numpy.typing import NDArray
 
-MAX_RECORD_BYTES = 4 * 1024**3
+import plants
+from cosim.contract import BoundRole, Contract, Role, unit_of
+from cosim.errors import InputError, Location, nearest
+from cosim.fmu import Fmu, open_fmu
+from cosim.formation import desired_samples
+from cosim.parameters import ParameterValue, geometry, understand
+from cosim.recorder import Channel
+from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
+from cosim.schedule import check_channels, tick_at
+from cosim.signals import input_samples
+from cosim.summary import check_expectations
+from cosim.team import Law, find_law, gains_of
+from cosim.timing import timed
+from cosim.trajectory import Motion, leader_motion
+from plants import UnitError, units
+
+MAX_BYTES = 4 * 1024**3
+"""Of what is recorded of a run, and of the signals that drive it."""
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
 """Names in a result that no channel can have: dimensions, and what follows from the channels."""
+
+_VEHICLES: Mapping[str, type[Vehicle]] = {"car_like": fc.CarLike, "tractor_trailer": fc.TractorTrailer}
+
+
+@dataclass(frozen=True)
+class RobotSetup:
+    """One robot, ready to be started.
+
+    Attributes
+    ----------
+    parameters : tuple of ParameterValue
+        Those of its plant, with its own in their place.
+    vehicle : formation_controllers.vehicles.Vehicle
+        Its geometry, as controllers are told.
+    pose : tuple of float
+        Initial pose in the contract's order and units.
+    sensor, actuator : tuple of Effect
+        What lies between it and the controllers.
+    torque : ndarray
+        Torques (ticks + 1, 2) [N.m] that act besides the controller's; a leader's are all of them.
+    inputs : tuple of BoundRole
+        Other inputs of the FMU that are given.
+    samples : ndarray
+        Their values (ticks + 1, inputs) in the FMU's own units.
+    changes : dict
+        Parameters that change, by tick.
+    """
+
+    name: str
+    where: Location
+    fmu: Fmu
+    parameters: tuple[ParameterValue, ...]
+    vehicle: Vehicle
+    pose: tuple[float, ...]
+    sensor: tuple[Effect, ...]
+    actuator: tuple[Effect, ...]
+    torque: NDArray[np.float64]
+    inputs: tuple[BoundRole, ...]
+    samples: NDArray[np.float64]
+    changes: Mapping[int, tuple[ParameterValue, ...]]
+
+    @property
+    def contract(self) -> Contract:
+        """The kind of vehicle that it is."""
+        return self.fmu.binding.contract
 
 
 @dataclass(frozen=True)
@@ -31,21 +87,35 @@ class Setup:
 
     Attributes
     ----------
-    contract : Contract
-        The kind of vehicle that all robots are.
-    fmus, parameters : dict
-        The FMU and the parameters of each plant that is used, by its id.
+    leader, followers
+        The robots.
+    motion : Motion or None
+        How the leader moves, if that is given.
+    desired : formation_controllers.Desired
+        Place of every follower at every tick and two derivatives, each (ticks + 1, N, 2).
+    fmus : dict
+        The FMU of each plant that is used, by its id.
     laws : dict
         The control law of each controller that is used, by its id.
+    gains : tuple
+        Those of each follower.
     channels : tuple of Channel
         What is recorded.
     """
 
-    contract: Contract
+    leader: RobotSetup
+    followers: tuple[RobotSetup, ...]
+    motion: Motion | None
+    desired: fc.Desired
     fmus: Mapping[str, Fmu]
-    parameters: Mapping[str, tuple[ParameterValue, ...]]
     laws: Mapping[str, Law]
+    gains: tuple[Any, ...]
     channels: tuple[Channel, ...]
+
+    @property
+    def contracts(self) -> tuple[Contract, ...]:
+        """The kinds of vehicle that there are."""
+        return tuple({robot.contract.vehicle: robot.contract for robot in (self.leader, *self.followers)}.values())
 
 
 def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> Setup:
@@ -75,22 +145,50 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
                 fmus[source.id] = open_fmu(path, source.where)
             cleanup.callback(fmus[source.id].close)
     _check_instances(scenario, fmus)
-    contract = _shared_contract(fmus)
-    parameters = {name: understand(fmu, scenario.plants[name].parameters) for name, fmu in fmus.items()}
+    _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
+    with timed(timing, "signals"):
+        leader = _leader(scenario, fmus)
+        motion = None
+        if scenario.leader.trajectory is not None:
+            motion = leader_motion(scenario.leader.trajectory, leader.vehicle, _times(scenario))
+        followers = _followers(scenario, fmus)
+        desired = [desired_samples(follower, _times(scenario)) for follower in scenario.followers]
     with timed(timing, "controllers"):
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: find_law(source) for name, source in scenario.controllers.items() if name in controlling}
-    channels = _channels(contract, len(scenario.followers), laws.values())
-    size = (scenario.ticks + 1) * sum(channel.bytes_per_sample for channel in channels)
-    if size > MAX_RECORD_BYTES:
-        raise InputError(
-            f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, more than "
-            f"{MAX_RECORD_BYTES // 1024**3} GiB: shorten its horizon or lengthen its step"
-        )
+        gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
+    channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
+    _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
     single = {channel.name: channel.units for channel in channels if channel.dims == ("robot",)}
     single |= {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
     check_expectations(scenario.expectations, single)
-    return Setup(contract, fmus, parameters, laws, channels)
+    return Setup(
+        leader=leader,
+        followers=followers,
+        motion=motion,
+        desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        fmus=fmus,
+        laws=laws,
+        gains=gains,
+        channels=channels,
+    )
+
+
+def _times(scenario: Scenario) -> NDArray[np.float64]:
+    times: NDArray[np.float64] = np.arange(scenario.ticks + 1) * scenario.step
+    return times
+
+
+def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:
+    size = (scenario.ticks + 1) * bytes_per_tick
+    if size > MAX_BYTES:
+        raise InputError(
+            f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, more than "
+            f"{MAX_BYTES // 1024**3} GiB: shorten its horizon or lengthen its step"
+        )
+
+
+# Plants -----------------------------------------------------------------------------------------------------
 
 
 def _fmu_path(source: PlantSource) -> Path:
@@ -113,14 +211,181 @@ def _check_instances(scenario: Scenario, fmus: Mapping[str, Fmu]) -> None:
             )
 
 
-def _shared_contract(fmus: Mapping[str, Fmu]) -> Contract:
-    contracts = {fmu.binding.contract.vehicle: fmu.binding.contract for fmu in fmus.values()}
-    if len(contracts) > 1:
-        raise InputError(f"a formation of different vehicles ({', '.join(contracts)}) is not possible yet")
-    return next(iter(contracts.values()))
+# Robots -----------------------------------------------------------------------------------------------------
 
 
-def _channels(contract: Contract, n: int, laws: Iterable[Law]) -> tuple[Channel, ...]:
+def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
+    leader = scenario.leader
+    contract = fmus[leader.plant].binding.contract
+    torque = np.zeros((scenario.ticks + 1, 2))
+    if leader.trajectory is None:
+        torque[:] = _entries(leader.torque, contract, contract.torque, missing=0.0)
+    for event in _events_of(scenario, LEADER):
+        if leader.trajectory is not None:
+            raise InputError("nothing can happen to a leader that moves along a <trajectory>", event.where)
+        start = tick_at(event.time, scenario.step)
+        if event.torque is not None:
+            torque[start:] = _entries(event.torque, contract, contract.torque, missing=0.0)
+        if event.stops:
+            torque[start:] = 0.0
+    return _robot(
+        scenario,
+        fmus[leader.plant],
+        LEADER,
+        leader.plant,
+        leader.where,
+        pose=None if leader.trajectory is not None else leader.pose,
+        own=leader.parameters,
+        sensor=leader.sensor,
+        actuator=(),
+        torque=torque,
+        inputs=leader.inputs,
+    )
+
+
+def _followers(scenario: Scenario, fmus: Mapping[str, Fmu]) -> tuple[RobotSetup, ...]:
+    return tuple(
+        _robot(
+            scenario,
+            fmus[follower.plant],
+            follower.id,
+            follower.plant,
+            follower.where,
+            pose=follower.pose,
+            own=follower.parameters,
+            sensor=follower.sensor,
+            actuator=(*follower.actuator, *_stops(scenario, follower.id)),
+            torque=np.zeros((scenario.ticks + 1, 2)),
+            inputs=(*scenario.inputs, *follower.inputs),
+        )
+        for follower in scenario.followers
+    )
+
+
+def _robot(
+    scenario: Scenario,
+    fmu: Fmu,
+    name: str,
+    plant: str,
+    where: Location,
+    *,
+    pose: Entries | None,
+    own: Sequence[Setting],
+    sensor: tuple[Effect, ...],
+    actuator: tuple[Effect, ...],
+    torque: NDArray[np.float64],
+    inputs: Sequence[InputSource],
+) -> RobotSetup:
+    contract = fmu.binding.contract
+    named = {setting.name for setting in own}
+    common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
+    parameters = understand(fmu, [*common, *own])
+    try:
+        vehicle = _VEHICLES[contract.vehicle](**geometry(fmu, parameters, where))
+    except fc.ControllerError as error:
+        raise InputError(f"{name}: {error}", where) from None
+    check_channels(sensor, [role.name for role in contract.pose], f"the pose of {name}, a {contract.vehicle},")
+    check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
+    others: dict[str, tuple[BoundRole, NDArray[np.float64]]] = {}
+    for source in inputs:
+        bound, unit = _input(fmu, source)
+        samples = input_samples(source, unit, _times(scenario), scenario.step, scenario.seed, name)
+        torques = [role.name for role in contract.torque]
+        if bound.role.name in torques:
+            torque[:, torques.index(bound.role.name)] += samples
+        elif source.name in others:
+            others[source.name] = bound, others[source.name][1] + samples
+        else:
+            others[source.name] = bound, samples
+    return RobotSetup(
+        name=name,
+        where=scenario.plants[plant].where,
+        fmu=fmu,
+        parameters=parameters,
+        vehicle=vehicle,
+        pose=(0.0,) * 4 if pose is None else _entries(pose, contract, contract.pose),
+        sensor=sensor,
+        actuator=actuator,
+        torque=torque,
+        inputs=tuple(bound for bound, _ in others.values()),
+        samples=np.stack([samples for _, samples in others.values()], axis=1)
+        if others
+        else np.zeros((scenario.ticks + 1, 0)),
+        changes=_changes(scenario, fmu, name),
+    )
+
+
+def _entries(
+    entries: Entries, contract: Contract, roles: Sequence[Role], missing: float | None = None
+) -> tuple[float, ...]:
+    """Return entries in a contract's order; one that is left out is an error unless `missing` stands for it."""
+    names = [role.name for role in roles]
+    for name in entries.values:
+        if name not in names:
+            raise InputError(f"a {contract.vehicle} vehicle has no {name!r}, but: {', '.join(names)}", entries.where)
+    if missing is None and (lacking := [name for name in names if name not in entries.values]):
+        raise InputError(f"the <pose> of a {contract.vehicle} vehicle lacks {', '.join(lacking)}", entries.where)
+    return tuple(entries.values.get(name, missing or 0.0) for name in names)
+
+
+def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
+    """Return the input of an FMU that a source names, and the unit in which its samples are wanted."""
+    for role in fmu.binding.contract.torque:
+        if role.name == source.name:
+            return fmu.binding.bound[role.name], units.parse(role.unit)
+    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type == "Real"}
+    if source.name not in known:
+        raise InputError(
+            f"the FMU {fmu.path.name} has no real input {source.name!r}: {nearest(source.name, list(known))}",
+            source.where,
+        )
+    variable = known[source.name]
+    has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
+    try:
+        unit = unit_of(fmu.description, variable) if has_unit else units.parse("1")
+    except UnitError as error:
+        raise InputError(
+            f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
+        ) from None
+    return BoundRole(Role(source.name, "input", str(unit)), variable, 1.0), unit
+
+
+# Events -----------------------------------------------------------------------------------------------------
+
+
+def _events_of(scenario: Scenario, robot: str) -> Iterable[Event]:
+    return (event for event in scenario.events if event.robot == robot)
+
+
+def _stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
+    """Return the ends of a robot's actuators, as losses of all effectiveness."""
+    return (
+        Effect("effectiveness", 0.0, (), event.time, float("inf"), event.where)
+        for event in _events_of(scenario, robot)
+        if event.stops
+    )
+
+
+def _changes(scenario: Scenario, fmu: Fmu, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
+    changes: dict[int, tuple[ParameterValue, ...]] = {}
+    for event in _events_of(scenario, robot):
+        values = understand(fmu, event.parameters)
+        for value in values:
+            if value.variable.variability != "tunable":
+                raise InputError(
+                    f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
+                    "tunable one can change in the course of a run",
+                    value.where,
+                )
+        tick = tick_at(event.time, scenario.step)
+        changes[tick] = (*changes.get(tick, ()), *values)
+    return changes
+
+
+# Recording --------------------------------------------------------------------------------------------------
+
+
+def _channels(contract: Contract, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
     pose, velocity, torque = (
         ", ".join(role.unit for role in roles) for roles in (contract.pose, contract.velocity, contract.torque)
     )
@@ -138,6 +403,11 @@ def _channels(contract: Contract, n: int, laws: Iterable[Law]) -> tuple[Channel,
             Channel("desired_bearing", ("robot",), (n,), "rad", "desired bearing"),
         )
     }
+    if told:
+        name = "measured_leader_pose"
+        channels[name] = Channel(
+            name, ("pose_component",), (4,), pose, "pose of the virtual leader as followers are told"
+        )
     taken = {*channels, *RESERVED, *(dim for channel in channels.values() for dim in channel.dims)}
     telemetry: dict[str, tuple[Any, Channel]] = {}
     for law in laws:

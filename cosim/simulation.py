@@ -10,7 +10,9 @@ from typing import Self
 import formation_controllers as fc
 import numpy as np
 import xarray as xr
+from formation_controllers.vehicles import Vehicle
 
+from cosim.actuating import Actuators
 from cosim.errors import InputError, RunInterrupted, SimulationError
 from cosim.interrupt import HeldSignals
 from cosim.plant import Plant
@@ -18,7 +20,7 @@ from cosim.recorder import Recorder
 from cosim.result import dataset
 from cosim.scenario import LEADER, Scenario
 from cosim.sensing import PoseSensor
-from cosim.setup import set_up
+from cosim.setup import RobotSetup, set_up
 from cosim.team import Team
 from cosim.timing import timed
 
@@ -51,20 +53,23 @@ class Simulation:
         self.tick = 0
         self.timing: dict[str, float] = {}
         n = len(scenario.followers)
+        robots = [LEADER, *(follower.id for follower in scenario.followers)]
         self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
-        self._measured = np.zeros((n, 4))
+        self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
+        self._told = np.zeros(6)
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
-        self._torque[0] = scenario.leader.torque
-        desired = np.array([follower.desired for follower in scenario.followers])
-        self._desired = fc.Desired(desired, np.zeros_like(desired), np.zeros_like(desired))
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing)
             self._plants = self._start_plants(cleanup)
             self._teams = self._gather_teams()
-            robots = [follower.id for follower in scenario.followers]
-            channels = [role.name for role in self.setup.contract.pose]
-            self._sensor = PoseSensor(scenario.seed, robots, channels, scenario.noise)
+            setups = (self.setup.leader, *self.setup.followers)
+            poses = [[role.name for role in robot.contract.pose] for robot in setups]
+            torques = [[role.name for role in robot.contract.torque] for robot in self.setup.followers]
+            self._sensor = PoseSensor(scenario.seed, robots, poses, [robot.sensor for robot in setups], scenario.step)
+            self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
+            self._external = np.stack([robot.torque for robot in setups], axis=1)
+            self._disturbed = bool(self._external[:, 1:].any())
             self._recorder = Recorder(scenario.ticks + 1, self.setup.channels)
             self._cleanup = cleanup.pop_all()
 
@@ -97,22 +102,41 @@ class Simulation:
         self.tick += 1
 
     def _sense(self) -> None:
-        for plant, state in zip(self._plants, self._state, strict=True):
+        for plant, state in zip(self._plants, self._state[-len(self._plants) :], strict=True):
             plant.read(self.time, state)
+        if self.setup.motion is not None:
+            self._state[0] = self.setup.motion.state[self.tick]
         if not (np.abs(self._state) < _BOUNDS).all():  # not finite is not smaller
             self._report_divergence()
-        self._sensor.measure(self.tick, self._state[1:, :4], self._measured)
+        self._sensor.measure(self.tick, self._state[:, :4], self._measured)
 
     def _control(self) -> None:
-        leader = fc.Leader(self._state[0, :4], self._state[0, 4:])
+        if self.tick % self.scenario.period:
+            return  # the commands are held
+        motion = self.setup.motion
+        acceleration = None if motion is None else motion.acceleration[self.tick]
+        self._told[:4] = self._measured[0]
+        self._told[4:] = self._state[0, 4:]
         for team in self._teams:
             self._command[team.rows] = team.step(
-                self.time, self._measured, self._state[1:, 4:], leader, self._desired, first=self.tick == 0
+                self.time,
+                self._measured[1:],
+                self._state[1:, 4:],
+                self._told,
+                acceleration,
+                self._desired,
+                first=self.tick == 0,
             )
 
+    @property
+    def _desired(self) -> fc.Desired:
+        return fc.Desired(*(samples[self.tick] for samples in self.setup.desired))
+
     def _actuate(self) -> None:
-        limit = self.scenario.saturation
-        np.clip(self._command, -limit, limit, out=self._torque[1:])
+        self._torque[0] = self._external[self.tick, 0]
+        self._actuators.apply(self.tick, self._command, self._torque[1:])
+        if self._disturbed:
+            self._torque[1:] += self._external[self.tick, 1:]
 
     def _record(self) -> None:
         row = self._recorder.row
@@ -122,25 +146,29 @@ class Simulation:
         row("leader_torque", k)[:] = self._torque[0]
         row("pose", k)[:] = self._state[1:, :4]
         row("velocity", k)[:] = self._state[1:, 4:]
-        row("measured_pose", k)[:] = self._measured
+        row("measured_pose", k)[:] = self._measured[1:]
+        if self.scenario.leader.sensor:
+            row("measured_leader_pose", k)[:] = self._measured[0]
         row("torque", k)[:] = self._torque[1:]
-        row("desired_range", k)[:] = self._desired.q[:, 0]
-        row("desired_bearing", k)[:] = self._desired.q[:, 1]
+        row("desired_range", k)[:] = self.setup.desired.q[k, :, 0]
+        row("desired_bearing", k)[:] = self.setup.desired.q[k, :, 1]
         for team in self._teams:
             for name, values in team.telemetry(self.time).items():
                 row(name, k)[team.rows] = values
         self._recorder.recorded = k + 1
 
     def _step_plants(self) -> None:
-        for plant, torque in zip(self._plants, self._torque, strict=True):
-            plant.step(self.time, self.scenario.step, torque)
+        k = self.tick
+        for plant, setup, torque in zip(self._plants, self._driven, self._torque[-len(self._plants) :], strict=True):
+            plant.step(self.time, self.scenario.step, torque, setup.samples[k], setup.changes.get(k, ()))
 
     def _report_divergence(self) -> None:
         row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < _BOUNDS))[0])
-        role = (*self.setup.contract.pose, *self.setup.contract.velocity)[column]
+        robot = (self.setup.leader, *self.setup.followers)[row]
+        role = (*robot.contract.pose, *robot.contract.velocity)[column]
         value = self._state[row, column]
         raise SimulationError(
-            self._plants[row].robot,
+            robot.name,
             self.time,
             f"the motion has diverged: {role.name} = {value:.4g} {role.unit}",
         )
@@ -207,30 +235,42 @@ class Simulation:
     # Setting up --------------------------------------------------------------------------------------------
 
     def _start_plants(self, cleanup: ExitStack) -> list[Plant]:
-        scenario = self.scenario
-        robots = [(LEADER, scenario.leader.plant, scenario.leader.pose)]
-        robots += [(follower.id, follower.plant, follower.pose) for follower in scenario.followers]
         started = []
         with timed(self.timing, "load"):
-            for robot, source, pose in robots:
-                fmu, parameters = self.setup.fmus[source], self.setup.parameters[source]
-                plant = Plant(fmu, robot, parameters, pose, scenario.horizon, scenario.plants[source].where)
+            for robot in self._driven:
+                plant = Plant(
+                    robot.fmu,
+                    robot.name,
+                    robot.parameters,
+                    robot.pose,
+                    robot.inputs,
+                    self.scenario.horizon,
+                    robot.where,
+                )
                 cleanup.callback(plant.close)
                 started.append(plant)
         return started
 
+    @property
+    def _driven(self) -> tuple[RobotSetup, ...]:
+        """The robots that are plants: all, but for a leader whose motion is given."""
+        return self.setup.followers if self.setup.motion is not None else (self.setup.leader, *self.setup.followers)
+
     def _gather_teams(self) -> list[Team]:
-        groups: dict[tuple[str, str], list[int]] = {}
-        for row, follower in enumerate(self.scenario.followers):
-            groups.setdefault((follower.controller, follower.plant), []).append(row)
-        teams = []
+        scenario, setup = self.scenario, self.setup
+        groups: dict[tuple[str, Vehicle], list[int]] = {}
+        for row, (follower, robot) in enumerate(zip(scenario.followers, setup.followers, strict=True)):
+            groups.setdefault((follower.controller, robot.vehicle), []).append(row)
         with timed(self.timing, "controllers"):
-            for (controller, _), rows in groups.items():
-                law = self.setup.laws[controller]
-                try:
-                    vehicle = fc.CarLike(**self._plants[1 + rows[0]].geometry())
-                except fc.ControllerError as error:
-                    raise InputError(str(error), law.source.where) from None
-                robots = [self.scenario.followers[row].id for row in rows]
-                teams.append(Team(law, robots, rows, vehicle, self.scenario.step))
-        return teams
+            return [
+                Team(
+                    setup.laws[controller],
+                    [setup.gains[row] for row in rows],
+                    [setup.followers[row].name for row in rows],
+                    rows,
+                    vehicle,
+                    setup.leader.vehicle,
+                    scenario.step * scenario.period,
+                )
+                for (controller, vehicle), rows in groups.items()
+            ]

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from cosim.errors import InputError, nearest
-from cosim.scenario import RmsExpectation, Scenario
+from cosim.scenario import Expectation, Scenario
 from plants import UnitError, units
 
 RANGE_BAND = 0.1
@@ -104,7 +104,7 @@ def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
     )
 
 
-def check_expectations(expectations: Sequence[RmsExpectation], units_of: dict[str, str]) -> None:
+def check_expectations(expectations: Sequence[Expectation], units_of: dict[str, str]) -> None:
     """Check that every expectation is about a signal that is recorded, with a bound in a unit that fits.
 
     Parameters
@@ -124,7 +124,7 @@ def check_expectations(expectations: Sequence[RmsExpectation], units_of: dict[st
             raise InputError(message, expectation.where)
         unit = units_of[expectation.signal]
         try:
-            bound = units.convert(expectation.below, expectation.unit, unit)
+            bound = units.convert(expectation.bound, expectation.unit, unit)
         except UnitError as error:
             raise InputError(
                 f"the bound of {expectation.signal!r}, which is in {unit}: {error}", expectation.where
@@ -177,7 +177,7 @@ def _sign_changes(result: xr.Dataset) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _judge(expectation: RmsExpectation, result: xr.Dataset) -> list[Verdict]:
+def _judge(expectation: Expectation, result: xr.Dataset) -> list[Verdict]:
     signal = result[expectation.signal]
     window = signal.sel(time=slice(expectation.start - 1e-9, expectation.stop + 1e-9))
     verdicts = []
@@ -188,9 +188,9 @@ def _judge(expectation: RmsExpectation, result: xr.Dataset) -> list[Verdict]:
                 expectation=f"rms {expectation.signal}, {expectation.start:g} to {expectation.stop:g} s",
                 robot=str(robot),
                 figure=figure,
-                bound=expectation.below,
+                bound=expectation.bound,
                 unit="" if expectation.unit == "1" else expectation.unit,
-                passed=figure < expectation.below,
+                passed=figure < expectation.bound,
             )
         )
     return verdicts

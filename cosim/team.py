@@ -8,11 +8,13 @@ from typing import Any
 
 import formation_controllers as fc
 import numpy as np
+from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from cosim.errors import InputError, SimulationError, nearest
-from cosim.scenario import ControllerSource
+from cosim.leader import as_seen_by
+from cosim.scenario import ControllerSource, Setting
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Law:
     controller_type : type
         The class, a `formation_controllers.controller.Controller`.
     gains : formation_controllers.Gains
-        The gains.
+        The gains of followers who have none of their own.
     """
 
     source: ControllerSource
@@ -69,7 +71,22 @@ def find_law(source: ControllerSource) -> Law:
         raise InputError(error.message, source.where) from None
     except fc.ControllerError as error:
         raise InputError(str(error), source.where) from None
-    return Law(source, found.package, found.version, law, _gains(source, law))
+    return Law(source, found.package, found.version, law, _gains(source.id, law, source.gains))
+
+
+def gains_of(law: Law, own: Sequence[Setting]) -> Any:
+    """Return the gains of a follower with some of its own.
+
+    Raises
+    ------
+    InputError
+        A gain is wrong, with its place.
+    """
+    if not own:
+        return law.gains
+    names = {setting.name for setting in own}
+    common = [setting for setting in law.source.gains if setting.name not in names]
+    return _gains(law.source.id, law.controller_type, [*common, *own])
 
 
 class Team:
@@ -79,10 +96,14 @@ class Team:
     ----------
     law
         The control law.
+    gains
+        Those of each follower.
     robots, rows
         The followers' names, and their rows in the arrays of all followers.
     vehicle
         Their geometry.
+    leader
+        The leader's geometry.
     period
         Sample period [s].
 
@@ -93,14 +114,25 @@ class Team:
     """
 
     def __init__(
-        self, law: Law, robots: Sequence[str], rows: Sequence[int], vehicle: fc.CarLike, period: float
+        self,
+        law: Law,
+        gains: Sequence[Any],
+        robots: Sequence[str],
+        rows: Sequence[int],
+        vehicle: Vehicle,
+        leader: Vehicle,
+        period: float,
     ) -> None:
         self.law = law
         self.robots = tuple(robots)
         self.rows = np.asarray(rows)
         self.vehicle = vehicle
+        self.leader = leader
+        shared = all(own is gains[0] for own in gains)
         try:
-            self.controller = law.controller_type(fc.Team(vehicle, len(robots), period), law.gains)
+            self.controller = law.controller_type(
+                fc.Team(vehicle, len(robots), period), gains[0] if shared else tuple(gains)
+            )
         except Exception as error:  # a controller is other people's code
             raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
 
@@ -109,14 +141,16 @@ class Team:
         time: float,
         pose: NDArray[np.float64],
         velocity: NDArray[np.float64],
-        leader: fc.Leader,
+        leader: NDArray[np.float64],
+        acceleration: NDArray[np.float64] | None,
         desired: fc.Desired,
         *,
         first: bool,
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
 
-        Poses are those measured; a law that needs velocities is given the true ones, and no other law any.
+        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader is
+        its pose and pseudo-velocities (6,), and its accelerations where they are known.
 
         Raises
         ------
@@ -125,10 +159,11 @@ class Team:
         """
         own = fc.Desired(desired.q[self.rows], desired.q_dot[self.rows], desired.q_ddot[self.rows])
         measured = {"velocity": velocity[self.rows]} if "velocity" in self.controller.needs else {}
+        seen = as_seen_by(self.vehicle, self.leader, leader, acceleration)
         try:
             if first:
-                self.controller.start(pose[self.rows], leader, own)
-            torque = np.asarray(self.controller.step(pose[self.rows], leader, own, **measured), dtype=float)
+                self.controller.start(pose[self.rows], seen, own)
+            torque = np.asarray(self.controller.step(pose[self.rows], seen, own, **measured), dtype=float)
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
         if torque.shape != (len(self.robots), 2):
@@ -184,13 +219,13 @@ def _check_package(source: ControllerSource, found: fc.Installed) -> None:
         )
 
 
-def _gains(source: ControllerSource, law: Any) -> Any:
+def _gains(controller: str, law: Any, settings: Sequence[Setting]) -> Any:
     values: dict[str, float | tuple[float, ...]] = {}
-    for setting in source.gains:
+    for setting in settings:
         numbers = tuple(float(number) for number in setting.value.split())
         values[setting.name] = numbers[0] if len(numbers) == 1 else numbers
         try:  # one by one, so that the error names the line of the gain that is wrong
             gains = law.gains_type.from_mapping(values)
         except fc.GainError as error:
-            raise InputError(f"controller {source.id!r}: {error}", setting.where) from None
-    return gains if source.gains else law.gains_type()
+            raise InputError(f"controller {controller!r}: {error}", setting.where) from None
+    return gains if settings else law.gains_type()

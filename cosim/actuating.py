@@ -1,0 +1,46 @@
+"""What lies between the torques that controllers command and those that act."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.scenario import Effect
+from cosim.schedule import Delay, Schedule
+
+
+class Actuators:
+    """Delay, rate limit, saturation and loss of effectiveness of every torque of every robot, in this order.
+
+    Parameters
+    ----------
+    channels, effects
+        Names of the torques and what the actuators do, of each robot.
+    step
+        Communication step [s].
+    """
+
+    def __init__(self, channels: Sequence[Sequence[str]], effects: Sequence[Sequence[Effect]], step: float) -> None:
+        self._delay = Delay(effects, channels, step)
+        self._rate = Schedule("rate", effects, channels, step, math.inf, np.minimum)
+        self._limit = Schedule("saturation", effects, channels, step, math.inf, np.minimum)
+        self._factor = Schedule("effectiveness", effects, channels, step, 1.0, np.multiply)
+        self._step = step
+        self._before = np.zeros((len(channels), 2))
+
+    def apply(self, tick: int, command: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Write the torques (N, 2) [N.m] that act from a tick to the next into `out`; ticks come in order from 0."""
+        out[:] = self._delay(tick, command, 0.0) if self._delay.used else command
+        if self._rate.used:
+            most = self._rate.at(tick) * self._step
+            change = np.clip(out - self._before, -most, most)
+            np.copyto(out, self._before + change, where=np.isfinite(most))
+            self._before[:] = out
+        if self._limit.used:
+            limit = self._limit.at(tick)
+            np.clip(out, -limit, limit, out=out)
+        if self._factor.used:
+            out *= self._factor.at(tick)

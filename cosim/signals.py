@@ -1,0 +1,120 @@
+"""What is added to the inputs of a plant, over time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import InputError
+from cosim.quantity import quantity
+from cosim.scenario import InputSource, Wave
+from cosim.sensing import random_stream
+from cosim.table import read_table
+from plants import units
+
+MIN_CUTOFF = 1e-6
+"""Smallest cutoff of a random signal, as part of the communication points' frequency: below it, rounding moves the
+filter's poles, which come near to one."""
+
+TIME_TOLERANCE = 1e-9
+"""By how much [s] a computed point in time may differ from the decimal number that is meant."""
+
+
+def input_samples(
+    source: InputSource, unit: units.Unit, times: NDArray[np.float64], step: float, seed: int, robot: str
+) -> NDArray[np.float64]:
+    """Return the sum of an input's signals at the communication points.
+
+    A signal with a window is zero before its start and from its end on: the start is included, the end excluded.
+
+    Parameters
+    ----------
+    source
+        The input and its signals.
+    unit
+        The unit in which the result is wanted, that of the plant's input.
+    times
+        The communication points (T,) [s], from 0 on in steps of `step`.
+    step
+        Communication step [s].
+    seed, robot
+        With the input's name and the signal's position in it they name the stream of random numbers: a random signal
+        is the same whatever other robots and inputs there are, and however long the run is.
+
+    Returns
+    -------
+    ndarray
+        Shape (T,), in `unit`.
+
+    Raises
+    ------
+    InputError
+        A value's unit does not fit, a table cannot be used, a cutoff is out of range, or the sum is too large a number.
+    """
+    total = np.zeros(len(times))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for index, wave in enumerate(source.waves):
+            if wave.kind == "random":
+                total += _random(wave, unit, times, step, random_stream(seed, robot, f"input.{source.name}.{index}"))
+            else:
+                total += _wave(wave, unit, times)
+    if not np.isfinite(total).all():
+        raise InputError(
+            f"the signals of the input {source.name!r} add up to more than can be computed with", source.where
+        )
+    return total
+
+
+def _wave(wave: Wave, unit: units.Unit, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    if wave.kind == "table":
+        assert wave.file is not None
+        table = read_table(wave.file, wave.where)
+        return np.interp(times, table.time, table.column(wave.column, unit, wave.where))
+    value = _value(wave, unit)
+    if wave.kind == "ramp":
+        return value * np.clip((times - wave.start) / (wave.stop - wave.start), 0.0, 1.0)
+    course = np.full(len(times), value)
+    if wave.kind == "sine":
+        course *= np.sin(2 * math.pi / wave.period * (times - wave.start) + wave.phase)
+    return np.where(_during(wave, times), course, 0.0)
+
+
+def _random(
+    wave: Wave, unit: units.Unit, times: NDArray[np.float64], step: float, stream: np.random.Generator
+) -> NDArray[np.float64]:
+    """White Gaussian noise through a Butterworth low-pass of second order, stationary from the first sample on."""
+    from scipy import signal  # slow to import, and few scenarios need it
+
+    part = wave.cutoff * step
+    if not MIN_CUTOFF <= part <= 0.5 - MIN_CUTOFF:
+        raise InputError(
+            f"the cutoff {wave.cutoff:g} Hz of a random signal is not from {MIN_CUTOFF / step:g} Hz to "
+            f"{(0.5 - MIN_CUTOFF) / step:g} Hz, as communication steps of {step:g} s need",
+            wave.where,
+        )
+    sos = signal.butter(2, 2 * part, output="sos")
+    b_0, b_1, b_2, _, a_1, a_2 = sos[0]
+    # The filter's state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has for white
+    # noise u of variance 1 the stationary covariance p = A p A' + c c'. In this form no digits are lost.
+    c_1, c_2 = b_1 - a_1 * b_0, b_2 - a_2 * b_0
+    p_11 = ((1 + a_2) * (c_1**2 + c_2**2) - 2 * a_1 * c_1 * c_2) / ((1 - a_2) * (1 + a_1 + a_2) * (1 + a_2 - a_1))
+    p_12 = (a_1 * a_2 * p_11 + c_1 * c_2) / (1 + a_2)
+    p_22 = a_2**2 * p_11 + c_2**2
+    first, second = stream.standard_normal(2)
+    z_1 = math.sqrt(p_11) * first
+    z_2 = p_12 / p_11 * z_1 + math.sqrt(max(p_22 - p_12**2 / p_11, 0.0)) * second
+    course, _ = signal.sosfilt(sos, stream.standard_normal(len(times)), zi=np.array([[z_1, z_2]]))
+    return np.where(_during(wave, times), _value(wave, unit) / math.sqrt(p_11 + b_0**2) * course, 0.0)
+
+
+def _value(wave: Wave, unit: units.Unit) -> float:
+    try:
+        return quantity(wave.value, unit)
+    except ValueError as error:
+        raise InputError(f'value="{wave.value}" of <{wave.kind}>: {error}', wave.where) from None
+
+
+def _during(wave: Wave, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (times >= wave.start - TIME_TOLERANCE) & (times < wave.stop - TIME_TOLERANCE)
