@@ -339,7 +339,7 @@ class _Reader:
             raise self._error(
                 simulation, f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible"
             )
-        return self._whole(simulation, f"the horizon {horizon:g} s", steps, 1)
+        return self._whole(simulation, f"horizon {horizon:g} s", steps, 1)
 
     def _steps(self, element: etree._Element, name: str) -> int:
         """Return how many communication steps a time is."""
@@ -351,7 +351,7 @@ class _Reader:
         if whole < least or abs(steps - whole) > 1e-9 * max(whole, 1):
             raise self._error(
                 element,
-                f"the {what.removeprefix('the ')} is not a whole number of communication steps of {self.step:g} s",
+                f"the {what} is not a whole number of communication steps of {self.step:g} s",
             )
         return whole
 

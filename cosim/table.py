@@ -98,29 +98,18 @@ def read_table(path: Path, where: Location) -> Table:
         The file cannot be read or is too large, is no such table, a cell is not a finite number, or the time does not
         increase; with the line of the file, and the place in the scenario.
     """
-    text = _read_text(path, where)
-    rows = csv.reader(io.StringIO(text, newline=""))
+    text = io.StringIO(_read_text(path, where), newline="")
+    columns = _header(text, path, where)
+    body = text.tell()
     try:
-        header = _header(next(rows, []), path, where)
-        cells, lines = _cells(rows, list(header), path, where)
-    except csv.Error as error:
-        raise _error(path, rows.line_num, f"is not a table of comma-separated values: {error}", where) from None
-    if not lines:
-        raise _error(path, 1, "the table has no rows below its header", where)
-    values = np.frombuffer(cells).reshape(len(lines), len(header))
-    finite = np.isfinite(values)
-    if not finite.all():
-        row, column = np.argwhere(~finite)[0]
-        raise _error(path, lines[row], f"{list(header)[column]!r} is {values[row, column]}, not a finite number", where)
-    table = Table(path, header, np.empty(0), values)
+        values = np.loadtxt(text, delimiter=",", quotechar='"', comments=None, ndmin=2)
+    except ValueError as error:
+        text.seek(body)
+        raise _problem(text, list(columns), path, where) or _error(path, 0, f"is no such table: {error}", where) from None
+    table = Table(path, columns, np.empty(0), values)
     time = table.column("time", "s", where)
-    late = np.diff(time) > 0
-    if not late.all():
-        row = int(np.argmin(late)) + 1
-        raise _error(
-            path, lines[row], f"the time {time[row]:g} s is not later than {time[row - 1]:g} s before it", where
-        )
-    return Table(path, header, time, values)
+
+    return Table(path, columns, time, values)
 
 
 def _read_text(path: Path, where: Location) -> str:
