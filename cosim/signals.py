@@ -96,8 +96,8 @@ def _random(
         )
     sos = signal.butter(2, 2 * part, output="sos")
     b_0, b_1, b_2, _, a_1, a_2 = sos[0]
-    # The filter's state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has for white
-    # noise u of variance 1 the stationary covariance p = A p A' + c c'. In this form no digits are lost.
+    # The filter's state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has for
+    # white noise u of variance 1 the stationary covariance p = A p A' + c c'. In this form no digits are lost.
     c_1, c_2 = b_1 - a_1 * b_0, b_2 - a_2 * b_0
     p_11 = ((1 + a_2) * (c_1**2 + c_2**2) - 2 * a_1 * c_1 * c_2) / ((1 - a_2) * (1 + a_1 + a_2) * (1 + a_2 - a_1))
     p_12 = (a_1 * a_2 * p_11 + c_1 * c_2) / (1 + a_2)

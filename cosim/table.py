@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
-from array import array
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,14 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, Location, nearest, printable
 from plants import UnitError, units
 
+if TYPE_CHECKING:
+    from _csv import Reader
+
 MAX_BYTES = 64 * 1024 * 1024
 MAX_CELLS = 10_000_000
 
 _CELL = re.compile(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[\s*([^\[\]\s]+)\s*\])?\s*")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +103,16 @@ def read_table(path: Path, where: Location) -> Table:
         The file cannot be read or is too large, is no such table, a cell is not a finite number, or the time does not
         increase; with the line of the file, and the place in the scenario.
     """
-    text = io.StringIO(_read_text(path, where), newline="")
-    columns = _header(text, path, where)
-    body = text.tell()
+    text = _read_text(path, where)
+    stream = io.StringIO(text, newline="")
     try:
-        values = np.loadtxt(text, delimiter=",", quotechar='"', comments=None, ndmin=2)
-    except ValueError as error:
-        text.seek(body)
-        raise _problem(text, list(columns), path, where) or _error(path, 0, f"is no such table: {error}", where) from None
-    table = Table(path, columns, np.empty(0), values)
-    time = table.column("time", "s", where)
-
+        columns = _header(next(csv.reader(stream), []), path, where)
+        values = _parse(stream, len(columns))
+        if values is None or not (np.diff(values[:, list(columns).index("time")]) > 0).all():
+            raise _problem(csv.reader(io.StringIO(text, newline="")), list(columns), path, where)
+    except csv.Error as error:
+        raise _error(path, 1, f"is not a table of comma-separated values: {error}", where) from None
+    time = Table(path, columns, np.empty(0), values).column("time", "s", where)
     return Table(path, columns, time, values)
 
 
@@ -155,31 +159,37 @@ def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
     return header
 
 
-def _cells(rows: Any, names: list[str], path: Path, where: Location) -> tuple[array[float], array[int]]:
-    """Return all numbers, row by row, and the line of each row."""
-    cells, lines = array("d"), array("q")
-    for row in rows:
-        if not row:
-            continue
-        if len(row) != len(names):
-            raise _error(
-                path, rows.line_num, f"the row has {len(row)} cells, but the table has {len(names)} columns", where
-            )
+def _parse(stream: io.StringIO, width: int) -> NDArray[np.float64] | None:
+    """Return the numbers (T, width) in what is left of a file, or None if it is not such a table."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # there are no rows
         try:
-            cells.extend(map(float, row))
+            values = np.loadtxt(stream, delimiter=",", quotechar='"', comments=None, ndmin=2)
         except ValueError:
-            name, cell = next((name, cell) for name, cell in zip(names, row, strict=True) if not _is_number(cell))
-            raise _error(path, rows.line_num, f"{_shown(cell)} in the column {name!r} is not a number", where) from None
-        lines.append(rows.line_num)
-    return cells, lines
+            return None
+    return values if values.shape[1] == width and len(values) and np.isfinite(values).all() else None
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> InputError:
+    """Return what is wrong with the first row that is wrong."""
+    next(rows)
+    time = names.index("time")
+    before = -math.inf
+    for row in filter(None, rows):
+        if len(row) != len(names):
+            count = f"the row has {len(row)} cell{'s' * (len(row) != 1)}, but the first line names {len(names)}"
+            return _error(path, rows.line_num, count, where)
+        for name, cell in zip(names, row, strict=True):
+            if not _NUMBER.fullmatch(cell.strip()) or math.isinf(float(cell)):
+                return _error(
+                    path, rows.line_num, f"{_shown(cell)} in the column {name!r} is not a finite number", where
+                )
+        if float(row[time]) <= before:
+            return _error(
+                path, rows.line_num, f"the time {row[time].strip()} is not later than {before:g} before it", where
+            )
+        before = float(row[time])
+    return _error(path, 1, "the table has no rows below its first line", where)
 
 
 def _shown(text: str) -> str:
