@@ -24,6 +24,8 @@ class Channel:
         How a reader is told what it is.
     singular_at_zero : str
         What is singular where it is zero, if anything is.
+    singular_below : float
+        Magnitude below which it is near that; zero if only changes of sign tell.
     """
 
     name: str
@@ -32,12 +34,15 @@ class Channel:
     units: str
     long_name: str
     singular_at_zero: str = ""
+    singular_below: float = 0.0
 
     @property
-    def attributes(self) -> dict[str, str]:
+    def attributes(self) -> dict[str, str | float]:
         """The attributes of the variable in a result."""
-        told = {"units": self.units, "long_name": self.long_name}
-        return told | ({"singular_at_zero": self.singular_at_zero} if self.singular_at_zero else {})
+        told: dict[str, str | float] = {"units": self.units, "long_name": self.long_name}
+        if self.singular_at_zero:
+            told |= {"singular_at_zero": self.singular_at_zero, "singular_below": self.singular_below}
+        return told
 
     @property
     def bytes_per_sample(self) -> int:

@@ -420,6 +420,6 @@ def _channels(contract: Contract, n: int, told: bool, laws: Iterable[Law]) -> tu
                     f"controller {law.source.id!r}: its signal {signal.name!r} has the name of another in the result",
                     law.source.where,
                 )
-            about = (signal.unit, signal.description, signal.singular_at_zero)
+            about = (signal.unit, signal.description, signal.singular_at_zero, float(signal.singular_below))
             telemetry[signal.name] = (signal, Channel(signal.name, dims, shape, *about))
     return (*channels.values(), *(channel for _, channel in telemetry.values()))

@@ -97,7 +97,7 @@ def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
         followers=tuple(_figures(scenario, result.sel(robot=robot)) for robot in result["robot"].values),
         smallest_distance=distance,
         smallest_distance_between=pair,
-        notes=(*_sign_changes(result), *json.loads(result.attrs["plant_messages"])),
+        notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
         verdicts=tuple(
             verdict for expectation in scenario.expectations if complete for verdict in _judge(expectation, result)
         ),
@@ -163,17 +163,29 @@ def _smallest_distance(result: xr.Dataset) -> tuple[float | None, tuple[str, str
     return smallest
 
 
-def _sign_changes(result: xr.Dataset) -> tuple[str, ...]:
-    """Say which robots left the domain of the theory: a step that jumps over a singularity hides it otherwise."""
+def _singularities(result: xr.Dataset) -> tuple[str, ...]:
+    """Say which robots crossed a singularity, which a step that jumps over it hides otherwise, or came near one."""
     notes = []
+    time = result["time"].values
     for name, signal in result.data_vars.items():
-        meaning = signal.attrs.get("singular_at_zero")
+        meaning, below = signal.attrs.get("singular_at_zero"), signal.attrs.get("singular_below", 0.0)
         for robot in result["robot"].values if meaning else ():
-            changes = np.flatnonzero(np.diff(np.signbit(signal.sel(robot=robot).values)))
+            values = signal.sel(robot=robot).values.reshape(len(time), math.prod(signal.shape[2:]))  # its components
+            changes = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
+            nearness = np.abs(values).min(axis=1)
+            near = np.flatnonzero(nearness < below)
+            said = []
             if len(changes):
                 times = f"{len(changes)} times, first" if len(changes) > 1 else "once,"
-                at = float(result["time"].values[changes[0] + 1])
-                notes.append(f"{robot}: {name} changes sign {times} at t = {at:.2f} s; where it is zero, {meaning}")
+                said.append(f"changes sign {times} at t = {time[changes[0] + 1]:.2f} s")
+            if len(near):
+                least = near[nearness[near].argmin()]
+                said.append(
+                    f"is within {below:g} of zero first at t = {time[near[0]]:.2f} s, "
+                    f"nearest with {values[least][np.abs(values[least]).argmin()]:.2g} at t = {time[least]:.2f} s"
+                )
+            if said:
+                notes.append(f"{robot}: {name} {', and '.join(said)}; where it is zero, {meaning}")
     return tuple(notes)
 
 

@@ -50,8 +50,8 @@ class Variable:
     start
         Start value of a state, value of an input before it is set, default of a parameter.
     min, max
-        Bounds, both allowed, that an FMU checks when the simulation starts. Where equations cease to hold while it
-        runs is a `Limit`.
+        Bounds, both allowed, that an FMU checks when the simulation starts, those of a parameter also when it changes
+        later. Where equations cease to hold while it runs is a `Limit`.
     nominal
         Typical magnitude, for solvers and tolerances.
     """
@@ -87,12 +87,14 @@ class Input(Variable):
 
 @dataclass(frozen=True)
 class Parameter(Variable):
-    """A parameter, fixed once the simulation has begun."""
+    """A parameter; it may change between two steps of a simulation unless `tunable` is false, then it is fixed."""
+
+    tunable: bool = True
 
 
 @dataclass(frozen=True)
 class Enumeration:
-    """A parameter that chooses one of several named variants; the first is the default.
+    """A parameter that chooses one of several named variants, for a whole simulation; the first is the default.
 
     Parameters
     ----------

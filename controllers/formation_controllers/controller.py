@@ -181,8 +181,14 @@ class Controller(ABC, Generic[G]):
         torque = _array(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
         if not finite(torque):
             robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
-            values = ", ".join(f"{s.name} = {self._telemetry[s.name][robot]} {s.unit}" for s in self.signals)
-            raise ControllerError(f"the torque is not finite, at {values}", robot=robot)
+            told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
+            values = ", ".join(f"{signal.name} = {value} {signal.unit}" for signal, value in told)
+            near = "".join(
+                f"; {signal.name} is near zero, where {signal.singular_at_zero}"
+                for signal, value in told
+                if (np.abs(value) < signal.singular_below).any()
+            )
+            raise ControllerError(f"the torque is not finite, at {values}{near}", robot=robot)
         return torque
 
     def telemetry(self) -> dict[str, Floats]:

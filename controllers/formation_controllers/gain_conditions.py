@@ -1,4 +1,4 @@
-"""The conditions of Theorem 1 on the gains, (39) to (42), and of Remark 2 on the formation.
+"""The conditions of Theorem 1 on the gains, (39) to (42), its region of attraction, (52), and Remark 2.
 
 With kappa = lambda_max(K_p)/lambda_min(K_p) and the free constant l, (39) and (40) divided by lambda_min(K_p) are::
 
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation_controllers.errors import ControllerError, GainError
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.observer_pid import ObserverPidGains
 
 G = TypeVar("G", bound=ObserverPidGains)
@@ -43,15 +44,16 @@ class Bounds:
     c_1, c_2, c_4, c_5
         Constants of (22) and (38); they depend on the gains too.
     c_3
-        Constant of (27). It enters only the region of attraction, (52), which is not computed here: no condition
-        depends on it.
+        Constant of (27). It enters only the region of attraction, (52): no condition depends on it.
     lambda_m, lambda_d
         Smallest eigenvalues of M and D, Properties 1 and 3.
+    lambda_M
+        Largest eigenvalue of M, Property 1, if it is known. It enters only the region of attraction.
 
     Raises
     ------
     ControllerError
-        If one is negative or not finite, or lambda_m is zero.
+        If one is negative or not finite, lambda_m is zero, or lambda_M is less than lambda_m.
     """
 
     c_1: float
@@ -61,13 +63,18 @@ class Bounds:
     c_5: float
     lambda_m: float
     lambda_d: float
+    lambda_M: float | None = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (math.isfinite(value) and value >= 0):
+            if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ControllerError(f"the bound {name} is {value}: it must be at least zero and finite")
         if self.lambda_m == 0:
             raise ControllerError("the bound lambda_m is 0: M is positive definite, Property 1")
+        if self.lambda_M is not None and self.lambda_M < self.lambda_m:
+            raise ControllerError(
+                f"the bound lambda_M is {self.lambda_M}: it must be at least lambda_m, {self.lambda_m}"
+            )
 
 
 @dataclass(frozen=True)
@@ -216,6 +223,122 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
     K_p = max(*gains.K_p, more * (0.5 * l * (bounds.c_1 + bounds.c_2) - bounds.lambda_d) / (1 - l))  # type: ignore[misc]
     k_d = max(gains.k_d, more * (K_p * (1 + l) + 0.5 * l * (bounds.c_4 + bounds.c_5)) / bounds.lambda_m)
     return replace(gains, Lambda_0=alpha + beta, Lambda_1=alpha * beta, K_p=K_p, k_d=k_d)
+
+
+@dataclass(frozen=True)
+class RegionOfAttraction:
+    """What `region_of_attraction` finds.
+
+    Attributes
+    ----------
+    radius : float
+        Initial errors of a smaller norm are in the region, see `region_of_attraction` for the norm; infinite if
+        c_2 = c_5 = 0.
+    l : float
+        The free constant at which it is told.
+    kappa_m, kappa_7, kappa_8 : float
+        Constants of (51), at that l.
+    lambda_x, lambda_vartheta : float
+        Bounds of the Lyapunov function, (44).
+    """
+
+    radius: float
+    l: float  # noqa: E741 (the paper's letter)
+    kappa_m: float
+    kappa_7: float
+    kappa_8: float
+    lambda_x: float
+    lambda_vartheta: float
+
+
+def region_of_attraction(
+    gains: NeuralAdaptivePidGains,
+    bounds: Bounds,
+    *,
+    l: float | None = None,  # noqa: E741
+) -> RegionOfAttraction:
+    """Return the radius of initial errors of one follower for which Theorem 1 promises that they stay bounded.
+
+    It is R_A of Theorem 1 for N = 1, with (44) and (52)::
+
+        radius = sqrt(lambda_x (kappa_m - kappa_7)/(kappa_8 lambda_vartheta))
+
+        lambda_x        = min(lambda_min(K_p), lambda_m)/2
+        lambda_vartheta = max(lambda_max(K_p), lambda_M, 1/gamma_w, 1/gamma_theta)/2
+        kappa_m         = smallest margin of (39) to (42)
+        kappa_7         = ((c_1 + c_4)/l + 3 c_3)/2
+        kappa_8         = (c_2 + c_5)/(2 l)
+
+    The radius bounds the Euclidean norm, at time zero, of the errors (xi_c, xi_o, epsilon, q_tilde) in m and rad, of
+    (s_c, s_o) in m/s and rad/s, and of those of the weights and of the robust gain (W_tilde, theta_tilde) in N and
+    N.m, added as plain SI numbers, as the paper does. The errors of the weights count: with W_hat(0) = 0 they are as
+    large as the ideal weights.
+
+    Where the mathematics says otherwise than print:
+
+    - For N followers, R_A is printed with the sums of kappa_m and kappa_7 over all of them and the least kappa_8. That
+      does not follow from (51), in which each follower needs kappa_mi > kappa_7i + kappa_8i |x_i|^2 for itself: N equal
+      followers would have sqrt(N) times the radius of one. As neither V_i nor a law depends on another follower, each
+      has the region computed here for its own gains and bounds.
+    - A radius needs kappa_m > kappa_7, which (39) to (42) do not say: they say kappa_m > 0.
+    - (51) makes V decrease only outside a ball whose radius grows with gamma of (52), so that V(t) <= V(0) does not
+      follow for all t. What is promised needs that the largest V there, errors of the weights and of the robust gain
+      included, is less than lambda_x (kappa_m - kappa_7)/kappa_8. This contains the ideal weights and theta, which
+      nobody knows, and is not checked here.
+    - "Arbitrarily large" is not to be had by K_p: lambda_x <= lambda_m/2 and lambda_vartheta >= lambda_max(K_p)/2, so
+      that the radius stays bounded as K_p grows, even if c_2 and c_5, which depend on the gains, stay as they are.
+
+    Parameters
+    ----------
+    gains
+        Gains of the paper's law.
+    bounds
+        What is known of the formation model, with lambda_M.
+    l
+        The free constant; the one with the largest radius if left out.
+
+    Raises
+    ------
+    GainError
+        If Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or gamma_theta is zero.
+    ControllerError
+        If lambda_M is not known, l is not positive and finite, or the theorem promises nothing: one of (39) to (42)
+        fails, or kappa_m does not exceed kappa_7.
+    """
+    if bounds.lambda_M is None:
+        raise ControllerError("the bound lambda_M is not given: the region of attraction depends on it, (44)")
+    for name in ("gamma_w", "gamma_theta"):
+        if getattr(gains, name) == 0:
+            raise GainError(f"gain {name!r} is 0: Theorem 1 needs a positive one")
+    if l is not None and not (math.isfinite(l) and l > 0):
+        raise ControllerError(f"the constant l is {l}: it must be positive and finite")
+    report = check_gains(gains, bounds)
+    if math.isnan(report.alpha):
+        raise ControllerError(f"Theorem 1 promises nothing: {str(report).splitlines()[0]}")
+    sides = _sides(report.alpha, report.beta, gains, bounds)
+
+    def kappa_m(l: float) -> float:  # noqa: E741
+        return min(left - right for left, right in (side(l) for side in sides.values()))
+
+    def kappa_7(l: float) -> float:  # noqa: E741
+        return 0.5 * ((bounds.c_1 + bounds.c_4) / l + 3 * bounds.c_3)
+
+    # The squared radius is this times a constant; it is concave in l, as every l kappa is
+    best = _argmax(lambda l: l * (kappa_m(l) - kappa_7(l))) if l is None else l  # noqa: E741
+    if not kappa_m(best) > kappa_7(best):
+        at, where = (report.l, "where all come nearest") if l is None else (l, "as given")
+        failing = ", ".join(name for name, side in sides.items() if not side(at)[0] > side(at)[1])
+        if failing:
+            raise ControllerError(f"Theorem 1 promises nothing: not satisfied with l = {at:.4g}, {where}: {failing}")
+        exceeds = "exceeds kappa_7, (52), for no l" if l is None else f"does not exceed kappa_7, (52), with l = {l:g}"
+        raise ControllerError(f"Theorem 1 promises nothing: kappa_m {exceeds}")
+    low, high = min(gains.K_p), max(gains.K_p)  # type: ignore[arg-type]
+    lambda_x = 0.5 * min(low, bounds.lambda_m)
+    lambda_vartheta = 0.5 * max(high, bounds.lambda_M, 1 / gains.gamma_w, 1 / gains.gamma_theta)
+    kappa_8 = 0.5 * (bounds.c_2 + bounds.c_5) / best
+    room = kappa_m(best) - kappa_7(best)
+    radius = math.sqrt(lambda_x * room / (kappa_8 * lambda_vartheta)) if kappa_8 else math.inf
+    return RegionOfAttraction(radius, best, kappa_m(best), kappa_7(best), kappa_8, lambda_x, lambda_vartheta)
 
 
 def _largest(bearings: ArrayLike) -> float:

@@ -19,7 +19,8 @@ INTERFACE_VERSION: Final = "1.1"
 
 It is not the package's. The minor number grows when something is added that older controllers need not know,
 the major number when they must be rewritten: a controller can be used if it speaks the same major and no
-later minor number. 1.1 added to 1.0: gains of each follower's own, and laws that need measured velocities.
+later minor number. 1.1 added to 1.0: gains of each follower's own, laws that need
+measured velocities, and how near to zero a signal tells of a singularity.
 """
 
 MEASUREMENTS: Final = ("velocity",)
@@ -89,6 +90,8 @@ class Signal:
     singular_at_zero : str
         What is singular where the signal is zero, as a clause: "the law is singular". A change of its sign
         then means that a step has jumped over a singularity. Empty if zero is a value like any other.
+    singular_below : float
+        Magnitude below which the signal is near that singularity. Zero: only changes of sign tell.
     """
 
     name: str
@@ -96,3 +99,4 @@ class Signal:
     description: str
     components: tuple[str, ...] = ()
     singular_at_zero: str = ""
+    singular_below: float = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -112,15 +113,16 @@ def statement_fault(law: type[Controller[Any]]) -> str:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         return f"has two signals named {twice[0]!r}: their names must differ"
+    for signal in signals:
+        below = signal.singular_below
+        if not (isinstance(below, int | float) and math.isfinite(below) and below >= 0):
+            return f"has a signal {signal.name!r} with singular_below = {below!r}: expected a magnitude, 0 or more"
+        if below and not signal.singular_at_zero:
+            return f"has a signal {signal.name!r} with a singular_below but nothing in singular_at_zero"
     needs = getattr(law, "needs", ())
     if not (isinstance(needs, tuple) and set(needs) <= set(MEASUREMENTS)):
         return f"needs {needs!r}: expected a tuple of {', '.join(MEASUREMENTS)}"
     return ""
-
-
-def compatible(version: object) -> bool:
-    """Tell whether a controller that speaks this version of the interface can be used here."""
-    return not interface_fault(version)
 
 
 def interface_fault(version: object) -> str:

@@ -44,6 +44,14 @@ class LimitGains(GuardGains):
     )
 
 
+NEAR: Final = 0.1
+"""Magnitude below which range over length, a cosine and the drive gain are reported as near their singularity.
+
+What the law divides by them grows more than tenfold there: less than a tenth of the wheelbase or hitch length from the
+leader, less than 5.7 degrees from a bearing or steering angle of 90. At 5 rad/s an angle does not jump over that much,
+20 ms apart; if it does, the change of sign is left.
+"""
+
 TORQUE_SIGNALS: Final = (
     Signal("torque_command", "N.m", "torque before any saturation", ("tau_1", "tau_2")),
     Signal(
@@ -51,8 +59,30 @@ TORQUE_SIGNALS: Final = (
         "1",
         "(1, 1) entry of B2, (3); of a tractor-trailer in 1/m, and it changes sign through infinity, not zero",
         singular_at_zero="the law is singular",
+        singular_below=NEAR,
     ),
-    Signal("det_R", "1", "determinant of R, (8), (55)", singular_at_zero="the formation model is singular"),
+    Signal("det_R", "1", "determinant of R, (8), (55): cos_bearing over cos_steering"),
+    Signal(
+        "relative_range",
+        "1",
+        "range over wheelbase or hitch length",
+        singular_at_zero="the bearing is undefined",
+        singular_below=NEAR,
+    ),
+    Signal(
+        "cos_bearing",
+        "1",
+        "cosine of the virtual bearing, (7), (54)",
+        singular_at_zero="the formation model is singular",
+        singular_below=NEAR,
+    ),
+    Signal(
+        "cos_steering",
+        "1",
+        "cosine of the steering angle, of a tractor-trailer of theta_0 - theta_1",
+        singular_at_zero="the vehicle's kinematics are singular",
+        singular_below=NEAR,
+    ),
     Signal("guarded", "1", "1 where the gain `guard` bounds something, else 0"),
 )
 """Telemetry of every law."""
@@ -72,6 +102,9 @@ class Sight(NamedTuple):
     phi: float
     steering: float
     bearing: float  # unwrapped
+    relative_range: float
+    cos_bearing: float
+    cos_steering: float  # of the angle as measured; that of `steering` keeps its guarded distance
     r_11: float
     r_12: float
     r_21: float
@@ -100,12 +133,13 @@ def look(pose: Floats, leader_pose: Floats, v_d: float, last_bearing: float, veh
     rho, phi = kinematics.line_of_sight(e_1, e_2, length)
     steering = kinematics.steering_angle(pose, vehicle)
     bearing = kinematics.unwrapped(phi - steering, last_bearing)
+    cos_steering = math.cos(steering)
     far, steered = rho, steering
     guarded = 0.0
     if rho < guard * length:
         far, guarded = guard * length, 1.0
-    if abs(math.cos(steering)) < guard:
-        steered = math.copysign(math.acos(math.copysign(guard, math.cos(steering))), math.sin(steering))
+    if abs(cos_steering) < guard:
+        steered = math.copysign(math.acos(math.copysign(guard, cos_steering)), math.sin(steering))
         guarded = 1.0
     r_11, r_12, r_21, r_22 = kinematics.rate_matrix(far, phi, steered, vehicle)
     delta_1, delta_2 = kinematics.leader_rates(far, phi, e_3, v_d)
@@ -121,6 +155,9 @@ def look(pose: Floats, leader_pose: Floats, v_d: float, last_bearing: float, veh
         phi,
         steered,
         bearing,
+        rho / length,
+        math.cos(bearing),
+        cos_steering,
         r_11,
         r_12,
         r_21,
@@ -168,6 +205,8 @@ def report(sight: Sight, tau_1: float, tau_2: float, out: np.void) -> None:
     out["torque_command"][0], out["torque_command"][1] = tau_1, tau_2
     out["drive_gain"] = sight.b_11
     out["det_R"] = sight.r_11 * sight.r_22 - sight.r_12 * sight.r_21
+    out["relative_range"] = sight.relative_range
+    out["cos_bearing"], out["cos_steering"] = sight.cos_bearing, sight.cos_steering
     out["guarded"] = sight.guarded
 
 

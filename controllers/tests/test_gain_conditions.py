@@ -1,4 +1,4 @@
-"""The conditions (39) to (42) of Theorem 1, and Remark 2."""
+"""The conditions (39) to (42) of Theorem 1, its region of attraction, and Remark 2."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from formation_controllers import ControllerError, GainError
-from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains
+from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.observer_pid import ObserverPidGains
 from hypothesis import assume, given
@@ -160,3 +160,115 @@ def test_what_the_theorem_does_not_cover_is_refused():
         propose_gains(PRINTED, BOUNDS, l=1)
     with pytest.raises(ControllerError, match="the margin is 0"):
         propose_gains(PRINTED, BOUNDS, margin=0)
+
+
+# Region of attraction ----------------------------------------------------------------------------------------
+
+SMALL = Bounds(c_1=0.1, c_2=0.2, c_3=0.05, c_4=0.3, c_5=0.4, lambda_m=5, lambda_d=4, lambda_M=20)
+# alpha = 8 and beta = 2, of which (39), (40) hold for l in (0.29, 1.71)
+SATISFYING = replace(PRINTED, Lambda_0=10, Lambda_1=16, K_p=10, k_d=20, gamma_w=10, gamma_theta=0.5)
+
+
+def test_the_radius_at_numbers_computed_by_hand():
+    """With l = 0.5 the margins of (39) to (42) are 50, 5, 8.925 and 84.825."""
+    region = region_of_attraction(SATISFYING, SMALL, l=0.5)
+    assert region.kappa_m == pytest.approx(5.0)
+    assert region.kappa_7 == pytest.approx(0.475)  # (0.1/0.5 + 0.3/0.5 + 3 * 0.05)/2
+    assert region.kappa_8 == pytest.approx(0.6)  # (0.2 + 0.4)/(2 * 0.5)
+    assert region.lambda_x == 2.5
+    assert region.lambda_vartheta == 10
+    assert region.radius == pytest.approx(math.sqrt(2.5 * 4.525 / (0.6 * 10)))
+    assert region.l == 0.5
+
+
+positive_bounds = st.builds(
+    lambda c, m, d, more: Bounds(*c, lambda_m=m, lambda_d=d, lambda_M=m * more),
+    c=st.tuples(*[st.floats(0.001, 0.2)] * 5),
+    m=st.floats(1, 20),
+    d=st.floats(0, 10),
+    more=st.floats(1, 5),
+)
+
+
+@given(bounds=positive_bounds)
+def test_no_constant_l_of_a_grid_has_a_larger_radius(bounds):
+    """And kappa_m and the radius against (39) to (42), (44) and (52) as printed, over the grid."""
+    region, report = region_of_attraction(SATISFYING, bounds), check_gains(SATISFYING, bounds)
+    c = bounds
+    kappa_m = literal(SATISFYING, bounds, report.alpha, report.beta, grid).min(axis=0)
+    kappa_7 = 0.5 * (c.c_1 / grid + c.c_4 / grid + 3 * c.c_3)
+    kappa_8 = 0.5 * (c.c_2 / grid + c.c_5 / grid)
+    lambda_x = 0.5 * min(10, c.lambda_m)
+    lambda_vartheta = 0.5 * max(10, c.lambda_M, 1 / 10, 1 / 0.5)
+    squares = lambda_x * (kappa_m - kappa_7) / (kappa_8 * lambda_vartheta)
+    assert squares.max() <= region.radius**2 * (1 + 1e-12)
+    assert squares.max() == pytest.approx(region.radius**2, rel=1e-2)
+
+
+@pytest.mark.parametrize("name", ["c_1", "c_2", "c_3", "c_4", "c_5", "lambda_M"])
+@given(bounds=positive_bounds, factor=st.floats(1.05, 2))
+def test_a_larger_bound_never_enlarges_the_region(name, bounds, factor):
+    larger = replace(bounds, **{name: getattr(bounds, name) * factor})
+    before, after = region_of_attraction(SATISFYING, bounds).radius, region_of_attraction(SATISFYING, larger).radius
+    assert after <= before
+    if name == "c_3":
+        assert after < before
+
+
+@given(bounds=positive_bounds, factor=st.floats(1.05, 3))
+def test_more_inertia_damping_or_observer_gain_never_shrinks_the_region(bounds, factor):
+    radius = region_of_attraction(SATISFYING, bounds).radius
+    wide = replace(bounds, lambda_M=bounds.lambda_m * 5)
+    heavier = replace(wide, lambda_m=bounds.lambda_m * factor)
+    assert region_of_attraction(SATISFYING, heavier).radius >= region_of_attraction(SATISFYING, wide).radius
+    assert region_of_attraction(SATISFYING, replace(bounds, lambda_d=bounds.lambda_d * factor)).radius >= radius
+    assert region_of_attraction(replace(SATISFYING, k_d=20 * factor), bounds).radius >= radius
+
+
+def test_slow_adaptation_shrinks_the_region():
+    """1/gamma_theta = 40 takes the place of lambda_M = 20 in lambda_vartheta."""
+    radius = region_of_attraction(SATISFYING, SMALL).radius
+    for name in ("gamma_w", "gamma_theta"):
+        slow = region_of_attraction(replace(SATISFYING, **{name: 1 / 40}), SMALL)
+        assert slow.radius == pytest.approx(radius / math.sqrt(2))
+        assert region_of_attraction(replace(SATISFYING, **{name: 1e6}), SMALL).radius == radius
+
+
+def test_no_K_p_makes_the_region_as_large_as_one_likes():
+    """As K_p grows, lambda_x is lambda_m/2, lambda_vartheta K_p/2 and kappa_m at most (1 - l) K_p + lambda_d."""
+    bound = math.sqrt(SMALL.lambda_m / (2 * (SMALL.c_2 + SMALL.c_5)))
+    radii = [region_of_attraction(replace(SATISFYING, K_p=k, k_d=k), SMALL).radius for k in (1e4, 1e6, 1e8)]
+    assert max(radii) < bound * (1 + 1e-3)
+    assert radii[2] == pytest.approx(radii[1], rel=1e-3)
+
+
+def test_without_quadratic_bounds_the_region_is_everything():
+    assert region_of_attraction(SATISFYING, replace(SMALL, c_2=0, c_5=0)).radius == math.inf
+
+
+@pytest.mark.parametrize(
+    ("gains", "bounds", "l", "message"),
+    [
+        (PRINTED, SMALL, None, r"not satisfied with l = .*, where all come nearest: \(40\), \(41\)"),
+        (SATISFYING, SMALL, 3.0, r"not satisfied with l = 3, as given: \(40\), \(41\)"),
+        (replace(SATISFYING, Lambda_0=2, Lambda_1=3), SMALL, None, "no real alpha and beta exist"),
+        (SATISFYING, replace(SMALL, c_3=100), None, r"kappa_m exceeds kappa_7, \(52\), for no l"),
+        (SATISFYING, replace(SMALL, c_3=100), 0.5, r"kappa_m does not exceed kappa_7, \(52\), with l = 0.5"),
+    ],
+)
+def test_where_the_theorem_promises_nothing_the_radius_is_refused(gains, bounds, l, message):  # noqa: E741
+    with pytest.raises(ControllerError, match=f"Theorem 1 promises nothing: {message}"):
+        region_of_attraction(gains, bounds, l=l)
+
+
+def test_a_region_of_attraction_that_cannot_be_asked_for_is_refused():
+    with pytest.raises(ControllerError, match="the bound lambda_M is not given"):
+        region_of_attraction(SATISFYING, replace(SMALL, lambda_M=None))
+    with pytest.raises(ControllerError, match="the bound lambda_M is 4: it must be at least lambda_m, 5"):
+        replace(SMALL, lambda_M=4)
+    for name in ("gamma_w", "gamma_theta"):
+        with pytest.raises(GainError, match=f"gain '{name}' is 0: Theorem 1 needs a positive one"):
+            region_of_attraction(replace(SATISFYING, **{name: 0}), SMALL)
+    for constant in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(ControllerError, match=r"the constant l is .*: it must be positive and finite"):
+            region_of_attraction(SATISFYING, SMALL, l=constant)

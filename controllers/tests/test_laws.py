@@ -13,7 +13,17 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, Desired, GainError, Leader, Team, TractorTrailer, load
+from formation_controllers import (
+    CarLike,
+    ControllerError,
+    Desired,
+    GainError,
+    Leader,
+    Team,
+    TractorTrailer,
+    load,
+    sight,
+)
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
@@ -264,60 +274,110 @@ def test_a_formation_without_a_design_is_refused_by_robot():
 # Singularities ---------------------------------------------------------------------------------------------
 
 AT_REST = Desired(np.array([[3.0, 0.5]]), np.zeros((1, 2)), np.zeros((1, 2)))
-SINGULAR = {
-    "range": ([0, 0, 0, 0], [1.2, 0, 0, 0]),
-    "det_R": ([0, 0, 0, 0], [1.2, 3.0, 0, 0]),
-    "drive_gain": ([0, 0, -math.pi / 4, math.atan(math.sqrt(2))], [5, 0, 0, 0]),
-    "steering": ([0, 0, 0, math.pi / 2], [5, 1, 0, 0]),
-}
+PLACES = pytest.mark.parametrize(
+    ("signal", "vehicle"),
+    [
+        *((signal, CAR) for signal in ("relative_range", "cos_bearing", "cos_steering", "drive_gain")),
+        *((signal, TRACTOR) for signal in ("relative_range", "cos_bearing", "cos_steering")),  # whose gain has no zero
+    ],
+    ids=lambda value: getattr(value, "kind", value),
+)
+NEAR = (-1e-3, -1e-9, 0.0, 1e-9, 1e-3)
+"""Distances from a singularity [m] or [rad]; at zero, the cosines are not zero in floating point but 6e-17."""
 
 
-def first_torque(law, where, nudge=(0, 0, 0, 0), **gains):
-    pose, leader_pose = SINGULAR[where]
-    controller = law(Team(CAR, 1, 0.02), law.gains_type(**gains))
+def beside(signal, vehicle, distance):
+    """Return poses of a follower and of the leader at this distance from where the signal is zero."""
+    length = 1.2 if vehicle is CAR else 1.5
+    return {
+        "relative_range": ([-distance, 0, 0, 0], [length, 0, 0, 0]),
+        "cos_bearing": ([0, 0, 0, distance], [length, 2, 0, 0]),
+        "cos_steering": ([0, 0, 0, math.pi / 2 - distance], [5, 1, 0, 0]),  # at this heading all laws blow up
+        "drive_gain": ([0, 0, -math.pi / 4, math.atan(math.sqrt(2)) - distance], [5, 0, 0, 0]),
+    }[signal]
+
+
+def first_torque(law, vehicle, poses, **gains):
+    """Return the first torque, or what refused it, and the controller."""
+    pose, leader_pose = poses
+    controller = law(Team(vehicle, 1, 0.02), law.gains_type(**gains))
     leader = Leader(np.array(leader_pose, dtype=float), np.array([0.3, 0.0]))
-    controller.start(np.array([pose]) + nudge, leader, AT_REST)
-    torque = controller.step(np.array([pose]) + nudge, leader, AT_REST, np.array([[0.2, 0.1]]))
-    return torque, controller.telemetry()
+    controller.start(np.array([pose]), leader, AT_REST)
+    try:
+        return controller.step(np.array([pose]), leader, AT_REST, np.array([[0.2, 0.1]])), controller
+    except ControllerError as refusal:
+        return refusal, controller
 
 
-@pytest.mark.parametrize("where", SINGULAR)
+def told(controller, signal):
+    return float(controller.telemetry()[signal][0])
+
+
+def expected(signal, vehicle, distance):
+    """Return the signal's value there, written anew from its definition."""
+    if signal == "relative_range":
+        return abs(distance) / (1.2 if vehicle is CAR else 1.5)
+    if signal == "drive_gain":
+        return 1 - math.tan(math.atan(math.sqrt(2)) - distance) / math.sqrt(2)
+    return math.sin(distance)
+
+
+@PLACES
 @ALL
-def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, where):
+def test_without_a_guard_a_torque_is_finite_or_refused_by_name_and_the_telemetry_tells(name, signal, vehicle):
+    """At singularities and near them; only a range of zero and a drive gain of zero are zero in floating point."""
     pytest.importorskip("control") if name == "lqg" else None
-    torque, told = first_torque(load(name), where, guard=0.1)
-    assert np.abs(torque).max() < 2e4
-    assert told["guarded"].tolist() == [1.0]
+    (stated,) = (s for s in load(name).signals if s.name == signal)
+    for distance in NEAR:
+        torque, controller = first_torque(load(name), vehicle, beside(signal, vehicle, distance))
+        value = told(controller, signal)
+        assert value == pytest.approx(expected(signal, vehicle, distance), rel=1e-6, abs=1e-15)
+        assert abs(value) < stated.singular_below
+        assert told(controller, "guarded") == 0
+        assert isinstance(torque, ControllerError) == (value == 0)
+        if value == 0:
+            assert str(torque).startswith("robot 0: the torque is not finite, at ")
+            assert str(torque).endswith(f"; {signal} is near zero, where {stated.singular_at_zero}")
+            assert torque.robot == 0
+        else:
+            assert np.isfinite(torque).all()
+    assert expected(signal, vehicle, 0.0) == pytest.approx(0, abs=1e-15)
+    if signal != "relative_range":  # whose sign never changes
+        first, second = (first_torque(load(name), vehicle, beside(signal, vehicle, d))[1] for d in (-1e-9, 1e-9))
+        assert told(first, signal) < 0 < told(second, signal)
 
 
-@pytest.mark.parametrize("where", SINGULAR)
+@PLACES
 @ALL
-def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, where):
-    """Well away from singularities, to the last bit."""
+def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, vehicle):
+    """The telemetry tells how near the robot is, not where the guard keeps the law."""
     pytest.importorskip("control") if name == "lqg" else None
-    nudge = (-2.0, -1.0, 0.2, -0.5) if where != "drive_gain" else (-2.0, -1.0, 0.5, -0.5)
-    literal, _ = first_torque(load(name), where, nudge)
-    torque, told = first_torque(load(name), where, nudge, guard=0.05)
-    assert told["guarded"].tolist() == [0.0]
+    for distance in NEAR:
+        torque, controller = first_torque(load(name), vehicle, beside(signal, vehicle, distance), guard=0.1)
+        assert np.abs(torque).max() < 1e3
+        assert told(controller, "guarded") == 1
+        assert told(controller, signal) == pytest.approx(expected(signal, vehicle, distance), rel=1e-6, abs=1e-15)
+
+
+@PLACES
+@ALL
+def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
+    """Well away from singularities, to the last bit; and no signal is near zero."""
+    pytest.importorskip("control") if name == "lqg" else None
+    away = beside(signal, vehicle, 0.5)
+    literal, _ = first_torque(load(name), vehicle, away)
+    torque, controller = first_torque(load(name), vehicle, away, guard=0.05)
+    assert told(controller, "guarded") == 0
     np.testing.assert_array_equal(torque, literal)
+    for stated in load(name).signals:
+        assert not np.any(np.abs(controller.telemetry()[stated.name]) < stated.singular_below), stated.name
 
 
 @ALL
-def test_without_a_guard_a_singularity_is_refused_by_name_or_seen_in_the_telemetry(name):
-    pytest.importorskip("control") if name == "lqg" else None
-    law = load(name)
-    with pytest.raises(ControllerError, match="robot 0: the torque is not finite") as caught:
-        first_torque(law, "range")
-    assert caught.value.robot == 0
-    for where in ("det_R", "drive_gain"):
-        signs = []
-        for side in (-1e-6, 1e-6):
-            _, told = first_torque(law, where, (0, 0, 0, side))
-            signs.append(math.copysign(1, told[where][0]))
-            assert told["guarded"].tolist() == [0.0]
-        assert signs[0] != signs[1], where
-        (signal,) = (signal for signal in law.signals if signal.name == where)
-        assert signal.singular_at_zero
+def test_every_law_tells_how_near_each_singularity_is(name):
+    """Once: det R is one cosine over the other, and drive gain and range are what else a law divides by."""
+    flagged = {s.name: s.singular_below for s in load(name).signals if s.singular_at_zero}
+    assert flagged == dict.fromkeys(("drive_gain", "relative_range", "cos_bearing", "cos_steering"), sight.NEAR)
 
 
 # Saturation ------------------------------------------------------------------------------------------------

@@ -54,6 +54,17 @@ class WrongNeeds(Fine):
     needs = ("mind",)
 class TwiceASignal(Fine):
     signals = (Signal("speed", "m/s", "speed"),) * 2
+class Negative(Fine):
+    signals = (Signal("speed", "m/s", "speed", singular_at_zero="it stands", singular_below=-0.1),)
+class Endless(Fine):
+    signals = (Signal("speed", "m/s", "speed", singular_at_zero="it stands", singular_below=float("nan")),)
+class Wordy(Fine):
+    signals = (Signal("speed", "m/s", "speed", singular_at_zero="it stands", singular_below="0.1"),)
+class Meaningless(Fine):
+    signals = (Signal("speed", "m/s", "speed", singular_below=0.1),)
+class Of10(Fine):
+    interface = "1.0"
+    signals = (Signal("speed", "m/s", "speed", (), "it stands"),)
 class Unfinished(Controller):
     interface, vehicles, gains_type, signals = "1.0", ("car_like",), Gains, ()
 nothing = 3
@@ -115,16 +126,25 @@ def test_another_version_of_the_interface_is_refused(distribution, attribute, fa
     assert str(caught.value) == f"controller 'someones-law' of someones 2.5 {fault}"
 
 
-@pytest.mark.parametrize(
-    ("version", "expected"), [("1.0", True), ("1.1", True), ("1.2", False), ("2.0", False), ("0.9", False)]
-)
-def test_which_versions_go_together(version, expected):
-    assert registry.compatible(version) is expected
+@pytest.mark.parametrize("version", ["1.0", "1.1"])
+def test_an_older_minor_version_of_the_interface_is_spoken(distribution, monkeypatch, version):
+    distribution("someones", {"someones-law": "Fine"})
+    monkeypatch.setattr(load("someones-law"), "interface", version)
+    assert load("someones-law").interface == version
 
 
-@pytest.mark.parametrize("version", ["1", "1.0.0", "one", "", None, 1.0])
-def test_a_version_that_is_none_is_incompatible(version):
-    assert not registry.compatible(version)
+@pytest.mark.parametrize("version", ["1.2", "2.0", "0.9", "1", "1.0.0", "one", "", None, 1.0])
+def test_a_newer_version_another_major_one_and_what_is_none_are_refused(distribution, monkeypatch, version):
+    distribution("someones", {"someones-law": "Fine"})
+    monkeypatch.setattr(load("someones-law"), "interface", version)
+    with pytest.raises(IncompatibleInterface):
+        load("someones-law")
+
+
+def test_signals_as_1_0_knew_them_tell_of_changes_of_sign_alone(distribution):
+    distribution("someones", {"someones-law": "Of10"})
+    (signal,) = load("someones-law").signals
+    assert (signal.singular_at_zero, signal.singular_below) == ("it stands", 0)
 
 
 def test_what_cannot_be_imported_or_is_no_controller_is_refused(distribution):
@@ -148,6 +168,10 @@ def test_what_cannot_be_imported_or_is_no_controller_is_refused(distribution):
         ("WrongSignals", r"has signals = \('speed',\): expected a tuple of Signal"),
         ("WrongNeeds", r"needs \('mind',\): expected a tuple of velocity"),
         ("TwiceASignal", "has two signals named 'speed'"),
+        ("Negative", r"has a signal 'speed' with singular_below = -0\.1: expected a magnitude, 0 or more"),
+        ("Endless", "has a signal 'speed' with singular_below = nan: expected a magnitude"),
+        ("Wordy", r"has a signal 'speed' with singular_below = '0\.1': expected a magnitude"),
+        ("Meaningless", "has a signal 'speed' with a singular_below but nothing in singular_at_zero"),
         ("Unfinished", "lacks on_start, on_step, state_shapes: a controller must implement them"),
     ],
 )

@@ -18,6 +18,7 @@ from cosim.summary import check_expectations, summarise
 EXAMPLE = Path(__file__).with_name("example.xml")
 HERE = Location("scenario.xml", 3, 5)
 SINGULAR = {"units": "1", "singular_at_zero": "the formation model is singular"}
+NEAR = SINGULAR | {"singular_below": 0.1}
 
 
 def made_up(range_error: np.ndarray, bearing_error: np.ndarray, **attributes: str) -> xr.Dataset:
@@ -82,6 +83,56 @@ def test_smallest_distance_and_notes(scenario: Scenario) -> None:
     assert summary.notes == (
         "a: det_R changes sign 2 times, first at t = 1.00 s; where it is zero, the formation model is singular",
     )
+
+
+def notes(scenario: Scenario, values: list[float], attributes: dict[str, object]) -> tuple[str, ...]:
+    """Return the notes on a signal of the first follower that has these values at 0, 0.02, 0.04, ... s."""
+    result = made_up(np.zeros(len(values)), np.zeros(len(values))).drop_vars("det_R")
+    signal = np.stack([values, np.ones(len(values))], axis=1)
+    return summarise(scenario, result.assign(gap=(("time", "robot"), signal, attributes))).notes
+
+
+def test_a_note_says_who_came_near_a_singularity_when_and_how_near(scenario: Scenario) -> None:
+    """Of a signal that has no sign, such as a range."""
+    (note,) = notes(scenario, [1, 0.1, 0.099, 0.5, 0.02, 0.05, 1], NEAR)
+    assert note == (
+        "a: gap is within 0.1 of zero first at t = 0.04 s, nearest with 0.02 at t = 0.08 s; "
+        "where it is zero, the formation model is singular"
+    )
+
+
+def test_a_note_says_who_crossed_and_how_near_a_sample_was(scenario: Scenario) -> None:
+    (note,) = notes(scenario, [1, -1, 0.05, -0.03, -1], NEAR)
+    assert note == (
+        "a: gap changes sign 3 times, first at t = 0.02 s, and is within 0.1 of zero first at t = 0.04 s, "
+        "nearest with -0.03 at t = 0.06 s; where it is zero, the formation model is singular"
+    )
+    assert notes(scenario, [0.5, -0.5], NEAR) == (
+        "a: gap changes sign once, at t = 0.02 s; where it is zero, the formation model is singular",
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "attributes"),
+    [
+        ([0.1, 0.2, 0.1], NEAR),
+        ([0.1, 0.0, 0.1], SINGULAR),  # without a threshold, a touch is no change of sign
+        ([0.1, -0.1, 0.1], {"units": "1"}),
+        ([math.nan, math.nan, math.nan], NEAR),  # a robot whose controller has no such signal
+    ],
+)
+def test_there_is_no_note_on_what_is_not_near(
+    scenario: Scenario, values: list[float], attributes: dict[str, object]
+) -> None:
+    assert notes(scenario, values, attributes) == ()
+
+
+def test_a_note_is_about_any_component_of_a_signal(scenario: Scenario) -> None:
+    result = made_up(np.zeros(4), np.zeros(4)).drop_vars("det_R")
+    gaps = np.ones((4, 2, 2))
+    gaps[2:, 1, 1] = -0.05
+    (note,) = summarise(scenario, result.assign(gap=(("time", "robot", "part"), gaps, NEAR))).notes
+    assert note.startswith("b: gap changes sign once, at t = 0.04 s, and is within 0.1 of zero first at t = 0.04 s,")
 
 
 def test_a_run_cut_short_before_the_steady_part_has_no_steady_figures(scenario: Scenario) -> None:

@@ -38,6 +38,7 @@ SOLVER_STEP = Parameter(
     start=0.02,
     min=1e-9,
     nominal=0.01,
+    tunable=False,
 )
 
 TOLERANCE = Parameter(
@@ -48,6 +49,7 @@ TOLERANCE = Parameter(
     min=1e-14,
     max=0.1,
     nominal=1e-6,
+    tunable=False,
 )
 
 _DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
@@ -124,7 +126,7 @@ class UnitEntry:
 
 @dataclass(frozen=True)
 class Unknown:
-    """One line of the model structure: a variable and what it depends on, by value reference."""
+    """One line of the model structure: a variable and what it depends on, by value reference, in ascending order."""
 
     reference: int
     dependencies: tuple[int, ...]
@@ -168,19 +170,34 @@ class Table:
                 name, exponents, unit.factor, display, units.convert(1.0, name, display) if display else 1.0
             )
 
+    def without_parameters(self, unknowns: Iterable[Unknown]) -> tuple[Unknown, ...]:
+        """Leave dependencies on parameters out: to FMI 2.0 they are no knowns of a running simulation."""
+        parameters = {variable.reference for variable in (*self.parameters, *self.enumerations)}
+
+        def strip(unknown: Unknown) -> Unknown:
+            pairs = zip(unknown.dependencies, unknown.kinds, strict=True)
+            kinds = {reference: kind for reference, kind in pairs if reference not in parameters}
+            return Unknown(unknown.reference, tuple(kinds), tuple(kinds.values()))
+
+        return tuple(map(strip, unknowns))
+
 
 def tabulate(model: OdeModel) -> Table:
     """Return the table of the variables of a model's FMU, the solver's parameters among them."""
     references = itertools.count()
 
+    def variability(variable: Variable) -> str:
+        if not isinstance(variable, Parameter):
+            return "continuous"
+        return "tunable" if variable.tunable else "fixed"
+
     def entries(causality: str, variables: Iterable[Variable]) -> tuple[Entry, ...]:
-        variability = "fixed" if causality == "parameter" else "continuous"
         return tuple(
             Entry(
                 reference=next(references),
                 name=v.name,
                 causality="local" if isinstance(v, State) and not v.output else causality,
-                variability=variability,
+                variability=variability(v),
                 initial=None if causality == "input" else "exact",
                 description=v.description,
                 unit=v.unit,
@@ -241,13 +258,18 @@ def tabulate(model: OdeModel) -> Table:
     )
     time = Entry(next(references), TIME.name, "independent", "continuous", None, "Time", unit="s")
 
-    # While the simulation runs, unknowns depend on states, inputs and time; at the start, on parameters too.
-    running = [*_named(states, model.states), *_named(inputs, model.inputs), (time, TIME)]
-    at_start = [*running, *_named(parameters, model.reals), *_named(enumerations, model.enumerations)]
+    known = [
+        *_named(states, model.states),
+        *_named(inputs, model.inputs),
+        *_named(parameters, model.reals),
+        *_named(enumerations, model.enumerations),
+        (time, TIME),
+    ]
     derivative_of = list(zip(derivatives, map(model.expand, model.derivatives), strict=True))
     output_of = list(zip(outputs, (model.expand(output.expression) for output in model.outputs), strict=True))
     itself = [(entry, symbol) for entry, symbol in _named(states, model.states) if entry.causality == "output"]
-    fixed = {parameter.symbol for parameter in model.parameters}
+    tunable = {parameter.symbol for parameter in model.reals if parameter.tunable}
+    fixed = {parameter.symbol for parameter in model.parameters} - tunable
     return Table(
         states,
         derivatives,
@@ -256,9 +278,9 @@ def tabulate(model: OdeModel) -> Table:
         outputs,
         enumerations,
         time,
-        output_unknowns=tuple(_unknown(*pair, running, fixed) for pair in (*itself, *output_of)),
-        derivative_unknowns=tuple(_unknown(*pair, running, fixed) for pair in derivative_of),
-        initial_unknowns=tuple(_unknown(*pair, at_start, set()) for pair in (*derivative_of, *output_of)),
+        output_unknowns=tuple(_unknown(*pair, known, fixed, tunable) for pair in (*itself, *output_of)),
+        derivative_unknowns=tuple(_unknown(*pair, known, fixed, tunable) for pair in derivative_of),
+        initial_unknowns=tuple(_unknown(*pair, known, set(), set()) for pair in (*derivative_of, *output_of)),
     )
 
 
@@ -280,9 +302,13 @@ def _named(
 
 
 def _unknown(
-    entry: Entry, expression: sympy.Expr, known: Iterable[tuple[Entry, sympy.Symbol]], fixed: set[sympy.Symbol]
+    entry: Entry,
+    expression: sympy.Expr,
+    known: Iterable[tuple[Entry, sympy.Symbol]],
+    fixed: set[sympy.Symbol],
+    tunable: set[sympy.Symbol],
 ) -> Unknown:
-    """Find what an expression depends on, and how: with a constant slope, one made of `fixed` symbols, or any other."""
+    """Find what an expression depends on, and how: with a slope that is constant, `fixed`, `tunable`, or any other."""
     pieces = [piece for piecewise in expression.atoms(sympy.Piecewise) for piece in piecewise.args]
     deciding = set[sympy.Symbol]().union(*(condition.free_symbols for _, condition in pieces))
     dependencies, kinds = [], []
@@ -294,5 +320,10 @@ def _unknown(
         if slope != 0:
             dependencies.append(other.reference)
             free = slope.free_symbols
-            kinds.append("constant" if not free else "fixed" if free <= fixed else "dependent")
+            if not free:
+                kinds.append("constant")
+            elif symbol in free or not free <= fixed | tunable:
+                kinds.append("dependent")
+            else:
+                kinds.append("tunable" if free & tunable else "fixed")
     return Unknown(entry.reference, tuple(dependencies), tuple(kinds))

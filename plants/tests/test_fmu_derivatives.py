@@ -63,12 +63,17 @@ def test_directional_and_adjoint_derivatives(fmus: Callable, fmi: str, name: str
 
 
 def test_derivatives_while_running(new: Callable, car: Fmu) -> None:
-    """Time is a known, parameters no longer are; what is no known or unknown is refused by value reference."""
+    """Time and tunable parameters are knowns; what is no known or unknown is refused by value reference."""
     for interface in driver.INTERFACES:
         instance = new(interface).start()
         assert instance.differentiate([car["der(x)"]], [car["v"]], [2.0]) == [2.0]
         assert instance.differentiate([car["x"]], [car["x"], car["y"]], [2.0, 5.0]) == [2.0]
         assert instance.differentiate([car["der(v)"]], [car["time"]], [1.0]) == [0.0]
-        for unknown, known in (("der(v)", "m_c"), ("der(v)", "der(x)"), ("tau_drive", "x"), ("der(v)", "drive")):
+        instance.set({car["tau_drive"]: 8.0})
+        (slope,) = instance.differentiate([car["der(v)"]], [car["m_c"]], [1.0])
+        expected = central_differences(instance, [car["der(v)"]], car["m_c"], 30.0)
+        np.testing.assert_allclose(slope, expected[0], rtol=1e-7)
+        wrong = (("der(v)", "solver_step"), ("der(v)", "der(x)"), ("tau_drive", "x"), ("der(v)", "drive"))
+        for unknown, known in wrong:
             with pytest.raises(Refused, match=r"is no (un)?known"):
                 instance.differentiate([car[unknown]], [car[known]], [1.0])

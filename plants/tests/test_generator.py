@@ -20,7 +20,7 @@ from plants.factory.table import tabulate
 from plants.ode import TIME, Enumeration, Input, Limit, OdeModel, Output, Parameter, State, Term
 
 from .driver import Instance, Library, Refused
-from .fmus import VERSIONS, Fmu
+from .fmus import VERSIONS, Fmu, many_functions
 
 x, z, u, k, y = sympy.symbols("x z u k y", real=True)
 n = Enumeration(sympy.Symbol("n", integer=True), {"one": "", "two": "", "three": ""}, "Number")
@@ -172,11 +172,36 @@ def test_what_stands_in_a_condition_is_a_dependency() -> None:
     found = dependencies(
         model_of(y, sympy.Piecewise((x, TIME > 1), (0, True)), sympy.floor(x), sympy.Mod(u, 2), x + k, terms=(switch,))
     )
-    assert found["y0"] == ({"u": "dependent"}, {"u": "dependent", "k": "dependent"})
+    assert found["y0"] == ({"u": "dependent", "k": "dependent"}, {"u": "dependent", "k": "dependent"})
     assert found["y1"][0] == {"x": "dependent", "time": "dependent"}
     assert found["y2"][0] == {"x": "dependent"}
     assert found["y3"][0] == {"u": "dependent"}
-    assert found["y4"] == ({"x": "constant"}, {"x": "constant", "k": "constant"})
+    assert found["y4"] == ({"x": "constant", "k": "constant"}, {"x": "constant", "k": "constant"})
+
+
+def test_kinds_of_dependencies() -> None:
+    """A slope made of parameters alone is `tunable`, or `fixed` if none of them is; at the start, `dependent`."""
+    fixed = Parameter(sympy.Symbol("c"), "1", "", start=2.0, tunable=False)
+    c = fixed.symbol
+    model = model_of(c * x, k * c * x, n.symbol * x, k**2, c * k, parameters=(Parameter(k, "1", ""), fixed, n))
+    found = dependencies(model)
+    assert found["y0"] == ({"x": "fixed", "c": "dependent"}, {"x": "dependent", "c": "dependent"})
+    assert found["y1"][0] == {"x": "tunable", "k": "dependent", "c": "dependent"}
+    assert found["y2"][0] == {"x": "fixed", "n": "dependent"}
+    assert found["y3"][0] == {"k": "dependent"}
+    assert found["y4"][0] == {"k": "fixed", "c": "tunable"}
+
+
+def test_dependencies_are_in_the_order_of_the_variables() -> None:
+    """FMI 2.0, section 2.2.8: in ascending order, the time too, which comes last; parameters only at the start."""
+    table = tabulate(many_functions())
+    orders = [u.dependencies for u in (*table.output_unknowns, *table.derivative_unknowns, *table.initial_unknowns)]
+    assert any(table.time.reference in order for order in orders)
+    assert all(order == tuple(sorted(order)) for order in orders)
+    parameters = {entry.reference for entry in (*table.parameters, *table.enumerations)}
+    stripped = [set(u.dependencies) for u in table.without_parameters(table.derivative_unknowns)]
+    assert stripped == [set(u.dependencies) - parameters for u in table.derivative_unknowns]
+    assert any(parameters & set(u.dependencies) for u in table.derivative_unknowns)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)

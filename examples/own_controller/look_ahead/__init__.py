@@ -33,7 +33,7 @@ class LookAhead(Controller[LookAheadGains]):
     signals = (
         Signal("error", "m, rad", "error of range and bearing", ("range", "bearing")),
         Signal("error_rate", "m/s, rad/s", "its filtered rate", ("range", "bearing")),
-        Signal("det_R", "1", "determinant of R, (8)", singular_at_zero="range and bearing cannot be steered"),
+        Signal("det_R", "1", "determinant of R, (8)", (), "range and bearing cannot be steered", singular_below=0.1),
     )
 
     def state_shapes(self) -> dict[str, tuple[int, ...]]:

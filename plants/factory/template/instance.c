@@ -214,9 +214,15 @@ Status instance_set_reals(void *component, const Function *function, const unsig
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
     if (n > 0 && (references == NULL || values == NULL)) return instance_refuse_null(instance, function);
+    /* FMI 2.0 and 3.0: tunable parameters change in event mode or, without one, at communication points. */
+    const bool at_event = instance->now.mode != CONTINUOUS_TIME;
+    Simulation *const simulation = &instance->now.simulation;
     for (size_t i = 0; i < n; i++) {
-        const Status status = simulation_set_real(&instance->now.simulation, references[i], values[i]);
+        const Status status = simulation_check_real(simulation, references[i], values[i], at_event);
         if (status != STATUS_OK) return instance_report(instance, function, status);
+    }
+    for (size_t i = 0; i < n; i++) {
+        simulation_set_real(simulation, references[i], values[i]);
     }
     return STATUS_OK;
 }

@@ -3,6 +3,8 @@
 #ifndef MODEL_H
 #define MODEL_H
 
+#include <stdbool.h>
+
 #include "config.h"
 
 /* Value references. Reals first, in the order of an instance's array of values, then the enumerations, then the time. */
@@ -28,6 +30,7 @@ typedef struct {
     double min;
     double max;
     double nominal;
+    bool tunable; /* a parameter that may change between two steps */
 } Variable;
 
 /* An expression that the equations hold for only between two bounds. */

@@ -102,32 +102,54 @@ void simulation_reset(Simulation *s)
     }
 }
 
-/* Whether a variable may be set now: inputs always, states and parameters until the start, results never. */
-static Status check_settable(Simulation *s, unsigned reference)
+/* Whether a variable may be set now: inputs always, states and parameters until the start, then those parameters that are
+ * tunable at events, results never. */
+static Status check_settable(Simulation *s, unsigned reference, bool at_event)
 {
     const char *const name = model_variables[reference].name;
     if (is_derivative(reference) || is_output(reference) || reference == TIME) {
         return say(s, STATUS_ERROR, "%s %s is computed: it cannot be set", kind(reference), name);
     }
-    if (s->phase == RUNNING && !is_input(reference)) {
+    if (s->phase == BEFORE_START || is_input(reference)) return STATUS_OK;
+    if (!model_variables[reference].tunable) {
         return say(s, STATUS_ERROR, "%s %s is fixed: set at time %.16g s, it can be set before the simulation starts",
+                   kind(reference), name, s->time);
+    }
+    if (!at_event) {
+        return say(s, STATUS_ERROR, "%s %s is set at time %.16g s in continuous-time mode: it can be set in event mode",
                    kind(reference), name, s->time);
     }
     return STATUS_OK;
 }
 
-Status simulation_set_real(Simulation *s, unsigned reference, double value)
+static Status check_bounds(Simulation *s, Status status, unsigned reference, double value)
+{
+    const Variable *const variable = &model_variables[reference];
+    const bool is_low = value < variable->min;
+    if (!is_low && value <= variable->max) return STATUS_OK;
+    return say(s, status, "%s %s is %.16g %s at time %.16g s: must be at %s %g %s", kind(reference), variable->name, value,
+               variable->unit, s->time, is_low ? "least" : "most", is_low ? variable->min : variable->max,
+               variable->unit);
+}
+
+Status simulation_check_real(Simulation *s, unsigned reference, double value, bool at_event)
 {
     if (reference >= N_REALS && reference != TIME) return no_real(s, reference);
-    const Status settable = check_settable(s, reference);
+    const Status settable = check_settable(s, reference, at_event);
     if (settable != STATUS_OK) return settable;
     if (!isfinite(value)) {
         return say(s, STATUS_ERROR, "%s %s is set to %g at time %.16g s: must be a finite number", kind(reference),
                    model_variables[reference].name, value, s->time);
     }
+    /* The bounds of what is set before the start are checked there. */
+    return s->phase == RUNNING && is_real_parameter(reference) ? check_bounds(s, STATUS_DISCARD, reference, value)
+                                                               : STATUS_OK;
+}
+
+void simulation_set_real(Simulation *s, unsigned reference, double value)
+{
     s->values[reference] = value;
     s->current = false;
-    return STATUS_OK;
 }
 
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
@@ -179,7 +201,7 @@ static Status bad_variant(Simulation *s, unsigned reference, long long value)
 Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value)
 {
     if (!is_enumeration(reference)) return no_enumeration(s, reference);
-    const Status settable = check_settable(s, reference);
+    const Status settable = check_settable(s, reference, false);
     if (settable != STATUS_OK) return settable;
     if (value < INT_MIN || value > INT_MAX) return bad_variant(s, reference, value);
     s->enumerations[reference - FIRST_ENUMERATION] = (int)value;
@@ -209,21 +231,10 @@ Status simulation_setup(Simulation *s, double start_time, double stop_time)
     return STATUS_OK;
 }
 
-static Status check_bounds(Simulation *s, unsigned reference)
-{
-    const Variable *const variable = &model_variables[reference];
-    const double value = s->values[reference];
-    const bool is_low = value < variable->min;
-    if (!is_low && value <= variable->max) return STATUS_OK;
-    return say(s, STATUS_ERROR, "%s %s is %.16g %s at time %.16g s: must be at %s %g %s", kind(reference),
-               variable->name, value, variable->unit, s->time, is_low ? "least" : "most",
-               is_low ? variable->min : variable->max, variable->unit);
-}
-
 static Status check_parameters(Simulation *s)
 {
     for (unsigned i = FIRST_PARAMETER; i < FIRST_OUTPUT; i++) {
-        const Status status = check_bounds(s, i);
+        const Status status = check_bounds(s, STATUS_ERROR, i, s->values[i]);
         if (status != STATUS_OK) return status;
     }
     for (unsigned i = 0; i < N_ENUMERATIONS; i++) {
@@ -266,7 +277,7 @@ static Status check_limits(Simulation *s, double time, const double *states, con
 Status simulation_start(Simulation *s)
 {
     for (unsigned i = FIRST_STATE; i < FIRST_PARAMETER; i++) {
-        const Status status = is_derivative(i) ? STATUS_OK : check_bounds(s, i);
+        const Status status = is_derivative(i) ? STATUS_OK : check_bounds(s, STATUS_ERROR, i, s->values[i]);
         if (status != STATUS_OK) return status;
     }
     Status status = check_parameters(s);
@@ -490,11 +501,11 @@ static Status check_differentiable(Simulation *s, const unsigned unknowns[], siz
     for (size_t j = 0; j < n_knowns; j++) {
         const unsigned r = knowns[j];
         const bool is_known = is_state(r) || is_input(r) || r == TIME
-            || (is_real_parameter(r) && s->phase == BEFORE_START);
+            || (is_real_parameter(r) && (s->phase == BEFORE_START || model_variables[r].tunable));
         if (!is_known) {
             return say(s, STATUS_ERROR,
-                       "the variable with value reference %u is no known: states, inputs and the time are, and until the "
-                       "simulation starts the parameters that are numbers",
+                       "the variable with value reference %u is no known: states, inputs, the time and tunable parameters "
+                       "are, and until the simulation starts all parameters that are numbers",
                        r);
         }
     }

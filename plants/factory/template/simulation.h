@@ -38,7 +38,10 @@ typedef struct {
 /* Everything to its start value. */
 void simulation_reset(Simulation *s);
 
-Status simulation_set_real(Simulation *s, unsigned reference, double value);
+/* Whether a Real may be set to a value now; tunable parameters may change at an event, once the simulation runs. */
+Status simulation_check_real(Simulation *s, unsigned reference, double value, bool at_event);
+/* Set what has been checked. */
+void simulation_set_real(Simulation *s, unsigned reference, double value);
 Status simulation_get_real(Simulation *s, unsigned reference, double *value);
 Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value);
 Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value);
@@ -49,7 +52,7 @@ Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
 /* The experiment: start and stop time in s. */
 Status simulation_setup(Simulation *s, double start_time, double stop_time);
 
-/* Check start values, parameters and limits, and fix them. */
+/* Check start values, parameters and limits, and fix all but inputs and tunable parameters. */
 Status simulation_start(Simulation *s);
 
 /* One communication step. Methods of fixed step divide it into the fewest equal internal steps that are no longer than
