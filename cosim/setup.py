@@ -14,8 +14,9 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.contract import BoundRole, Contract, Role, unit_of
+from cosim.contract import BoundRole, Contract, Role, labels, unit_of
 from cosim.errors import InputError, Location, nearest
+from cosim.expectation import Recorded, check, recorded
 from cosim.fmu import Fmu, open_fmu
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
@@ -23,7 +24,6 @@ from cosim.recorder import Channel
 from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
 from cosim.signals import input_samples
-from cosim.summary import check_expectations
 from cosim.team import Law, find_law, gains_of
 from cosim.timing import timed
 from cosim.trajectory import Motion, leader_motion
@@ -101,6 +101,8 @@ class Setup:
         Those of each follower.
     channels : tuple of Channel
         What is recorded.
+    signals : dict
+        The same as expectations know it, with what follows from it, by name.
     """
 
     leader: RobotSetup
@@ -111,6 +113,7 @@ class Setup:
     laws: Mapping[str, Law]
     gains: tuple[Any, ...]
     channels: tuple[Channel, ...]
+    signals: Mapping[str, Recorded]
 
     @property
     def contracts(self) -> tuple[Contract, ...]:
@@ -159,9 +162,8 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
-    single = {channel.name: channel.units for channel in channels if channel.dims == ("robot",)}
-    single |= {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
-    check_expectations(scenario.expectations, single)
+    signals = _recorded(scenario, channels, (leader.contract, *(robot.contract for robot in followers)), laws)
+    check(scenario, signals)
     return Setup(
         leader=leader,
         followers=followers,
@@ -171,6 +173,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         laws=laws,
         gains=gains,
         channels=channels,
+        signals=signals,
     )
 
 
@@ -423,3 +426,15 @@ def _channels(contract: Contract, n: int, told: bool, laws: Iterable[Law]) -> tu
             about = (signal.unit, signal.description, signal.singular_at_zero, float(signal.singular_below))
             telemetry[signal.name] = (signal, Channel(signal.name, dims, shape, *about))
     return (*channels.values(), *(channel for _, channel in telemetry.values()))
+
+
+def _recorded(
+    scenario: Scenario, channels: Sequence[Channel], contracts: Sequence[Contract], laws: Mapping[str, Law]
+) -> dict[str, Recorded]:
+    names = {f"{roles}_component": labels(contracts, roles) for roles in ("pose", "velocity", "torque")}
+    owners: dict[str, list[str]] = {}
+    for follower in scenario.followers:
+        for signal in laws[follower.controller].controller_type.signals:
+            names |= {f"{signal.name}_component": tuple(signal.components)} if signal.components else {}
+            owners.setdefault(signal.name, []).append(follower.id)
+    return recorded(channels, names, [follower.id for follower in scenario.followers], owners)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from cosim.errors import InputError, nearest
-from cosim.scenario import Expectation, Scenario
-from plants import UnitError, units
+from cosim.expectation import Verdict, judge
+from cosim.measure import figure_of, settling_time, smallest_distance
+from cosim.scenario import Scenario
 
 RANGE_BAND = 0.1
 BEARING_BAND = math.radians(2.0)
@@ -45,18 +43,6 @@ class FollowerFigures:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """An expectation and what came of it; figures in the unit in which the bound is written."""
-
-    expectation: str
-    robot: str
-    figure: float
-    bound: float
-    unit: str
-    passed: bool
-
-
-@dataclass(frozen=True)
 class Summary:
     """The figures of a run.
 
@@ -76,9 +62,14 @@ class Summary:
     verdicts: tuple[Verdict, ...]
 
     @property
+    def completed(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == "completed"
+
+    @property
     def passed(self) -> bool:
-        """Whether all that was expected holds."""
-        return all(verdict.passed for verdict in self.verdicts)
+        """Whether the run reached its end and all that was expected holds."""
+        return self.completed and all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> str:
         """Return the content of ``summary.json``."""
@@ -86,81 +77,34 @@ class Summary:
 
 
 def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
-    """Return the figures of a run, complete or not, and the verdicts on a complete one."""
+    """Return the figures of a run, complete or not, and the verdicts on a complete one (`cosim.expectation.judge`)."""
     time = result["time"].values
-    complete = result.attrs["status"] == "completed"
-    distance, pair = _smallest_distance(result)
+    nearest = smallest_distance(result)
     return Summary(
         scenario=scenario.name,
         status=result.attrs["status"],
         end_time=float(time[-1]) if len(time) else 0.0,
         followers=tuple(_figures(scenario, result.sel(robot=robot)) for robot in result["robot"].values),
-        smallest_distance=distance,
-        smallest_distance_between=pair,
+        smallest_distance=nearest[0] if nearest else None,
+        smallest_distance_between=nearest[1] if nearest else None,
         notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
-        verdicts=tuple(
-            verdict for expectation in scenario.expectations if complete for verdict in _judge(expectation, result)
-        ),
+        verdicts=judge(scenario, result) if result.attrs["status"] == "completed" else (),
     )
-
-
-def check_expectations(expectations: Sequence[Expectation], units_of: dict[str, str]) -> None:
-    """Check that every expectation is about a signal that is recorded, with a bound in a unit that fits.
-
-    Parameters
-    ----------
-    units_of
-        Unit of each recorded signal that has one value a robot and time, by name.
-
-    Raises
-    ------
-    InputError
-        With the place in the scenario.
-    """
-    for expectation in expectations:
-        if expectation.signal not in units_of:
-            known = nearest(expectation.signal, list(units_of))
-            message = f"{expectation.signal!r} is no signal with one value a robot and time: {known}"
-            raise InputError(message, expectation.where)
-        unit = units_of[expectation.signal]
-        try:
-            bound = units.convert(expectation.bound, expectation.unit, unit)
-        except UnitError as error:
-            raise InputError(
-                f"the bound of {expectation.signal!r}, which is in {unit}: {error}", expectation.where
-            ) from None
-        if not math.isfinite(bound):
-            raise InputError(f"the bound of {expectation.signal!r} is not a finite number", expectation.where)
 
 
 def _figures(scenario: Scenario, follower: xr.Dataset) -> FollowerFigures:
     time = follower["time"].values
-    range_error, bearing_error = follower["range_error"].values, follower["bearing_error"].values
-    outside = (np.abs(range_error) > RANGE_BAND) | (np.abs(bearing_error) > BEARING_BAND)
-    inside = time[np.flatnonzero(outside)[-1] + 1 :] if outside.any() else time
+    settled = settling_time(follower, RANGE_BAND, BEARING_BAND)
     last_chance = time[-1] - SETTLED_PART * scenario.horizon if len(time) else 0.0
     steady = time >= (1 - STEADY_PART) * scenario.horizon - 0.5 * scenario.step
     torque = np.abs(follower["torque"].values)
     return FollowerFigures(
         robot=str(follower["robot"].values),
-        settling_time=float(inside[0]) if len(inside) and inside[0] <= last_chance else None,
-        range_rms=_rms(range_error[steady]),
-        bearing_rms=_rms(bearing_error[steady]),
+        settling_time=settled if settled is not None and settled <= last_chance else None,
+        range_rms=figure_of("rms", time[steady], follower["range_error"].values[steady]),
+        bearing_rms=figure_of("rms", time[steady], follower["bearing_error"].values[steady]),
         peak_torque=float(torque.max()) if torque.size else math.nan,
     )
-
-
-def _smallest_distance(result: xr.Dataset) -> tuple[float | None, tuple[str, str] | None]:
-    position = result["pose"].values[..., :2]
-    robots = [str(robot) for robot in result["robot"].values]
-    smallest: tuple[float | None, tuple[str, str] | None] = (None, None)
-    for i, j in combinations(range(len(robots)), 2):
-        if not len(position):
-            break
-        distance = float(np.min(np.hypot(*(position[:, i] - position[:, j]).T)))
-        if smallest[0] is None or distance < smallest[0]:
-            smallest = distance, (robots[i], robots[j])
-    return smallest
 
 
 def _singularities(result: xr.Dataset) -> tuple[str, ...]:
@@ -187,29 +131,6 @@ def _singularities(result: xr.Dataset) -> tuple[str, ...]:
             if said:
                 notes.append(f"{robot}: {name} {', and '.join(said)}; where it is zero, {meaning}")
     return tuple(notes)
-
-
-def _judge(expectation: Expectation, result: xr.Dataset) -> list[Verdict]:
-    signal = result[expectation.signal]
-    window = signal.sel(time=slice(expectation.start - 1e-9, expectation.stop + 1e-9))
-    verdicts = []
-    for robot in result["robot"].values:
-        figure = units.convert(_rms(window.sel(robot=robot).values), signal.attrs["units"], expectation.unit)
-        verdicts.append(
-            Verdict(
-                expectation=f"rms {expectation.signal}, {expectation.start:g} to {expectation.stop:g} s",
-                robot=str(robot),
-                figure=figure,
-                bound=expectation.bound,
-                unit="" if expectation.unit == "1" else expectation.unit,
-                passed=figure < expectation.bound,
-            )
-        )
-    return verdicts
-
-
-def _rms(values: np.ndarray[Any, Any]) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
 def _without_nan(value: Any) -> Any:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import tempfile
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
 from pathlib import Path
@@ -18,7 +19,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from cosim.cli.console import err, out, report, table, warn
 from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+from cosim.expectation import Verdict
 from cosim.interrupt import HeldSignals
+from cosim.junit import Outcome, junit_xml
 from cosim.result import save, write
 from cosim.scenario import Scenario
 from cosim.simulation import Simulation
@@ -30,41 +33,65 @@ EXPECTATION_FAILED = 1
 
 def run(options: argparse.Namespace) -> int:
     """Run each scenario; return the most serious exit status of all."""
-    status = 0
+    if options.junit is not None:
+        _writable_folder(options.junit.parent, "--junit")
+    outcomes: list[Outcome] = []
+    try:
+        return max(_run_scenarios(options, outcomes), default=0)
+    finally:
+        if options.junit is not None:
+            write(options.junit, junit_xml(outcomes))
+
+
+def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iterator[int]:
+    """Run each scenario, keep what came of it, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
+        started = time.perf_counter()
+        outcome = Outcome(name=path.stem, path=path)
         try:
             scenario = read(path, options)
+            outcome.name = scenario.name
             if scenario.name in names:
                 raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
             names[scenario.name] = path
-            status = max(status, _run_one(scenario, options))
+            _run_one(scenario, options, outcome)
+            yield 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
         except FormationError as error:
             report(error)
-            status = max(status, error.exit_status)
-    return status
+            outcome.error = error
+            yield error.exit_status
+        except BaseException as error:
+            outcome.error = error
+            raise
+        finally:
+            outcome.seconds = time.perf_counter() - started
+            outcomes.append(outcome)
 
 
-def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
+def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     with timed(timing, "total"):
         with _status("building and loading plants"):
             ready = Simulation(scenario)
         with ready as simulation, HeldSignals() as signals:
-            folder = _writable_folder(options.out / scenario.name)
+            folder = _writable_folder(options.out / scenario.name, "--out")
             try:
                 with _progress(scenario) as progress:
                     result = simulation.run(progress)
             except (SimulationError, RunInterrupted) as error:
                 failure, result = error, error.result
             timing |= simulation.timing
-            summary = summarise(scenario, result)
             with timed(timing, "write"):
-                _write(result, summary, folder)
+                _save(result, folder)
         if signals.received and failure is None:  # while the result was being written
             failure = RunInterrupted(simulation.time, result)
         console = out()
+        # What follows may run other scenarios, to compare with: the result is safe by now.
+        with timed(timing, "expectations"), _status("judging the expectations"):
+            outcome.summary = summary = summarise(scenario, result)
+        write(folder / "summary.json", summary.to_json().encode())
         _print_summary(console, scenario, summary)
         if options.figure and result.sizes["time"] > 1:
             with timed(timing, "figure"):
@@ -77,20 +104,19 @@ def _run_one(scenario: Scenario, options: argparse.Namespace) -> int:
     if failure is not None:
         warn(f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; what was recorded is saved")
         raise failure
-    return 0 if summary.passed else EXPECTATION_FAILED
 
 
 # Files ------------------------------------------------------------------------------------------------------
 
 
-def _writable_folder(folder: Path) -> Path:
-    """Make the folder of the results and try it, before anything is computed."""
+def _writable_folder(folder: Path, option: str) -> Path:
+    """Make the folder that an option names and try it, before anything is computed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise OutputError(f"results cannot be written to {folder}: {error.strerror}; choose another --out") from None
+        raise OutputError(f"results cannot be written to {folder}: {error.strerror}; choose another {option}") from None
     return folder
 
 
@@ -104,13 +130,13 @@ def _draw(result: xr.Dataset, folder: Path) -> None:
         warn(f"the figure could not be drawn: {type(error).__name__}: {error}")
 
 
-def _write(result: xr.Dataset, summary: Summary, folder: Path) -> None:
-    """Write result and summary; where that fails after all, keep the result in a temporary folder and say so."""
-    with suppress(OSError):
-        (folder / "figure.png").unlink()  # of an earlier run
+def _save(result: xr.Dataset, folder: Path) -> None:
+    """Write the result; where that fails after all, keep it in a temporary folder and say so."""
+    for name in ("figure.png", "summary.json"):  # of an earlier run
+        with suppress(OSError):
+            (folder / name).unlink()
     try:
         save(result, folder / "result.nc")
-        write(folder / "summary.json", summary.to_json().encode())
     except OutputError as error:
         kept = Path(tempfile.mkdtemp(prefix="formation-")) / "result.nc"
         save(result, kept)
@@ -172,14 +198,16 @@ def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> No
         )
     for note in summary.notes:
         console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
-    for expectation, verdicts in groupby(summary.verdicts, key=lambda verdict: verdict.expectation):
-        worst = max(verdicts, key=lambda verdict: verdict.figure)
-        word = "[green]holds[/]" if worst.passed else "[bold red]FAILS[/]"
-        console.print(
-            f"{word}  {escape(f'{expectation} below {worst.bound:g} {worst.unit}'.strip())}: "
-            f"{escape(f'at most {worst.figure:.4g} {worst.unit}'.strip())} ({escape(worst.robot)})",
-            soft_wrap=True,
-        )
+    for verdict in _worst(summary.verdicts):
+        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
+        console.print(f"[{colour}]{escape(verdict.outcome)}[/]  {escape(str(verdict))}", soft_wrap=True)
+
+
+def _worst(verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
+    """Return the verdict with the smallest margin on each expectation, as marked and otherwise."""
+    for _, group in groupby(verdicts, key=lambda verdict: verdict.where):
+        for _, same in groupby(sorted(group, key=lambda v: v.as_marked), key=lambda v: v.as_marked):
+            yield min(same, key=lambda verdict: -math.inf if math.isnan(verdict.margin) else verdict.margin)
 
 
 def _shown(value: float, digits: int) -> str:
