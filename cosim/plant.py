@@ -44,12 +44,12 @@ class Plant:
         Values for parameters of the FMU.
     pose
         Initial pose in the contract's units.
-    inputs
-        Inputs of the FMU that are given besides the torques.
     stop_time
         End of the run [s].
     where
         The place in the scenario that asks for it.
+    inputs
+        Inputs of the FMU that are given besides the torques.
 
     Attributes
     ----------
@@ -68,9 +68,9 @@ class Plant:
         robot: str,
         parameters: Iterable[ParameterValue],
         pose: Iterable[float],
-        inputs: Iterable[BoundRole],
         stop_time: float,
         where: Location | None = None,
+        inputs: Iterable[BoundRole] = (),
     ) -> None:
         self.robot = robot
         self.fmu = fmu

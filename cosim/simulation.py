@@ -243,9 +243,9 @@ class Simulation:
                     robot.name,
                     robot.parameters,
                     robot.pose,
-                    robot.inputs,
                     self.scenario.horizon,
                     robot.where,
+                    robot.inputs,
                 )
                 cleanup.callback(plant.close)
                 started.append(plant)

@@ -3,8 +3,9 @@
 The numbers of the literal reading come from an independent implementation of the same equations.
 """
 
-from dataclasses import replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,12 +79,19 @@ def test_with_one_number_changed_all_four_settle(scenarios: Path, seed: int) -> 
     assert summary.notes == (), "it stays within the domain of the theory"
 
 
+def without_places(value: Any) -> Any:
+    """Return plain data, without the lines in which it is written."""
+    if isinstance(value, tuple):
+        return [without_places(entry) for entry in value]
+    if is_dataclass(value):
+        return {f.name: without_places(getattr(value, f.name)) for f in fields(value) if f.name != "where"}
+    return value
+
+
 def test_one_number_is_all_that_differs(scenarios: Path) -> None:
     printed, changed = (cosim.read_scenario(scenarios / f"clmr_line{s}.xml") for s in ("_as_printed", ""))
-    for name in ("step", "ticks", "seed", "noise", "saturation", "leader"):
-        assert getattr(changed, name) == getattr(printed, name)
-    here = printed.followers[0].where
-    assert [replace(f, where=here) for f in changed.followers] == [replace(f, where=here) for f in printed.followers]
+    for name in ("step", "ticks", "period", "seed", "inputs", "leader", "followers", "events"):
+        assert without_places(getattr(changed, name)) == without_places(getattr(printed, name))
     gains = [{g.name: g.value for g in s.controllers["pid"].gains} for s in (printed, changed)]
     assert {name for name in gains[0] if gains[0][name] != gains[1][name]} == {"W_m"}
     parameters = [[(p.name, p.value) for p in s.plants["clmr"].parameters] for s in (printed, changed)]

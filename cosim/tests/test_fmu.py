@@ -9,7 +9,7 @@ import pytest
 import plants
 from cosim.errors import InputError, Location, SimulationError
 from cosim.fmu import Fmu, open_fmu
-from cosim.parameters import understand
+from cosim.parameters import geometry, understand
 from cosim.plant import Plant
 from cosim.scenario import Setting
 
@@ -136,7 +136,7 @@ def test_start_pose_and_a_step(fmu: Fmu) -> None:
     state = np.empty(6)
     plant.read(0.0, state)
     assert np.array_equal(state, [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
-    assert plant.geometry() == {"wheelbase": 1.2, "drive": "rear_wheel"}
+    assert geometry(fmu, parameters, HERE) == {"wheelbase": 1.2, "drive": "rear_wheel"}
     plant.step(0.0, 0.02, np.array([8.0, 1.0]))
     plant.step(0.02, 0.02, np.array([8.0, 1.0]))
     plant.read(0.04, state)

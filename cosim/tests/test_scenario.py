@@ -23,19 +23,18 @@ def refused(*replacements: str) -> InputError:
 def test_what_a_file_says_in_si_units() -> None:
     scenario = read_scenario(EXAMPLE)
     assert (scenario.name, scenario.step, scenario.ticks, scenario.horizon) == ("example", 0.02, 5000, 100)
-    assert scenario.leader.pose == (2.5, 5.5, 0.0, 0.0)
-    assert scenario.leader.torque == (8.0, 0.0)
-    assert [follower.pose for follower in scenario.followers] == [
-        (-5.0, 0.0, 0.0, 0.0),
-        (-5.0, 10.0, 0.0, 0.0),
-        (-5.0, 15.0, 0.0, 0.0),
-        (-5.0, -5.0, 0.0, 0.0),
-    ]
+    assert scenario.leader.pose.values == {"x": 2.5, "y": 5.5, "psi": 0.0, "gamma": 0.0}
+    assert scenario.leader.torque.values == {"tau_drive": 8.0, "tau_steer": 0.0}
+    assert [follower.pose.values["x"] for follower in scenario.followers] == [-5.0] * 4
+    assert [follower.pose.values["y"] for follower in scenario.followers] == [0.0, 10.0, 15.0, -5.0]
     ranges, bearings = zip(*(follower.desired for follower in scenario.followers), strict=True)
     assert ranges == (3.0, 3.0, 8.0, 8.0)
     assert bearings == pytest.approx([math.pi / 4, -math.pi / 4, math.pi / 12, -math.pi / 12], abs=1e-15)
-    assert scenario.saturation == 200.0
-    assert scenario.noise == (0.001, 0.001, 0.001, 0.001)
+    for follower in scenario.followers:
+        assert [(e.kind, e.amount, e.channels) for e in follower.sensor] == [
+            ("noise", 0.001, (channel,)) for channel in ("x", "y", "psi", "gamma")
+        ]
+        assert [(e.kind, e.amount, e.channels) for e in follower.actuator] == [("saturation", 200.0, ())]
     gains = {gain.name: gain.value for gain in scenario.controllers["pid"].gains}
     assert gains["gamma_w"] == "10"
     assert gains["W_m"] == "1000"
