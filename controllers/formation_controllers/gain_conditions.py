@@ -44,7 +44,9 @@ class Bounds:
     c_1, c_2, c_4, c_5
         Constants of (22) and (38); they depend on the gains too.
     c_3
-        Constant of (27). It enters only the region of attraction, (52): no condition depends on it.
+        Constant of (27). It enters only the region of attraction, (52): no condition depends on it. By (16), (18) and
+        (26), s_c_tilde + s_o_tilde = 2 (s_o - alpha q_tilde - beta xi_o), so that the least one is
+        2 sqrt(1 + alpha^2 + beta^2).
     lambda_m, lambda_d
         Smallest eigenvalues of M and D, Properties 1 and 3.
     lambda_M
@@ -280,13 +282,19 @@ def region_of_attraction(
       does not follow from (51), in which each follower needs kappa_mi > kappa_7i + kappa_8i |x_i|^2 for itself: N equal
       followers would have sqrt(N) times the radius of one. As neither V_i nor a law depends on another follower, each
       has the region computed here for its own gains and bounds.
-    - A radius needs kappa_m > kappa_7, which (39) to (42) do not say: they say kappa_m > 0.
+    - A radius needs kappa_m > kappa_7, which (39) to (42) do not say: they say kappa_m > 0. As c_3 is known, see
+      `Bounds`, it needs at least kappa_m > 3 sqrt(1 + alpha^2 + beta^2).
     - (51) makes V decrease only outside a ball whose radius grows with gamma of (52), so that V(t) <= V(0) does not
       follow for all t. What is promised needs that the largest V there, errors of the weights and of the robust gain
       included, is less than lambda_x (kappa_m - kappa_7)/kappa_8. This contains the ideal weights and theta, which
       nobody knows, and is not checked here.
-    - "Arbitrarily large" is not to be had by K_p: lambda_x <= lambda_m/2 and lambda_vartheta >= lambda_max(K_p)/2, so
-      that the radius stays bounded as K_p grows, even if c_2 and c_5, which depend on the gains, stay as they are.
+    - "Arbitrarily large" is not to be had by gains: with kappa_m <= (1 - l) lambda_min(K_p) + lambda_d by (41), l < 2
+      by (40), lambda_x <= lambda_m/2 and lambda_vartheta >= max(lambda_max(K_p), lambda_M)/2, the squared radius is at
+      most (lambda_m/2 + 4 lambda_d lambda_m/lambda_M)/(c_2 + c_5). No gain makes c_5 small: chi_2, (37), contains
+      C(q_dot) (s_o - s_c).
+    - Property 1 takes lambda_m and lambda_M over all errors e, where there are none: M = R^-T M2 R^-1 has an eigenvalue
+      that tends to zero with the range and one that grows without bound as the bearing goes to 90 degrees. They can
+      hold on a set only, and nothing in the theorem keeps the robot in it.
 
     Parameters
     ----------
@@ -302,8 +310,8 @@ def region_of_attraction(
     GainError
         If Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or gamma_theta is zero.
     ControllerError
-        If lambda_M is not known, l is not positive and finite, or the theorem promises nothing: one of (39) to (42)
-        fails, or kappa_m does not exceed kappa_7.
+        If lambda_M is not known, c_3 is less than it can be, l is not positive and finite, or the theorem promises
+        nothing: one of (39) to (42) fails, or kappa_m does not exceed kappa_7.
     """
     if bounds.lambda_M is None:
         raise ControllerError("the bound lambda_M is not given: the region of attraction depends on it, (44)")
@@ -315,6 +323,9 @@ def region_of_attraction(
     report = check_gains(gains, bounds)
     if math.isnan(report.alpha):
         raise ControllerError(f"Theorem 1 promises nothing: {str(report).splitlines()[0]}")
+    least = 2 * math.hypot(1, report.alpha, report.beta)
+    if bounds.c_3 < least * (1 - 1e-9):
+        raise ControllerError(f"the bound c_3 is {bounds.c_3:g}: with these gains (27) needs at least {least:.6g}")
     sides = _sides(report.alpha, report.beta, gains, bounds)
 
     def kappa_m(l: float) -> float:  # noqa: E741

@@ -11,7 +11,7 @@ from formation_controllers import ControllerError, GainError
 from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.observer_pid import ObserverPidGains
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 PRINTED = NeuralAdaptivePidGains()
@@ -164,26 +164,29 @@ def test_what_the_theorem_does_not_cover_is_refused():
 
 # Region of attraction ----------------------------------------------------------------------------------------
 
-SMALL = Bounds(c_1=0.1, c_2=0.2, c_3=0.05, c_4=0.3, c_5=0.4, lambda_m=5, lambda_d=4, lambda_M=20)
-# alpha = 8 and beta = 2, of which (39), (40) hold for l in (0.29, 1.71)
-SATISFYING = replace(PRINTED, Lambda_0=10, Lambda_1=16, K_p=10, k_d=20, gamma_w=10, gamma_theta=0.5)
+SMALL = Bounds(c_1=0.1, c_2=0.2, c_3=17, c_4=0.3, c_5=0.4, lambda_m=5, lambda_d=4, lambda_M=20)
+# alpha = 8 and beta = 2, of which (39), (40) hold for l in (0.29, 1.71), and c_3 >= 2 sqrt(1 + 64 + 4) = 16.61
+SATISFYING = replace(PRINTED, Lambda_0=10, Lambda_1=16, K_p=200, k_d=600, gamma_w=10, gamma_theta=0.5)
 
 
 def test_the_radius_at_numbers_computed_by_hand():
-    """With l = 0.5 the margins of (39) to (42) are 50, 5, 8.925 and 84.825."""
+    """With l = 0.5 the margins of (39) to (42) are 1000, 100, 103.925 and 2699.825."""
     region = region_of_attraction(SATISFYING, SMALL, l=0.5)
-    assert region.kappa_m == pytest.approx(5.0)
-    assert region.kappa_7 == pytest.approx(0.475)  # (0.1/0.5 + 0.3/0.5 + 3 * 0.05)/2
+    margins = literal(SATISFYING, SMALL, 8, 2, np.array([0.5]))[:, 0]
+    assert margins == pytest.approx(np.array([1000, 100, 103.925, 2699.825]))
+    assert region.kappa_m == pytest.approx(100)
+    assert region.kappa_7 == pytest.approx(25.9)  # (0.1/0.5 + 0.3/0.5 + 3 * 17)/2
     assert region.kappa_8 == pytest.approx(0.6)  # (0.2 + 0.4)/(2 * 0.5)
     assert region.lambda_x == 2.5
-    assert region.lambda_vartheta == 10
-    assert region.radius == pytest.approx(math.sqrt(2.5 * 4.525 / (0.6 * 10)))
+    assert region.lambda_vartheta == 100
+    assert region.radius == pytest.approx(math.sqrt(2.5 * 74.1 / (0.6 * 100)))
     assert region.l == 0.5
 
 
 positive_bounds = st.builds(
-    lambda c, m, d, more: Bounds(*c, lambda_m=m, lambda_d=d, lambda_M=m * more),
-    c=st.tuples(*[st.floats(0.001, 0.2)] * 5),
+    lambda c, c_3, m, d, more: Bounds(c[0], c[1], c_3, c[2], c[3], lambda_m=m, lambda_d=d, lambda_M=m * more),
+    c=st.tuples(*[st.floats(0.001, 0.2)] * 4),
+    c_3=st.floats(17, 20),
     m=st.floats(1, 20),
     d=st.floats(0, 10),
     more=st.floats(1, 5),
@@ -198,8 +201,8 @@ def test_no_constant_l_of_a_grid_has_a_larger_radius(bounds):
     kappa_m = literal(SATISFYING, bounds, report.alpha, report.beta, grid).min(axis=0)
     kappa_7 = 0.5 * (c.c_1 / grid + c.c_4 / grid + 3 * c.c_3)
     kappa_8 = 0.5 * (c.c_2 / grid + c.c_5 / grid)
-    lambda_x = 0.5 * min(10, c.lambda_m)
-    lambda_vartheta = 0.5 * max(10, c.lambda_M, 1 / 10, 1 / 0.5)
+    lambda_x = 0.5 * min(200, c.lambda_m)
+    lambda_vartheta = 0.5 * max(200, c.lambda_M, 1 / 10, 1 / 0.5)
     squares = lambda_x * (kappa_m - kappa_7) / (kappa_8 * lambda_vartheta)
     assert squares.max() <= region.radius**2 * (1 + 1e-12)
     assert squares.max() == pytest.approx(region.radius**2, rel=1e-2)
@@ -222,14 +225,14 @@ def test_more_inertia_damping_or_observer_gain_never_shrinks_the_region(bounds, 
     heavier = replace(wide, lambda_m=bounds.lambda_m * factor)
     assert region_of_attraction(SATISFYING, heavier).radius >= region_of_attraction(SATISFYING, wide).radius
     assert region_of_attraction(SATISFYING, replace(bounds, lambda_d=bounds.lambda_d * factor)).radius >= radius
-    assert region_of_attraction(replace(SATISFYING, k_d=20 * factor), bounds).radius >= radius
+    assert region_of_attraction(replace(SATISFYING, k_d=600 * factor), bounds).radius >= radius
 
 
 def test_slow_adaptation_shrinks_the_region():
-    """1/gamma_theta = 40 takes the place of lambda_M = 20 in lambda_vartheta."""
+    """1/gamma_theta = 400 takes the place of K_p = 200 in lambda_vartheta."""
     radius = region_of_attraction(SATISFYING, SMALL).radius
     for name in ("gamma_w", "gamma_theta"):
-        slow = region_of_attraction(replace(SATISFYING, **{name: 1 / 40}), SMALL)
+        slow = region_of_attraction(replace(SATISFYING, **{name: 1 / 400}), SMALL)
         assert slow.radius == pytest.approx(radius / math.sqrt(2))
         assert region_of_attraction(replace(SATISFYING, **{name: 1e6}), SMALL).radius == radius
 
@@ -240,6 +243,41 @@ def test_no_K_p_makes_the_region_as_large_as_one_likes():
     radii = [region_of_attraction(replace(SATISFYING, K_p=k, k_d=k), SMALL).radius for k in (1e4, 1e6, 1e8)]
     assert max(radii) < bound * (1 + 1e-3)
     assert radii[2] == pytest.approx(radii[1], rel=1e-3)
+
+
+@given(
+    bounds=positive_bounds,
+    K_p=st.tuples(st.floats(100, 1e4), st.floats(100, 1e4)),
+    roots=st.tuples(st.floats(0.5, 20), st.floats(1, 20)),
+    k_d=st.floats(10, 1e5),
+)
+@example(bounds=SMALL, K_p=(200, 200), roots=(8, 2), k_d=600)
+def test_no_gains_make_the_region_as_large_as_one_likes(bounds, K_p, roots, k_d):
+    gains = replace(SATISFYING, K_p=K_p, Lambda_0=sum(roots), Lambda_1=math.prod(roots), k_d=k_d)
+    least = replace(bounds, c_3=2 * math.hypot(1, *roots))
+    try:
+        radius = region_of_attraction(gains, least).radius
+    except ControllerError as refusal:
+        assert "Theorem 1 promises nothing" in str(refusal)  # noqa: PT017 (it is right of many gains)
+        return
+    largest = bounds.lambda_m / 2 + 4 * bounds.lambda_d * bounds.lambda_m / bounds.lambda_M
+    assert radius**2 <= largest / (bounds.c_2 + bounds.c_5)
+
+
+def test_a_c_3_is_refused_with_which_27_does_not_hold():
+    """The least one against (26) from the definitions (16), (18) of x, and where it is attained."""
+    alpha, beta = 8.0, 2.0
+    random = np.random.default_rng(4)
+    xi_o, q_tilde, s_o = random.normal(size=(3, 1000, 2))
+    xi_o[0], q_tilde[0], s_o[0] = [-beta, 0], [-alpha, 0], [1, 0]
+    integral = (xi_o - q_tilde) / alpha
+    s_tilde = 2 * (s_o - (alpha + beta) * q_tilde - alpha * beta * integral)
+    norms = np.sqrt(sum((part**2).sum(axis=1) for part in (xi_o, q_tilde, s_o)))
+    ratios = np.linalg.norm(s_tilde, axis=1) / norms
+    assert ratios.argmax() == 0
+    assert region_of_attraction(SATISFYING, replace(SMALL, c_3=ratios[0])).radius > 0
+    with pytest.raises(ControllerError, match=r"the bound c_3 is 16.5: with these gains \(27\) needs at least 16.6132"):
+        region_of_attraction(SATISFYING, replace(SMALL, c_3=16.5))
 
 
 def test_without_quadratic_bounds_the_region_is_everything():
