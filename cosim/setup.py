@@ -178,7 +178,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
 
 
 def _times(scenario: Scenario) -> NDArray[np.float64]:
-    times: NDArray[np.float64] = np.arange(scenario.ticks + 1) * scenario.step
+    times: NDArray[np.float64] = scenario.step * np.arange(scenario.ticks + 1, dtype=np.float64)
     return times
 
 
