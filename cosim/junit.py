@@ -61,7 +61,8 @@ def _suite(outcome: Outcome) -> etree._Element:
     suite = etree.Element("testsuite", name=_text(outcome.name))
     run = _case(suite, outcome, "run", 1, outcome.seconds)
     if outcome.error:
-        etree.SubElement(run, "error", type=type(outcome.error).__name__, message=_text(str(outcome.error) or "the run was ended"))
+        said = str(outcome.error) or "the run was ended"
+        etree.SubElement(run, "error", type=type(outcome.error).__name__, message=_text(said))
     for verdict in outcome.summary.verdicts if outcome.summary else ():
         about = f"{verdict.expectation} [{verdict.robot}]" if verdict.robot else verdict.expectation
         _judged(_case(suite, outcome, about, verdict.where.line, 0.0), verdict)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 
 def figure_of(kind: str, time: NDArray[np.float64], values: NDArray[np.float64], start: float = 0.0) -> float:
-    """Return one figure of a signal over a window; NaN if the window is empty or a value is missing.
+    """Return one figure of a signal over a window; NaN if it is empty or a value that counts is NaN.
 
     Parameters
     ----------

@@ -1,0 +1,125 @@
+"""The pytest plugin: each scenario file is a test, which passes when all that the scenario expects holds.
+
+pytest loads this module at every start, so it imports the harness only when a scenario runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.parsers import expat
+
+import pytest
+
+from cosim.errors import FormationError
+
+if TYPE_CHECKING:
+    from cosim.summary import Summary
+
+NAMESPACE = "urn:formation-cosim:scenario:1"
+_ROOTS = (f"{NAMESPACE}}}scenario", f"{NAMESPACE}}}variant")
+_SNIFFED = 64 * 1024
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioFile | None:
+    """Collect a file if it is a scenario or a variant of one; any other XML file is none of our business."""
+    if file_path.suffix.lower() == ".xml" and is_scenario(file_path):
+        file: ScenarioFile = ScenarioFile.from_parent(parent, path=file_path)
+        return file
+    return None
+
+
+class ScenarioFile(pytest.File):
+    """A scenario file."""
+
+    def collect(self) -> Iterator[ScenarioItem]:
+        """Return the one test that it is."""
+        yield ScenarioItem.from_parent(self, name=self.path.stem)
+
+
+class ScenarioItem(pytest.Item):
+    """A scenario as a test: it runs, and its expectations hold or fail as they are marked."""
+
+    def runtest(self) -> None:
+        """Run the scenario and judge it."""
+        import cosim
+        from cosim.summary import summarise
+
+        scenario = cosim.read_scenario(self._shown_path())
+        summary = summarise(scenario, cosim.run(scenario))
+        for verdict in summary.verdicts:
+            name = " ".join(part for part in (verdict.expectation, verdict.robot) if part)
+            self.user_properties.append((name, f"{verdict.outcome}: {verdict.finding}"))
+        if not all(verdict.as_marked for verdict in summary.verdicts):
+            raise _NotAsExpected(summary)
+        known = dict.fromkeys(verdict.known_failure for verdict in summary.verdicts if not verdict.passed)
+        if known:
+            pytest.xfail("; ".join(known))
+        if not summary.passed:  # pytest was told to treat marked failures as any other (--runxfail)
+            raise _NotAsExpected(summary)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return what the user is told: the verdicts, or one sentence on what is wrong; a traceback only of a fault."""
+        if isinstance(excinfo.value, _NotAsExpected):
+            return "\n".join(_report(excinfo.value.summary))
+        if isinstance(excinfo.value, FormationError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return where the test is and what it is called."""
+        return self.path, 0, f"scenario: {self.name}"
+
+    def _shown_path(self) -> Path:
+        """Return the file as it is named from where pytest was started."""
+        start = self.config.invocation_params.dir
+        return self.path.relative_to(start) if self.path.is_relative_to(start) and Path.cwd() == start else self.path
+
+
+class _NotAsExpected(Exception):
+    def __init__(self, summary: Summary) -> None:
+        self.summary = summary
+        super().__init__("not as expected")
+
+
+def is_scenario(path: Path) -> bool:
+    """Return whether a file is a scenario or a variant of one, by the root element within its first 64 KiB.
+
+    No entity is expanded: parsing ends at a document type declaration. Such a file, or one that is broken before its
+    root element is complete, counts as a scenario if it names the namespace, so that its test says what is wrong.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(_SNIFFED)
+    except OSError:
+        return False
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.StartElementHandler = _found
+    parser.StartDoctypeDeclHandler = _found
+    try:
+        parser.Parse(start)
+    except _Found as found:
+        if found.root:
+            return found.root in _ROOTS
+    except (expat.ExpatError, ValueError, LookupError):  # the latter of an encoding that Python does not know
+        pass
+    return NAMESPACE.encode() in start
+
+
+class _Found(Exception):
+    def __init__(self, root: str) -> None:
+        self.root = root
+        super().__init__()
+
+
+def _found(name: str, attributes: object, *_: object) -> None:
+    raise _Found(name if isinstance(attributes, dict) else "")  # no attributes: a document type
+
+
+def _report(summary: Summary) -> Iterable[str]:
+    """Return a line on each verdict, those that are not as expected first, and the notes."""
+    for verdict in sorted(summary.verdicts, key=lambda verdict: verdict.as_marked):
+        yield f"{verdict.where}: {verdict.outcome}: {verdict}"
+    for note in summary.notes:
+        yield f"note: {note}"
