@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,8 +85,12 @@ def _wave(wave: Wave, unit: units.Unit, times: NDArray[np.float64]) -> NDArray[n
 def _random(
     wave: Wave, unit: units.Unit, times: NDArray[np.float64], step: float, stream: np.random.Generator
 ) -> NDArray[np.float64]:
-    """White Gaussian noise through a Butterworth low-pass of second order, stationary from the first sample on."""
-    from scipy import signal  # slow to import, and few scenarios need it
+    """Return white Gaussian noise through a Butterworth low-pass of second order.
+
+    The filter's state before the first sample is drawn from its stationary distribution, so there is nothing to settle.
+    The factor is the one with which the standard deviation is exactly the value.
+    """
+    from scipy.signal import sosfilt  # slow to import, and few scenarios need it
 
     part = wave.cutoff * step
     if not MIN_CUTOFF <= part <= 0.5 - MIN_CUTOFF:
@@ -94,19 +99,34 @@ def _random(
             f"{(0.5 - MIN_CUTOFF) / step:g} Hz, as communication steps of {step:g} s need",
             wave.where,
         )
-    sos = signal.butter(2, 2 * part, output="sos")
-    b_0, b_1, b_2, _, a_1, a_2 = sos[0]
-    # The filter's state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has for
-    # white noise u of variance 1 the stationary covariance p = A p A' + c c'. In this form no digits are lost.
+    sos, spread, deviation = _low_pass(part)
+    start = spread @ stream.standard_normal(2)
+    course, _ = sosfilt(sos, stream.standard_normal(len(times)), zi=start[np.newaxis])
+    return np.where(_during(wave, times), _value(wave, unit) / deviation * course, 0.0)
+
+
+@cache
+def _low_pass(cutoff: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return a Butterworth low-pass of second order for white noise of variance 1.
+
+    Returns
+    -------
+    tuple
+        Its coefficients as `scipy.signal.sosfilt` takes them, the Cholesky factor (2, 2) of its state's stationary
+        covariance, and the standard deviation of its output.
+    """
+    from scipy.signal import butter
+
+    sos = butter(2, 2 * cutoff, output="sos")
+    b_0, b_1, b_2, _, a_1, a_2 = sos[0].tolist()
+    # Its state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has the covariance
+    # p = A p A' + c c'. In this form, hardly a digit is lost where the poles are near to one.
     c_1, c_2 = b_1 - a_1 * b_0, b_2 - a_2 * b_0
     p_11 = ((1 + a_2) * (c_1**2 + c_2**2) - 2 * a_1 * c_1 * c_2) / ((1 - a_2) * (1 + a_1 + a_2) * (1 + a_2 - a_1))
     p_12 = (a_1 * a_2 * p_11 + c_1 * c_2) / (1 + a_2)
     p_22 = a_2**2 * p_11 + c_2**2
-    first, second = stream.standard_normal(2)
-    z_1 = math.sqrt(p_11) * first
-    z_2 = p_12 / p_11 * z_1 + math.sqrt(max(p_22 - p_12**2 / p_11, 0.0)) * second
-    course, _ = signal.sosfilt(sos, stream.standard_normal(len(times)), zi=np.array([[z_1, z_2]]))
-    return np.where(_during(wave, times), _value(wave, unit) / math.sqrt(p_11 + b_0**2) * course, 0.0)
+    l_11, l_21 = math.sqrt(p_11), p_12 / math.sqrt(p_11)
+    return sos, np.array([[l_11, 0.0], [l_21, math.sqrt(max(p_22 - l_21**2, 0.0))]]), math.sqrt(p_11 + b_0**2)
 
 
 def _value(wave: Wave, unit: units.Unit) -> float:

@@ -105,13 +105,16 @@ def read_table(path: Path, where: Location) -> Table:
     """
     text = _read_text(path, where)
     stream = io.StringIO(text, newline="")
+    rows = csv.reader(stream)
     try:
-        columns = _header(next(csv.reader(stream), []), path, where)
-        values = _parse(stream, len(columns))
-        if values is None or not (np.diff(values[:, list(columns).index("time")]) > 0).all():
-            raise _problem(csv.reader(io.StringIO(text, newline="")), list(columns), path, where)
+        columns = _header(next(rows, []), path, where)
+        values = _parse(stream, list(columns))
+        if values is None:
+            rows = csv.reader(io.StringIO(text, newline=""))
+            raise _problem(rows, list(columns), path, where)
     except csv.Error as error:
-        raise _error(path, 1, f"is not a table of comma-separated values: {error}", where) from None
+        line = max(rows.line_num, 1)
+        raise _error(path, line, f"is not a table of comma-separated values: {error}", where) from None
     time = Table(path, columns, np.empty(0), values).column("time", "s", where)
     return Table(path, columns, time, values)
 
@@ -140,6 +143,8 @@ def _read_text(path: Path, where: Location) -> str:
 def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
     """Return the unit of each column by its name."""
     header: dict[str, str] = {}
+    if len(row) == 1 and re.search(r"[;\t]", row[0]):
+        raise _error(path, 1, "the first line has no commas: they separate the columns", where)
     for number, cell in enumerate(row, start=1):
         match = _CELL.fullmatch(cell)
         if match is None:
@@ -154,20 +159,22 @@ def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
             raise _error(path, 1, f"two columns are named {_shown(name)}", where)
         header[name] = unit or "1"
     if "time" not in header:
-        hint = "; separate the columns with commas" if len(row) == 1 and re.search(r"[;\t]", row[0]) else ""
-        raise _error(path, 1, f"the first line names no column 'time [s]'{hint}", where)
+        raise _error(path, 1, "the first line names no column 'time [s]'", where)
     return header
 
 
-def _parse(stream: io.StringIO, width: int) -> NDArray[np.float64] | None:
-    """Return the numbers (T, width) in what is left of a file, or None if it is not such a table."""
+def _parse(stream: io.StringIO, names: list[str]) -> NDArray[np.float64] | None:
+    """Return the numbers (T, columns) in what is left of a file, or None if it is not such a table."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # there are no rows
         try:
             values = np.loadtxt(stream, delimiter=",", quotechar='"', comments=None, ndmin=2)
         except ValueError:
             return None
-    return values if values.shape[1] == width and len(values) and np.isfinite(values).all() else None
+    if len(values) == 0 or values.shape[1] != len(names) or not np.isfinite(values).all():
+        return None
+    time = values[:, names.index("time")]
+    return values if (time[1:] > time[:-1]).all() else None
 
 
 def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> InputError:
@@ -189,7 +196,9 @@ def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> Inp
                 path, rows.line_num, f"the time {row[time].strip()} is not later than {before:g} before it", where
             )
         before = float(row[time])
-    return _error(path, 1, "the table has no rows below its first line", where)
+    if before == -math.inf:
+        return _error(path, 1, "the table has no rows below its first line", where)
+    return _error(path, 0, "is not a table of comma-separated numbers", where)
 
 
 def _shown(text: str) -> str:

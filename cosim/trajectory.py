@@ -16,6 +16,8 @@ from cosim.signals import TIME_TOLERANCE
 from cosim.table import read_table
 
 MIN_POINTS = 6
+MAX_SMOOTHED = 10_000
+"""Points through which a smoothing spline is led: the time that it takes can grow with their square."""
 MIN_SPEED = 1e-3  # m/s
 MAX_STEERING = math.radians(80)
 
@@ -62,6 +64,16 @@ def leader_motion(
         vehicle cannot follow the path: it stands still, or has to steer by more than 80 degrees.
     """
     path = _spline(trajectory, float(times[-1]))
+    with np.errstate(all="ignore"):
+        motion = _flat_motion(trajectory, path, vehicle, times)
+    beyond = np.asarray(~np.isfinite(np.hstack([motion.state, motion.acceleration])).all(axis=1))
+    _refuse(trajectory, times, beyond, "is too fast to compute with", "no vehicle moves like this")
+    return motion
+
+
+def _flat_motion(
+    trajectory: Trajectory, path: Any, vehicle: fc.CarLike | fc.TractorTrailer, times: NDArray[np.float64]
+) -> Motion:
     (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
     v = np.hypot(x_1, y_1)
     _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")
@@ -114,9 +126,20 @@ def _spline(trajectory: Trajectory, horizon: float) -> Any:
             f"horizon, {horizon:g} s",
             trajectory.where,
         )
-    if trajectory.smoothing == 0:
-        return interpolate.make_interp_spline(time, points, k=5)
-    (knots, coefficients, degree), _ = interpolate.splprep(points.T, u=time, k=5, s=len(time) * trajectory.smoothing**2)
+    if trajectory.smoothing > 0 and len(time) > MAX_SMOOTHED:
+        raise InputError(
+            f"the trajectory has {len(time)} points; at most {MAX_SMOOTHED} can be smoothed", trajectory.where
+        )
+    try:
+        if trajectory.smoothing == 0:
+            return interpolate.make_interp_spline(time, points, k=5)
+        allowed = len(time) * trajectory.smoothing * trajectory.smoothing
+        (spline, _), _, flag, _ = interpolate.splprep(points.T, u=time, k=5, s=allowed, full_output=1, quiet=1)
+        if flag > 0:
+            raise ValueError(f"allow more smoothing than {trajectory.smoothing:g} m")
+    except ValueError as error:
+        raise InputError(f"no spline leads through the trajectory's points: {error}", trajectory.where) from None
+    knots, coefficients, degree = spline
     return interpolate.BSpline(knots, np.column_stack(coefficients), degree)
 
 
