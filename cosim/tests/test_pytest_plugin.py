@@ -1,0 +1,154 @@
+"""The pytest plugin, in a pytest of its own: a folder of scenarios as a user has it."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+from cosim.document import NAMESPACE
+from cosim.pytest_plugin import NAMESPACE as SNIFFED
+from cosim.pytest_plugin import is_scenario
+
+EXAMPLE = Path(__file__).with_name("example.xml")
+
+
+def written(folder: Path, name: str, below: str = "99 m", fails: str = "", more: str = "") -> Path:
+    mark = f'fails="{fails}" ' if fails else ""
+    text = EXAMPLE.read_text(encoding="utf-8").replace('"100 s"', '"0.2 s"').replace('name="example"', f'name="{name}"')
+    expect = f'<expect><final signal="range_error" {mark}below="{below}"/>{more}</expect></scenario>'
+    path = folder / f"{name}.xml"
+    path.write_text(text.replace("</scenario>", expect), encoding="utf-8")
+    return path
+
+
+def run_pytest(folder: Path, *arguments: str) -> tuple[int, str]:
+    """Run pytest in a folder; return its exit status and what it printed."""
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-W", "error", *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.stderr == ""
+    return done.returncode, done.stdout
+
+
+def test_scenarios_are_tests(tmp_path: Path) -> None:
+    """One process for all that can come of a scenario."""
+    folder = tmp_path / "scenarios"
+    folder.mkdir()
+    peak = '<peak signal="range_error" below="1 mm"/>'
+    written(folder, "good")
+    written(folder, "bad", "1 mm")
+    written(folder, "known", "1 mm", "too slow")
+    written(folder, "better", "99 m", "too slow")
+    written(folder, "known_and_bad", "1 mm", "too slow", peak)
+    written(folder, "wrong", "1 s")
+    (folder / "other.xml").write_text("<project/>")
+    (folder / "broken.xml").write_text("<project")
+    (folder / "test_mine.py").write_text("def test_mine():\n    assert True\n")
+    status, printed = run_pytest(tmp_path, "scenarios", "-rA", "--junitxml=junit.xml")
+    assert status == 1
+    assert "4 failed, 2 passed, 1 xfailed" in printed
+    named = {name: word for word, name in re.findall(r"^(PASSED|FAILED|XFAIL) scenarios/(\S+)", printed, re.MULTILINE)}
+    assert named == {
+        "good.xml::good": "PASSED",
+        "test_mine.py::test_mine": "PASSED",
+        "bad.xml::bad": "FAILED",
+        "known.xml::known": "XFAIL",
+        "better.xml::better": "FAILED",
+        "known_and_bad.xml::known_and_bad": "FAILED",
+        "wrong.xml::wrong": "FAILED",
+    }
+    assert "Traceback" not in printed
+    assert not re.search(r"\.py:\d", printed), "no line of Python concerns the user"
+    assert re.search(r"^scenarios/bad.xml:\d+:\d+: FAILS: final range_error below 1 mm, .* margin -", printed, re.M)
+    assert re.search(r"^scenarios/better.xml:\d+:\d+: holds, though marked as failing: too slow: final", printed, re.M)
+    assert re.search(
+        r"^scenarios/wrong.xml:\d+:\d+: the bound of the final of 'range_error', which is in m", printed, re.M
+    )
+    cases = {case.get("name"): case for case in etree.parse(tmp_path / "junit.xml").iter("testcase")}
+    assert {name for name, case in cases.items() if case.find("failure") is not None} == {
+        "bad",
+        "better",
+        "known_and_bad",
+        "wrong",
+    }
+    assert "too slow" in cases["known"].find("skipped").get("message")
+    (about_one, *_) = cases["good"].iter("property")
+    assert about_one.get("value").startswith("holds: ")
+
+
+def test_selected_and_in_parallel(tmp_path: Path) -> None:
+    for name in ("line_1", "line_2", "circle"):
+        written(tmp_path, name)
+    status, printed = run_pytest(tmp_path, "-n", "2", "-k", "line", "-v")
+    assert status == 0
+    assert "2 passed" in printed
+    assert set(re.findall(r"PASSED (\S+)", printed)) == {"line_1.xml::line_1", "line_2.xml::line_2"}
+
+
+def test_a_scenario_by_its_file_and_marks_ignored(tmp_path: Path) -> None:
+    path = written(tmp_path, "known", "1 mm", "too slow")
+    status, printed = run_pytest(tmp_path, "--runxfail", str(path))
+    assert status == 1
+    assert "known.xml:" in printed
+    assert "fails as known: too slow" in printed
+
+
+def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
+    bomb = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><a x="&b;">&b;</a>'
+    for name, data in {
+        "empty.xml": b"",
+        "binary.xml": bytes(range(256)),
+        "other.xml": b"<scenario/>",
+        "foreign.xml": b'<scenario xmlns="urn:other"/>',
+        "inside.xml": f'<all><scenario xmlns="{NAMESPACE}"/></all>'.encode(),
+        "prefixed.xml": f'<a xmlns:f="{NAMESPACE}"/>'.encode(),
+        "encoding.xml": b'<?xml version="1.0" encoding="klingon"?><a/>',
+        "bomb.xml": bomb.encode(),
+        "schema.xml": f'<schema xmlns="http://www.w3.org/2001/XMLSchema" targetNamespace="{NAMESPACE}"/>'.encode(),
+    }.items():
+        (tmp_path / name).write_bytes(data)
+        assert not is_scenario(tmp_path / name), name
+    (tmp_path / "folder.xml").mkdir()
+    status, printed = run_pytest(tmp_path)
+    assert status == 5, "pytest's status where there is no test"
+    assert "no tests ran" in printed
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<scenario xmlns="{0}" name="x"/>',
+        '<?xml version="1.0"?>\n<!-- {0} -->\n<f:variant xmlns:f="{0}"><f:title>',
+        '<!DOCTYPE scenario [<!ENTITY a "b">]><scenario xmlns="{0}" name="&a;"/>',
+        '<scenario xmlns="{0}" name=x/>',
+        '<scenario xmlns="{0}">' + "<a/>" * 100_000,
+    ],
+)
+def test_what_is_a_scenario_or_wants_to_be_one(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "one.xml"
+    path.write_text(text.format(NAMESPACE), encoding="utf-8")
+    assert is_scenario(path)
+    path.write_text(text.format(NAMESPACE), encoding="utf-16")
+    assert is_scenario(path) is ("DOCTYPE" not in text and "name=x" not in text)
+
+
+def test_what_is_wrong_with_a_file_that_wants_to_be_a_scenario(tmp_path: Path) -> None:
+    (tmp_path / "one.xml").write_text(f'<!DOCTYPE a><scenario xmlns="{NAMESPACE}"/>')
+    status, printed = run_pytest(tmp_path)
+    assert status == 1
+    assert re.search(r"^one.xml:1:\d+: a scenario has no document type declaration", printed, re.MULTILINE)
+
+
+def test_pytest_starts_as_fast_as_without() -> None:
+    program = (
+        "import cosim.pytest_plugin, sys; "
+        "print(sorted({'numpy', 'lxml', 'xarray', 'numba', 'fmpy', 'rich', 'cosim.simulation'} & set(sys.modules)))"
+    )
+    printed = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=60)
+    assert printed.stdout == "[]\n"
+
+
+def test_the_namespace_is_that_of_the_language() -> None:
+    assert SNIFFED == NAMESPACE
