@@ -19,7 +19,7 @@ from formation_controllers.geometry import formation_rates, range_bearing
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from variation import FIGURES, heading, row
+from variation import heading, row, save
 
 import plants
 from plants import numeric
@@ -323,9 +323,7 @@ def _draw_plane(axes: Axes, amplitudes: dict[str, tuple[float, str]]) -> None:
             pole = oscillation(Loop(gamma_w=gain, amplitude=amplitude))
             axes.plot(pole.real, pole.imag, marker="o", markersize=8 if gain == 10 else 4, color=colour)
             if amplitude == 0.0:
-                axes.annotate(
-                    f"{gain:g}", (pole.real, pole.imag), textcoords="offset points", xytext=(-6, 4), ha="right"
-                )
+                axes.annotate(f"{gain:g}", (pole.real, pole.imag), textcoords="offset points", xytext=(7, -10))
     axes.axhline(MEASURED_FREQUENCY, color="grey", linestyle="--", linewidth=0.8, label="measured, 0.88 rad/s")
     axes.axvline(0.0, color="black", linewidth=0.8)
     axes.set_title("(a) bearing 45°, range 3 m, dots: γ_w = 0.1 to 20 N/m", fontsize="medium")
@@ -359,9 +357,7 @@ def main() -> None:
     poles = [_pole(replace(fixed, amplitude=amplitude)) for amplitude in (0.0, MEASURED_AMPLITUDE, LARGE)]
     print(row("none, basis functions held constant", *poles, _limit(fixed)))
     print(f"\ngamma_w sum(sigma^2): {', '.join(f'{loop.network_gain:.1f} N/m' for loop in PLACES.values())}")
-    path = FIGURES / "linearised.png"
-    path.parent.mkdir(exist_ok=True)
-    draw().savefig(path, dpi=110)
+    save(draw(), "linearised")
 
 
 def _pole(loop: Loop) -> str:

@@ -17,7 +17,7 @@ from formation_controllers.geometry import range_bearing
 from linearised import Loop
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from variation import FIGURES, heading, row
+from variation import heading, row, save
 
 import plants
 from plants import numeric
@@ -110,7 +110,7 @@ def main() -> None:
             rms = [math.sqrt(np.mean(error[window, follower, 0] ** 2)) for window in windows]
             print(row(f"follower {follower + 1}, step {step * 1000:g} ms", *(f"{value:.3f}" for value in rms)))
         if step == 0.02:
-            draw(time, error, acting, idle).savefig(FIGURES / "long_run.png", dpi=90)
+            save(draw(time, error, acting, idle), "long_run")
 
 
 if __name__ == "__main__":

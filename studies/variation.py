@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
 
 import cosim
 from cosim.summary import summarise
@@ -84,6 +87,14 @@ def parameter(name: str, value: str) -> list[str]:
     return [f'//parameter[@name="{name}"]/@value={value}']
 
 
+def extra_gain(name: str, value: float) -> list[str]:
+    """Return the changes that give a gain which the scenario leaves at its default: in place of k_d, which then is.
+
+    A change cannot add an element, and all scenarios here write k_d = 10, its default.
+    """
+    return [f'//gain[@name="k_d"]/@name={name}', *gain(**{name: value})]
+
+
 def outcome(scenario: Path, changes: Sequence[str], seed: int) -> Outcome:
     """Run a scenario with changes and one seed."""
     read = cosim.read_scenario(scenario, [*changes, f"//simulation/@seed={seed}"])
@@ -132,6 +143,15 @@ def number(value: float) -> str:
     if abs(value) >= 100:
         return f"{float(f'{value:.2g}'):,.0f}".replace(",", " ").replace("-", "−")
     return f"{value:.2f}".replace("-", "−")
+
+
+def save(figure: Figure, name: str, dpi: float = 90) -> None:
+    """Write a figure to docs/figures as PNG with 64 colours, which is a fraction of the size."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    picture = Image.open(buffer).convert("RGB").quantize(64)
+    FIGURES.mkdir(exist_ok=True)
+    picture.save(FIGURES / f"{name}.png", optimize=True)
 
 
 def row(*cells: str) -> str:

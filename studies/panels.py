@@ -1,0 +1,12 @@
+"""The panels of the paper's Figures 6, 7 and 9, drawn from the scenarios: python studies/panels.py."""
+
+from variation import SCENARIOS, save
+
+import cosim
+from cosim.figure import draw
+
+FILES = ("clmr_line_as_printed", "clmr_line", "clmr_circle_as_printed", "clmr_circle", "tractor_trailer_circle")
+
+if __name__ == "__main__":
+    for file in FILES:
+        save(draw(cosim.run(SCENARIOS / f"{file}.xml")), file, dpi=75)
