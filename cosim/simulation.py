@@ -14,6 +14,7 @@ from formation_controllers.vehicles import Vehicle
 
 from cosim.actuating import Actuators
 from cosim.errors import InputError, RunInterrupted, SimulationError
+from cosim.fleet import Fleet
 from cosim.interrupt import HeldSignals
 from cosim.plant import Plant
 from cosim.recorder import Recorder
@@ -62,6 +63,16 @@ class Simulation:
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing)
             self._plants = self._start_plants(cleanup)
+            self._fleet = Fleet(self._plants)
+            self._driven_state = self._state[-len(self._plants) :]
+            self._driving_torque = self._torque[-len(self._plants) :]
+            self._samples = np.concatenate([robot.samples for robot in self._driven], axis=1)
+            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in self._driven])
+            self._given = np.zeros(len(self._is_torque))
+            self._changes: dict[int, list[int]] = {}
+            for row, robot in enumerate(self._driven):
+                for tick in robot.changes:
+                    self._changes.setdefault(tick, []).append(row)
             self._teams = self._gather_teams()
             setups = (self.setup.leader, *self.setup.followers)
             poses = [[role.name for role in robot.contract.pose] for robot in setups]
@@ -102,8 +113,7 @@ class Simulation:
         self.tick += 1
 
     def _sense(self) -> None:
-        for plant, state in zip(self._plants, self._state[-len(self._plants) :], strict=True):
-            plant.read(self.time, state)
+        self._fleet.read(self.time, self._driven_state)
         if self.setup.motion is not None:
             self._state[0] = self.setup.motion.state[self.tick]
         if not (np.abs(self._state) < _BOUNDS).all():  # not finite is not smaller
@@ -158,9 +168,12 @@ class Simulation:
         self._recorder.recorded = k + 1
 
     def _step_plants(self) -> None:
-        k = self.tick
-        for plant, setup, torque in zip(self._plants, self._driven, self._torque[-len(self._plants) :], strict=True):
-            plant.step(self.time, self.scenario.step, torque, setup.samples[k], setup.changes.get(k, ()))
+        for row in self._changes.get(self.tick, ()):
+            self._plants[row].change(self._driven[row].changes[self.tick], self.time)
+        self._given[self._is_torque] = self._driving_torque.ravel()
+        if self._samples.size:
+            self._given[~self._is_torque] = self._samples[self.tick]
+        self._fleet.step(self.time, self.scenario.step, self._given)
 
     def _report_divergence(self) -> None:
         row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < _BOUNDS))[0])
