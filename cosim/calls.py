@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
@@ -34,7 +35,7 @@ def c_function(*kinds: str) -> Any:
     """
     if numba.config.DISABLE_JIT:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int, *(_CTYPES[kind] for kind in kinds))
-        return lambda address, arguments: prototype(int(address))(*(a.item() for a in arguments))
+        return lambda address, arguments: prototype(int(address))(*(np.asarray(a).item() for a in arguments))
 
     @intrinsic
     def call(_: Any, address: Any, arguments: Any) -> Any:

@@ -81,7 +81,8 @@ class Simulation:
             self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
             self._external = np.stack([robot.torque for robot in setups], axis=1)
             self._disturbed = bool(self._external[:, 1:].any())
-            self._recorder = Recorder(scenario.ticks + 1, self.setup.channels)
+            self._recorder = self._start_recorder()
+            self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
             self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
@@ -149,22 +150,11 @@ class Simulation:
             self._torque[1:] += self._external[self.tick, 1:]
 
     def _record(self) -> None:
-        row = self._recorder.row
         k = self.tick
-        row("leader_pose", k)[:] = self._state[0, :4]
-        row("leader_velocity", k)[:] = self._state[0, 4:]
-        row("leader_torque", k)[:] = self._torque[0]
-        row("pose", k)[:] = self._state[1:, :4]
-        row("velocity", k)[:] = self._state[1:, 4:]
-        row("measured_pose", k)[:] = self._measured[1:]
-        if self.scenario.leader.sensor:
-            row("measured_leader_pose", k)[:] = self._measured[0]
-        row("torque", k)[:] = self._torque[1:]
-        row("desired_range", k)[:] = self.setup.desired.q[k, :, 0]
-        row("desired_bearing", k)[:] = self.setup.desired.q[k, :, 1]
-        for team in self._teams:
-            for name, values in team.telemetry(self.time).items():
-                row(name, k)[team.rows] = values
+        for place, values in self._recorded:
+            place[k] = values
+        for team, store in self._telemetry:
+            store[k] = team.telemetry(self.time)
         self._recorder.recorded = k + 1
 
     def _step_plants(self) -> None:
@@ -263,6 +253,24 @@ class Simulation:
                 cleanup.callback(plant.close)
                 started.append(plant)
         return started
+
+    def _start_recorder(self) -> Recorder:
+        """Return a recorder that has what is known before the run, and keep where the rest is recorded."""
+        recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
+        recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
+        recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
+        sources = {
+            "leader_pose": self._state[0, :4],
+            "leader_velocity": self._state[0, 4:],
+            "leader_torque": self._torque[0],
+            "pose": self._state[1:, :4],
+            "velocity": self._state[1:, 4:],
+            "measured_pose": self._measured[1:],
+            "measured_leader_pose": self._measured[0],
+            "torque": self._torque[1:],
+        }
+        self._recorded = [(recorder.of(name), source) for name, source in sources.items() if name in recorder.channels]
+        return recorder
 
     @property
     def _driven(self) -> tuple[RobotSetup, ...]:
