@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 import pytest
 from formation_controllers import load
@@ -27,39 +28,43 @@ PERIOD = 0.02
 LIMIT = 200.0
 
 
-def drive_gain(psi, gamma, drive):
-    return {
-        "as_printed": 1 + math.tan(gamma) * math.sin(psi),
-        "front_wheel": 1 / math.cos(gamma),
-        "rear_wheel": 1.0,
-    }[drive]
+AS_PRINTED, FRONT_WHEEL, REAR_WHEEL = range(3)
+DRIVES = {"as_printed": AS_PRINTED, "front_wheel": FRONT_WHEEL, "rear_wheel": REAR_WHEEL}
+
+# Not compiled as the package is: that cache knows of the package's sources only. Robot by robot, with products for
+# squares: NumPy's functions may round differently from one array to the next, and powers from plain to compiled code.
+compiled_plant = numba.njit(cache=True, error_model="numpy")
 
 
-def euler(state, torque, drive):
-    """Return the state (x, y, psi, gamma, v, omega) of one robot a period later.
-
-    Not vectorised: NumPy's trigonometric functions may round differently from one array to the next.
-    """
-    x, y, psi, gamma, v, omega = map(float, state)
-    t, t_dot = math.tan(gamma), omega / math.cos(gamma) ** 2
-    # M2 = S' M1 S, C2 = S' M1 S_dot (the rest of (3) cancels), D2 = S' D1 S
-    inertia = INERTIA_BODY + INERTIA_STEERING
-    m_11 = MASS + inertia * t * t / WHEELBASE**2
-    m_12 = INERTIA_STEERING * t / WHEELBASE
-    m_22 = INERTIA_STEERING
-    f_1 = drive_gain(psi, gamma, drive) * torque[0]
-    f_1 -= inertia * t * t_dot / WHEELBASE**2 * v + DAMPING * (1 + t * t / WHEELBASE**2) * v
-    f_2 = torque[1] - INERTIA_STEERING * t_dot / WHEELBASE * v - DAMPING * omega
-    det = m_11 * m_22 - m_12 * m_12
-    v_dot, omega_dot = (m_22 * f_1 - m_12 * f_2) / det, (m_11 * f_2 - m_12 * f_1) / det
-    return [
-        x + PERIOD * v * math.cos(psi),
-        y + PERIOD * v * math.sin(psi),
-        psi + PERIOD * v * t / WHEELBASE,
-        gamma + PERIOD * omega,
-        v + PERIOD * v_dot,
-        omega + PERIOD * omega_dot,
-    ]
+@compiled_plant
+def euler(states, torques, drive):
+    """Return the states (x, y, psi, gamma, v, omega) of car-like robots, one a row, a period later."""
+    after = np.empty_like(states)
+    for i in range(len(states)):
+        x, y, psi, gamma, v, omega = states[i]
+        t, c = math.tan(gamma), math.cos(gamma)
+        t_dot = omega / (c * c)
+        drive_gain = 1.0
+        if drive == AS_PRINTED:
+            drive_gain = 1 + t * math.sin(psi)
+        elif drive == FRONT_WHEEL:
+            drive_gain = 1 / c
+        # M2 = S' M1 S, C2 = S' M1 S_dot (the rest of (3) cancels), D2 = S' D1 S
+        inertia = INERTIA_BODY + INERTIA_STEERING
+        m_11 = MASS + inertia * t * t / WHEELBASE**2
+        m_12 = INERTIA_STEERING * t / WHEELBASE
+        m_22 = INERTIA_STEERING
+        f_1 = drive_gain * torques[i, 0]
+        f_1 -= inertia * t * t_dot / WHEELBASE**2 * v + DAMPING * (1 + t * t / WHEELBASE**2) * v
+        f_2 = torques[i, 1] - INERTIA_STEERING * t_dot / WHEELBASE * v - DAMPING * omega
+        det = m_11 * m_22 - m_12 * m_12
+        after[i, 0] = x + PERIOD * v * math.cos(psi)
+        after[i, 1] = y + PERIOD * v * math.sin(psi)
+        after[i, 2] = psi + PERIOD * v * t / WHEELBASE
+        after[i, 3] = gamma + PERIOD * omega
+        after[i, 4] = v + PERIOD * (m_22 * f_1 - m_12 * f_2) / det
+        after[i, 5] = omega + PERIOD * (m_11 * f_2 - m_12 * f_1) / det
+    return after
 
 
 START = np.array([[-5, 0, 0, 0], [-5, 10, 0, 0], [-5, 15, 0, 0], [-5, -5, 0, 0]], dtype=float)
@@ -94,8 +99,8 @@ class FirstSimulation:
     def new_vehicle(self):
         return CarLike(WHEELBASE, self.drive)
 
-    def euler(self, state, torque):
-        return euler(state, torque, self.drive)
+    def euler(self, states, torques):
+        return euler(states, torques, DRIVES[self.drive])
 
     def sensed(self):
         pose = self.state[:, :4] + self.noise * self.random.standard_normal((len(self.rows), 4))
@@ -105,8 +110,8 @@ class FirstSimulation:
         """Advance everything by one period and return the torque as sent to the plant."""
         velocity = self.state[:, 4:] if "velocity" in self.law.needs else None
         torque = self.controller.step(*self.sensed(), velocity).clip(-LIMIT, LIMIT)
-        self.state = np.array([self.euler(*robot) for robot in zip(self.state, torque, strict=True)])
-        self.leader = np.array(self.euler(self.leader, self.leader_torque))
+        self.state = self.euler(self.state, torque)
+        self.leader = self.euler(self.leader[None], self.leader_torque[None])[0]
         return torque
 
     def run(self, ticks):
@@ -143,26 +148,29 @@ HITCH, RADIUS, HALF_TRACK = 1.5, 0.15, 0.4
 MASS_0, MASS_1, INERTIA_0, INERTIA_1, A_0, A_1 = 15.0, 15.0, 2.0, 2.0, 0.15, 0.05
 
 
-def euler_tractor_trailer(state, torque):
-    """Return the state (x, y, theta_1, theta_0, v, omega) of one tractor-trailer a period later, (57) and (3)."""
-    x, y, theta_1, theta_0, v, omega = map(float, state)
-    h = theta_0 - theta_1
-    turn = v * math.tan(h) / HITCH
+@compiled_plant
+def euler_tractor_trailer(states, torques):
+    """Return the states (x, y, theta_1, theta_0, v, omega) of tractor-trailers a period later, (57) and (3)."""
+    after = np.empty_like(states)
     i_theta_1 = MASS_1 * A_1**2 + MASS_0 * HITCH**2 + INERTIA_1
     i_theta_0 = MASS_0 * A_0**2 + INERTIA_0
-    m_11 = MASS_0 + MASS_1 + i_theta_1 * math.tan(h) ** 2 / HITCH**2
-    f_1 = (torque[0] + torque[1]) / (RADIUS * math.cos(h))
-    f_1 -= i_theta_1 * v * math.tan(h) * (omega - turn) / (HITCH * math.cos(h)) ** 2
-    f_1 += A_0 * MASS_0 * omega**2 / math.cos(h) - DAMPING * (1 + math.tan(h) ** 2 / HITCH**2) * v
-    f_2 = HALF_TRACK / RADIUS * (torque[0] - torque[1]) - A_0 * MASS_0 * v * omega / math.cos(h) - DAMPING * omega
-    return [
-        x + PERIOD * v * math.cos(theta_1),
-        y + PERIOD * v * math.sin(theta_1),
-        theta_1 + PERIOD * turn,
-        theta_0 + PERIOD * omega,
-        v + PERIOD * f_1 / m_11,
-        omega + PERIOD * f_2 / i_theta_0,
-    ]
+    for i in range(len(states)):
+        x, y, theta_1, theta_0, v, omega = states[i]
+        t, c = math.tan(theta_0 - theta_1), math.cos(theta_0 - theta_1)
+        turn = v * t / HITCH
+        m_11 = MASS_0 + MASS_1 + i_theta_1 * t * t / HITCH**2
+        f_1 = (torques[i, 0] + torques[i, 1]) / (RADIUS * c)
+        f_1 -= i_theta_1 * v * t * (omega - turn) / (HITCH**2 * c * c)
+        f_1 += A_0 * MASS_0 * omega * omega / c - DAMPING * (1 + t * t / HITCH**2) * v
+        f_2 = HALF_TRACK / RADIUS * (torques[i, 0] - torques[i, 1])
+        f_2 -= A_0 * MASS_0 * v * omega / c + DAMPING * omega
+        after[i, 0] = x + PERIOD * v * math.cos(theta_1)
+        after[i, 1] = y + PERIOD * v * math.sin(theta_1)
+        after[i, 2] = theta_1 + PERIOD * turn
+        after[i, 3] = theta_0 + PERIOD * omega
+        after[i, 4] = v + PERIOD * f_1 / m_11
+        after[i, 5] = omega + PERIOD * f_2 / i_theta_0
+    return after
 
 
 @dataclass
@@ -177,8 +185,8 @@ class ThirdSimulation(FirstSimulation):
     def new_vehicle(self):
         return TractorTrailer(HITCH, RADIUS, HALF_TRACK)
 
-    def euler(self, state, torque):
-        return euler_tractor_trailer(state, torque)
+    def euler(self, states, torques):
+        return euler_tractor_trailer(states, torques)
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from formation_controllers.lqg import Lqg, LqgGains, linearised
 pytest.importorskip("control")
 linalg = pytest.importorskip("scipy.linalg")
 
-H, N = 0.02, 12
+H, N = 0.02, 6
 C = np.eye(2, 4)
 VEHICLES = pytest.mark.parametrize(
     ("vehicle", "model"),
@@ -33,7 +33,7 @@ def design_problem(vehicle, model):
             v_0=random.uniform(0.1, 0.6),
             torque_limit=math.inf if i % 2 else 2.0,
             **{name: tuple(random.uniform(0.5, 2, 2) * getattr(LqgGains(), name)) for name in pairs},
-            **model,
+            **(model | {name: random.uniform(10, 40) for name in ("m", "d_x", "d_y", "d_1", "d_2")}),
         )
         for i in range(N)
     ]
@@ -74,12 +74,15 @@ def test_the_design_solves_the_riccati_equations_of_control_and_filter(vehicle, 
 def test_one_tick_is_the_law_in_matrix_form(vehicle, model):
     """Filter, feedback, feedforward, clipping and prediction, each follower with a design of its own."""
     random, gains, pose, leader, desired, controller = design_problem(vehicle, model)
-    state = controller.get_state()
+    state, q = controller.get_state(), range_bearing(pose, leader.pose, vehicle)
+    np.testing.assert_array_equal(state["x_hat"], np.hstack([q - desired.q, np.zeros((N, 2))]))
+    state["bearing"] = random.uniform(-20, 20, N)
+    q[:, 1] += 2 * np.pi * np.round((state["bearing"] - q[:, 1]) / (2 * np.pi))
     state["x_hat"], state["integral"] = random.normal(size=(N, 4)), random.normal(size=(N, 2))
     controller.set_state(state)
     torque, after, told = controller.step(pose, leader, desired), controller.get_state(), controller.telemetry()
     R, _ = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
-    q, B2 = range_bearing(pose, leader.pose, vehicle), input_matrix(pose, vehicle)
+    B2 = input_matrix(pose, vehicle)
     for i, g in enumerate(gains):
         own = {name: value[i] for name, value in state.items()}
         epsilon = q[i] - desired.q[i]
@@ -96,6 +99,7 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle, model):
         integral = own["integral"] + (0 if told["held"][i] else H) * epsilon
         close = {"rtol": 1e-9, "atol": 1e-9}
         np.testing.assert_allclose(torque[i], tau, **close)
+        np.testing.assert_allclose(after["bearing"][i], q[i, 1], **close)
         np.testing.assert_allclose(after["x_hat"][i], x_hat, **close)
         np.testing.assert_allclose(after["integral"][i], integral, **close)
         names = ["range_estimate", "bearing_estimate", "range_rate_estimate", "bearing_rate_estimate"]
