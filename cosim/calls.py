@@ -33,7 +33,7 @@ def c_function(*kinds: str) -> Any:
     kinds
         The kinds of its arguments: ``pointer``, ``size``, ``double`` or ``int``; values of just these types are passed.
     """
-    if numba.config.DISABLE_JIT:
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         prototype = ctypes.CFUNCTYPE(ctypes.c_int, *(_CTYPES[kind] for kind in kinds))
         return lambda address, arguments: prototype(int(address))(*(np.asarray(a).item() for a in arguments))
 

@@ -158,8 +158,8 @@ class Team:
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
 
-        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader is
-        its pose and pseudo-velocities (6,), and its accelerations where they are known.
+        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader
+        is its pose and pseudo-velocities (6,), and its accelerations where they are known.
 
         Raises
         ------

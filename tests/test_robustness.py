@@ -174,7 +174,11 @@ def run_with(law: type, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("step", lambda *_: np.full((4, 2), np.inf), "follower_1 at t = 0 s: "),
         ("start", raising(RuntimeError("no")), "failed: RuntimeError: no"),
         ("telemetry_record", property(raising(RuntimeError("no"))), "failed: RuntimeError: no"),
-        ("telemetry_record", np.zeros(4, [("weight_norm", float)]), "its telemetry is ('weight_norm',), not the signals"),
+        (
+            "telemetry_record",
+            np.zeros(4, [("weight_norm", float)]),
+            "its telemetry is ('weight_norm',), not the signals",
+        ),
     ],
 )
 def test_laws_that_fail(
