@@ -17,7 +17,7 @@ from cosim.errors import InputError, Location
 from cosim.grammar import children_of, described_children
 
 MAX_ELEMENTS = 200_000
-"""Of a scenario with all its variants: a few rules that insert into all there is would double it each."""
+"""Of a scenario with all its variants: a rule that inserts many elements into many multiplies them."""
 
 _INDENT = "  "
 
@@ -145,7 +145,7 @@ def _with_comments(rule: etree._Element) -> Iterator[list[etree._Element]]:
     group: list[etree._Element] = []
     for child in rule:
         group.append(child)
-        if _is_element(child) and child.getnext() is not None and any(map(_is_element, child.itersiblings())):
+        if _is_element(child) and any(map(_is_element, child.itersiblings())):
             yield group
             group = []
     yield group

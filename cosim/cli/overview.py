@@ -39,8 +39,8 @@ def print_overview(console: Console, scenario: Scenario) -> None:
             if _effects(effects) != common:
                 own.append(f"{part}: {_effects(effects)}")
         own += _inputs(follower.inputs)
-        what = (plants[follower.plant], laws[follower.controller])
-        robots.add_row(*map(_safe, (follower.id, *what, "\n".join(_places(follower)), "\n".join(own))))
+        sources = (plants[follower.plant], laws[follower.controller])
+        robots.add_row(*map(_safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
     console.print(robots)
     for what, text in (("sensor", sensors), ("actuator", actuators)):
         console.print(f"{what} of followers, unless another is named: {_safe(text)}", soft_wrap=True)
