@@ -107,7 +107,6 @@ def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
     places |= base._places
     vary(base.root, root, places)
     _add_namespace(base.root)
-    _collapse(base.root)
     _validate(base.root, places, changed_by=str(path))
     return Document(path, _serialised(base.root), base.root, places)
 

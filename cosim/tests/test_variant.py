@@ -131,6 +131,27 @@ def test_insert_into_several_with_their_comments(base: Path, tmp_path: Path) -> 
     )
 
 
+def test_the_layout_of_the_base_is_kept(base: Path, tmp_path: Path) -> None:
+    old = '    <gain name="W_m" value="1000"/>\n  </controller>\n'
+    text = base.read_text(encoding="utf-8")
+    assert old in text
+    base.write_text(text.replace(old, old.replace("/>\n", "/> <!-- as printed -->\n")), encoding="utf-8")
+    path = write(
+        tmp_path / "v.xml",
+        '<insert into="controller"><gain name="guard" value="0.1"/></insert><remove select="//parameter[last()]"/>'
+        '<insert into="."><input name="tau_d_y"><constant value="1 N"/></input></insert>',
+    )
+    resolved = read_document(path).text
+    for piece in (
+        '    <gain name="W_m" value="1000"/> <!-- as printed -->\n'
+        '    <gain name="guard" value="0.1"/>\n'
+        "  </controller>\n\n  <sensor>\n",
+        '    <parameter name="solver" value="euler"/>\n  </plant>\n\n  <controller ',
+        '  </actuator>\n  <input name="tau_d_y">\n    <constant value="1 N"/>\n  </input>\n\n  <leader ',
+    ):
+        assert piece in resolved
+
+
 def test_remove_elements_and_attributes(base: Path, tmp_path: Path) -> None:
     path = write(tmp_path / "v.xml", '<remove select="follower[position() > 2]"/>\n<remove select="//noise/@psi"/>')
     scenario = read_scenario(path)
@@ -250,6 +271,7 @@ def test_every_element_keeps_its_place(base: Path, tmp_path: Path) -> None:
         ('<remove select="//title/text()"/>', "v.xml:3:1", "only elements and attributes can be removed"),
         ('<remove select="event"/>', "v.xml:3:1", "<remove> select: 'event' selects nothing"),
         ('<remove select="leader/pose/@x | follower[1]/pose"/>', "base.xml:49:5", "<desired> is not expected here"),
+        ('<remove select="follower"/>', "v.xml:1:1", "<scenario> is incomplete; expected next: <follower>"),
         ('<remove select="//simulation/@seed"/>', "v.xml:3:1", "<simulation> lacks the attribute 'seed'"),
         ('<set select="//simulation/@step" value="2"/>', "v.xml:3:1", 'step="2" of <simulation> is not a time'),
         (
