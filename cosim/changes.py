@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from lxml import etree
 
@@ -22,16 +23,10 @@ def set_value(replacement: str) -> Change:
 
     def change(root: etree._Element) -> None:
         try:
-            selected = root.xpath(xpath)
-        except etree.XPathError as error:
-            raise InputError(f"--set {replacement}: {xpath!r} is not an XPath: {error}") from None
-        if not isinstance(selected, list) or not selected:
-            raise InputError(f"--set {replacement}: {xpath!r} selects nothing in the scenario")
-        for node in selected:
-            try:
-                _assign(node, value)
-            except ValueError as error:
-                raise InputError(f"--set {replacement}: {error}") from None
+            for node in select(root, xpath):
+                assign(node, value)
+        except ValueError as error:
+            raise InputError(f"--set {replacement}: {error}") from None
 
     return change
 
@@ -67,16 +62,41 @@ def set_controller(controller: str, name: str, package: str, version: str) -> Ch
     return change
 
 
-def _assign(node: object, value: str) -> None:
+def select(root: etree._Element, xpath: str) -> list[Any]:
+    """Return the nodes that an XPath selects from the root, at least one.
+
+    Raises
+    ------
+    ValueError
+        It is no XPath, or selects nothing.
+    """
+    try:
+        selected = root.xpath(xpath)
+    except etree.XPathError as error:
+        raise ValueError(f"{xpath!r} is not an XPath: {error}") from None
+    if not isinstance(selected, list) or not selected:
+        raise ValueError(f"{xpath!r} selects nothing in the scenario")
+    return selected
+
+
+def assign(node: object, value: str) -> etree._Element:
+    """Give an attribute or an element of text another value; return the element.
+
+    Raises
+    ------
+    ValueError
+        It is something else, or no XML file can hold the value.
+    """
     if isinstance(node, etree._ElementUnicodeResult) and node.is_attribute:
         parent, name = node.getparent(), node.attrname
         assert parent is not None
         assert name is not None
         parent.set(name, value)
-    elif isinstance(node, etree._Element) and len(node) == 0:
+        return parent
+    if isinstance(node, etree._Element) and isinstance(node.tag, str) and len(node) == 0:
         node.text = value
-    else:
-        raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
+        return node
+    raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
 
 
 def _split(replacement: str) -> tuple[str, str]:

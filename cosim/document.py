@@ -2,29 +2,29 @@
 
 The text is parsed with expat, which reports line and column of each element and lets a document type
 declaration be refused at its first character: no entity is ever declared, so none is expanded and nothing
-outside the file is read. The tree is lxml's, which checks it against the schema (XSD 1.0) and answers XPath.
+outside the file is read but the files that a variant is of. The tree is lxml's, which checks it against the schema and
+answers XPath.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+import os
+import stat
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
-from pathlib import Path
+from pathlib import Path, PurePath
 from xml.parsers import expat
 
 from lxml import etree
 
 from cosim.changes import Change
-from cosim.errors import InputError, Location, nearest
+from cosim.errors import InputError, Location
+from cosim.grammar import NAMESPACE, attributes_of, local_name, violation
+from cosim.variant import vary
 
-NAMESPACE = "urn:formation-cosim:scenario:1"
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 50
-
-_XS = "{http://www.w3.org/2001/XMLSchema}"
+MAX_VARIANTS = 20
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Document:
     Attributes
     ----------
     path : Path
-        The file that it was read from.
+        The file that it was read from; paths in the document are relative to its folder.
     text : str
-        The resolved text: what was read, with every change.
+        The resolved text: what was read, as a scenario, with every change.
     root : lxml.etree._Element
         The tree; tags carry the namespace.
     """
@@ -47,14 +47,15 @@ class Document:
     _places: dict[etree._Element, Location]
 
     def where(self, element: etree._Element) -> Location:
-        """Return the place of an element in its file."""
+        """Return the place of an element in the file where it was written, or of the rule that changed it."""
         return self._places[element]
 
 
 def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
-    """Read a scenario file, change it as asked, and check it against the schema.
+    """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
 
-    White space around and within the values of attributes is collapsed, as the schema reads it.
+    White space around and within the values of attributes is collapsed, as the schema reads it. The paths in a document
+    are relative to the folder of the file that is read: those of a base in another folder are rewritten.
 
     Raises
     ------
@@ -62,50 +63,128 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
         The file cannot be read, is not XML, declares a document type, breaks the schema, or a change does not apply;
         with file, line and column.
     """
-    data = _read_bytes(path)
-    root, places = _parse(data, path)
-    if root.tag != f"{{{NAMESPACE}}}scenario":
-        raise InputError(
-            f"the root element is {etree.QName(root).text}; expected is <scenario xmlns={NAMESPACE!r}>", places[root]
-        )
-    elements = list(places)
-    for element in elements:
-        if etree.QName(element).namespace != NAMESPACE:
-            raise InputError(f"the element {element.tag} is not part of the scenario language", places[element])
+    document = _resolve(path, ())
+    root, places = document.root, document._places
     if changes:
-        for element in elements:
-            element.tag = local_name(element)
+        _strip_namespace(root)
         try:
             for change in changes:
                 change(root)
         finally:
-            for element in elements:
-                element.tag = f"{{{NAMESPACE}}}{element.tag}"
-    for element in elements:
+            _add_namespace(root)
+        _collapse(root)
+    _validate(root, places, changed_by="the command line" if changes else "")
+    return Document(path, _serialised(root), root, places) if changes else document
+
+
+def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
+    """Read a file; a variant is applied to what it is of. A variant is checked against the schema, a scenario not yet.
+
+    Parameters
+    ----------
+    path
+        The file.
+    chain
+        The variants that have led here.
+    """
+    data = _read_bytes(path)
+    root, places = _parse(data, path)
+    for element, place in places.items():
+        name = etree.QName(element)
+        if element is root and name.text not in (f"{{{NAMESPACE}}}scenario", f"{{{NAMESPACE}}}variant"):
+            raise InputError(f"the root element is {name.text}; expected is <scenario xmlns={NAMESPACE!r}>", place)
+        if name.namespace != NAMESPACE:
+            raise InputError(f"the element {name.text} is not part of the scenario language", place)
+    _collapse(root)
+    if local_name(root) == "scenario":
+        return Document(path, _decode(data, root), root, places)
+
+    _validate(root, places)
+    base = _base(path, root, places[root], chain)
+    _strip_namespace(root)
+    _strip_namespace(base.root)
+    _relocate(base.root, PurePath(root.get("of", "")).parent)
+    places |= base._places
+    vary(base.root, root, places)
+    _add_namespace(base.root)
+    _validate(base.root, places, changed_by=str(path))
+    return Document(path, _serialised(base.root), base.root, places)
+
+
+def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Path, ...]) -> Document:
+    """Return the valid scenario that a variant is of."""
+    of = variant.get("of", "")
+    base, chain = path.parent / of, (*chain, path)
+    shown = " -> ".join(str(file) for file in (*chain, base))
+    if os.path.realpath(base) in map(os.path.realpath, chain):
+        raise InputError(f"the variant is in the end one of itself: {shown}", place)
+    if len(chain) > MAX_VARIANTS:
+        raise InputError(f"there are more than {MAX_VARIANTS} variants of variants: {shown}", place)
+    try:
+        document = _resolve(base, chain)
+    except InputError as error:
+        if error.where == Location(str(base)):  # it cannot even be read
+            raise InputError(f'of="{of}" of <variant>: {error.message}', place) from None
+        raise
+    _validate(document.root, document._places)
+    return document
+
+
+def _relocate(root: etree._Element, folder: PurePath) -> None:
+    """Prefix the relative paths in a tree without namespace."""
+    if folder == PurePath():
+        return
+    for element in root.iter("*"):
+        for name, kind in attributes_of(element.tag).items():
+            if kind == "path" and name in element.attrib:
+                element.set(name, (folder / element.get(name, "")).as_posix())
+
+
+def _strip_namespace(root: etree._Element) -> None:
+    for element in root.iter("*"):
+        element.tag = local_name(element)
+
+
+def _add_namespace(root: etree._Element) -> None:
+    for element in root.iter("*"):
+        element.tag = f"{{{NAMESPACE}}}{local_name(element)}"
+
+
+def _collapse(root: etree._Element) -> None:
+    for element in root.iter("*"):
         for name, value in element.attrib.items():
             element.set(name, " ".join(value.split()))
-    _validate(root, places, changed=bool(changes))
-    text = etree.tostring(root, encoding="unicode") if changes else _decode(data, root)
-    return Document(path, text, root, places)
 
 
-def local_name(element: etree._Element) -> str:
-    """Return an element's tag without its namespace."""
-    return str(etree.QName(element).localname)
+def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:
+    found = violation(root)
+    if found is not None:
+        element, sentence = found
+        place = places[element]
+        suffix = f" (as changed by {changed_by})" if changed_by not in ("", place.file) else ""
+        raise InputError(sentence + suffix, place)
+
+
+# Files ------------------------------------------------------------------------------------------------------
 
 
 def _read_bytes(path: Path) -> bytes:
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe or a device may never end
-        raise InputError("is not a regular file", Location(str(path)))
+    place = Location(str(path))
+    too_large = InputError(f"is larger than {MAX_BYTES // 1024**2} MiB, so it is no scenario file", place)
     try:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):  # a pipe or a device may never end
+            raise InputError("is not a regular file", place)
+        if stat.S_ISREG(status.st_mode) and status.st_size > MAX_BYTES:
+            raise too_large
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise InputError("there is no such file", Location(str(path))) from None
+        raise InputError("there is no such file", place) from None
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", Location(str(path))) from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"is larger than {MAX_BYTES // 1024**2} MiB, so it is no scenario file", Location(str(path)))
+        raise InputError(f"cannot be read: {error.strerror}", place) from None
+    if len(data) > MAX_BYTES:  # it has grown
+        raise too_large
     return data
 
 
@@ -113,7 +192,11 @@ def _decode(data: bytes, root: etree._Element) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:  # a declared encoding other than UTF-8, which expat has understood
-        return str(etree.tostring(root, encoding="unicode"))
+        return _serialised(root)
+
+
+def _serialised(root: etree._Element) -> str:
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 
 
 def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
@@ -162,77 +245,3 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     except (LookupError, UnicodeDecodeError) as error:
         raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
     return builder.close(), places
-
-
-# The schema -------------------------------------------------------------------------------------------------
-
-
-@cache
-def _schema_tree() -> etree._ElementTree:
-    with resources.files("cosim").joinpath("schema/scenario-1.xsd").open("rb") as file:
-        return etree.parse(file)
-
-
-@cache
-def _schema() -> etree.XMLSchema:
-    return etree.XMLSchema(_schema_tree())
-
-
-def _validate(root: etree._Element, places: dict[etree._Element, Location], *, changed: bool) -> None:
-    schema = _schema()
-    if schema.validate(root):
-        return
-    error = schema.error_log[0]
-    found = root.getroottree().xpath(error.path)
-    element = found[0] if isinstance(found, list) and isinstance(found[0], etree._Element) else root
-    suffix = " (as changed on the command line)" if changed else ""
-    raise InputError(_sentence(error.message, element) + suffix, places[element])
-
-
-def _sentence(message: str, element: etree._Element) -> str:
-    """Say in the terms of a scenario what libxml2 says in those of XML Schema."""
-    message = message.replace(f"{{{NAMESPACE}}}", "")
-    tag = local_name(element)
-
-    if match := re.search(r"attribute '([^']+)': The attribute '[^']+' is not allowed", message):
-        return f"<{tag}> has no attribute {match[1]!r}: {nearest(match[1], list(_attributes_of(tag)))}"
-    if match := re.search(r"The attribute '([^']+)' is required but missing", message):
-        return f"<{tag}> lacks the attribute {match[1]!r}"
-    if match := re.search(r"attribute '([^']+)': (?:\[facet|'.*' is not a valid value)", message):
-        return f'{match[1]}="{_shown(element.get(match[1]))}" of <{tag}> is not {_attributes_of(tag)[match[1]]}'
-    if "[facet" in message:
-        return f"the text {_shown(element.text or '')!r} of <{tag}> is not {_describe_type(_type_of(tag))}"
-    if "This element is not expected" in message:
-        expected = re.search(r"Expected is (?:one of )?\( (.*) \)", message)
-        options = [f"<{name.strip()}>" for name in expected[1].split(",")] if expected else []
-        parent = element.getparent()
-        inside = f" in <{local_name(parent)}>" if parent is not None else ""
-        return f"<{tag}> is not expected here{inside}; expected: {' or '.join(options) or 'no further element'}"
-    if match := re.search(r"Missing child element\(s\)\. Expected is (?:one of )?\( (.*) \)", message):
-        options = [f"<{name.strip()}>" for name in match[1].split(",")]
-        return f"<{tag}> is incomplete; expected next: {' or '.join(options)}"
-    if "Character content" in message:
-        return f"<{tag}> must not contain text"
-    return message
-
-
-def _shown(value: str) -> str:
-    return value if len(value) <= 80 else value[:77] + "..."
-
-
-def _type_of(tag: str) -> str:
-    """Return the type of an element: the schema gives all elements of a name the same, named type."""
-    return str(next(e.get("type") for e in _schema_tree().iter(_XS + "element") if e.get("name") == tag))
-
-
-def _attributes_of(tag: str) -> dict[str, str]:
-    """Return the attributes that the schema knows for an element, with what the value of each must be."""
-    name = _type_of(tag)
-    complex_types = [t for t in _schema_tree().iter(_XS + "complexType") if t.get("name") == name]
-    return {a.get("name"): _describe_type(a.get("type")) for t in complex_types for a in t.iterfind(_XS + "attribute")}
-
-
-def _describe_type(name: str) -> str:
-    """Return what a value of a simple type is, in the words of the type's documentation in the schema."""
-    simple_type = next(t for t in _schema_tree().iter(_XS + "simpleType") if t.get("name") == name)
-    return " ".join(simple_type.findtext(f".//{_XS}documentation").split())

@@ -15,9 +15,9 @@ def as_seen_by(
 ) -> fc.Leader:
     """Return the leader as if it were the follower's kind of vehicle, on the same path at the same speed.
 
-    A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own geometry. Position,
-    heading, speed and curvature of the path, tan(steering angle) / length, are kept; so between equal vehicles
-    everything is passed on as it is.
+    A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own geometry.
+    Position, heading, speed and curvature of the path, tan(steering angle) / length, are kept; so between equal
+    vehicles everything is passed on as it is.
 
     Parameters
     ----------

@@ -11,13 +11,11 @@ import itertools
 from collections import deque
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import fmpy
-import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException, printLogMessage
-from numpy.typing import NDArray
 
 from cosim.contract import BoundRole
 from cosim.errors import InputError, Location, SimulationError, printable
@@ -25,7 +23,9 @@ from cosim.fmu import Fmu
 from cosim.parameters import ParameterValue
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-_WARNING = 1
+WARNING = 1
+"""The largest status with which a run goes on."""
+
 _KEPT_MESSAGES = 20
 
 
@@ -102,49 +102,49 @@ class Plant:
             said = self._log.take() or str(error)
             self.close()
             raise InputError(f"the FMU {fmu.path} cannot be started as {robot}: {said}", where) from None
-        self._outputs = _Block(self._instance, "fmi2GetReal", fmu.binding.of((*contract.pose, *contract.velocity)))
-        self._inputs = _Block(self._instance, "fmi2SetReal", (*fmu.binding.of(contract.torque), *inputs))
-        self._do_step = self._instance.dll["fmi2DoStep"]
-        self._do_step.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+        self.outputs = fmu.binding.of((*contract.pose, *contract.velocity))
+        self.inputs = (*fmu.binding.of(contract.torque), *inputs)
 
-    def step(
-        self,
-        time: float,
-        step: float,
-        torque: NDArray[np.float64],
-        inputs: NDArray[np.float64] | tuple[()] = (),
-        changes: Iterable[ParameterValue] = (),
-    ) -> None:
-        """Hold the torques (2,) [N.m] and other inputs, and advance from a communication point by one step [s].
+    @property
+    def component(self) -> int:
+        """The address of the instance."""
+        return int(self._instance.component)
 
-        Parameters that change do so before.
+    @property
+    def library(self) -> Any:
+        """The FMU's shared library, as ctypes has loaded it."""
+        return self._instance.dll
+
+    def change(self, parameters: Iterable[ParameterValue], time: float) -> None:
+        """Give parameters other values at a communication point [s].
 
         Raises
         ------
         SimulationError
-            The FMU did not accept the values or did not complete the step: its own messages.
+            The FMU refuses a value: its own messages.
         """
-        for change in changes:
+        for parameter in parameters:
             try:
-                self._set(change)
+                self._set(parameter)
             except InputError as error:
-                raise SimulationError(self.robot, time, f"{change.where}: {error.message}") from None
-        self._inputs.values[:2] = torque
-        self._inputs.values[2:] = inputs
-        self._inputs.values /= self._inputs.scale
-        self._check(self._inputs.call(), "accept its inputs", time)
-        self._check(self._do_step(self._instance.component, time, step, 1), "complete the step", time)
+                raise SimulationError(self.robot, time, f"{parameter.where}: {error.message}") from None
 
-    def read(self, time: float, out: NDArray[np.float64]) -> None:
-        """Write pose and pseudo-velocities in the contract's units into `out` (6,).
+    def fail(self, what: str, status: int, time: float) -> NoReturn:
+        """Raise the SimulationError of a call that did not succeed, with the FMU's own messages."""
+        said = self._log.take()
+        name = _STATUS[status] if status < len(_STATUS) else str(status)
+        message = f"the plant {self.fmu.path.name} did not {what} (status {name})"
+        raise SimulationError(self.robot, time, f"{message}: {said}" if said else message)
 
-        Raises
-        ------
-        SimulationError
-            The FMU returns no outputs.
-        """
-        self._check(self._outputs.call(), "return its outputs", time)
-        np.multiply(self._outputs.values, self._outputs.scale, out=out)
+    def keep_messages(self, time: float) -> None:
+        """Keep what the FMU has logged since the last time, as logged at a communication point [s]."""
+        if (said := self._log.take()) and len(self.messages) < _KEPT_MESSAGES:
+            self.messages.append(f"t = {time:.6g} s: {said}")
+
+    @staticmethod
+    def messages_received() -> bool:
+        """Return whether any instance in this process has logged something that was not taken."""
+        return any(_Log.open_logs.values())
 
     def close(self) -> None:
         """Terminate the instance, free it and release its library."""
@@ -171,37 +171,6 @@ class Plant:
             said = self._log.take() or error
             raise InputError(f"the FMU {self.fmu.path.name} refuses {what}: {said}", parameter.where) from None
 
-    def _check(self, status: int, what: str, time: float) -> None:
-        if status == 0 and not self._log.messages:
-            return
-        said = self._log.take()
-        if status > _WARNING:
-            name = _STATUS[status] if status < len(_STATUS) else str(status)
-            message = f"the plant {self.fmu.path.name} did not {what} (status {name})"
-            raise SimulationError(self.robot, time, f"{message}: {said}" if said else message)
-        if said and len(self.messages) < _KEPT_MESSAGES:
-            self.messages.append(f"t = {time:.6g} s: {said}")
-
-
-class _Block:
-    """Real variables that are exchanged together: ``fmi2GetReal`` or ``fmi2SetReal`` with prepared arguments."""
-
-    def __init__(self, instance: Any, function: str, bound: tuple[BoundRole, ...]) -> None:
-        self.values = np.zeros(len(bound))
-        self.scale = np.array([role.scale for role in bound])
-        self._references = np.array([role.variable.valueReference for role in bound], dtype=np.uint32)
-        self._function = instance.dll[function]
-        self._function.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
-        self._arguments = (
-            instance.component,
-            self._references.ctypes.data,
-            len(bound),
-            self.values.ctypes.data,
-        )
-
-    def call(self) -> int:
-        return int(self._function(*self._arguments))
-
 
 class _Log:
     """The last messages of one instance.
@@ -211,12 +180,12 @@ class _Log:
     """
 
     _handles = itertools.count(1)
-    _open: ClassVar[dict[int, deque[str]]] = {}
+    open_logs: ClassVar[dict[int, deque[str]]] = {}
 
     def __init__(self) -> None:
         self._handle = next(self._handles)
         self.messages: deque[str] = deque(maxlen=_KEPT_MESSAGES)
-        self._open[self._handle] = self.messages
+        self.open_logs[self._handle] = self.messages
         self.callbacks = fmi2.fmi2CallbackFunctions()
         self.callbacks.logger = _logger
         self.callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
@@ -226,8 +195,8 @@ class _Log:
 
     @classmethod
     def receive(cls, handle: int | None, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        if handle in cls._open:
-            cls._open[handle].append(message.decode("utf-8", "replace"))
+        if handle in cls.open_logs:
+            cls.open_logs[handle].append(message.decode("utf-8", "replace"))
         else:  # an instance that something else in this process made through FMPy
             printLogMessage(handle, instance, status, category, message)
 
@@ -238,7 +207,7 @@ class _Log:
         return text
 
     def close(self) -> None:
-        self._open.pop(self._handle, None)
+        self.open_logs.pop(self._handle, None)
 
 
 _logger = fmi2.fmi2CallbackLoggerTYPE(_Log.receive)

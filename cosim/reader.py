@@ -10,8 +10,9 @@ from typing import TypeVar
 from lxml import etree
 
 from cosim.changes import Change, set_value
-from cosim.document import NAMESPACE, Document, local_name, read_document
-from cosim.errors import InputError, nearest, printable
+from cosim.document import Document, read_document
+from cosim.errors import InputError, Location, nearest, printable
+from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
     LEADER,
@@ -378,17 +379,14 @@ class _Reader:
         seen: dict[str, Setting] = {}
         for setting in settings:
             if setting.name in seen:
-                first = seen[setting.name].where
-                raise InputError(
-                    f"the {tag} {setting.name!r} is given twice; first in line {first.line}", setting.where
-                )
+                first = _seen_from(setting.where, seen[setting.name].where)
+                raise InputError(f"the {tag} {setting.name!r} is given twice; first {first}", setting.where)
             seen[setting.name] = setting
         return tuple(settings)
 
     def _path(self, element: etree._Element, name: str) -> Path:
-        """Return a path that is written relative to the folder of the file that holds the element."""
-        folder = Path(self.document.where(element).file).parent
-        return (folder / str(element.get(name))).absolute()
+        """Return a path that is written relative to the folder of the document."""
+        return (self.document.path.parent / str(element.get(name))).absolute()
 
     def _robots(self, element: etree._Element, known: list[str]) -> tuple[str, ...]:
         robots = tuple(dict.fromkeys(element.get("robots", "").split()))
@@ -427,13 +425,14 @@ class _Reader:
 
     def _table(self, root: etree._Element, tag: str, read: Callable[[etree._Element], _T]) -> dict[str, _T]:
         table: dict[str, _T] = {}
-        first: dict[str, int] = {}
+        first: dict[str, Location] = {}
         for element in root.iterfind(_NS + tag):
             key = element.get("id", "")
             if key in table:
-                raise self._error(element, f"the id {key!r} is given to a second <{tag}>; first in line {first[key]}")
+                place = _seen_from(self.document.where(element), first[key])
+                raise self._error(element, f"the id {key!r} is given to a second <{tag}>; first {place}")
             table[key] = read(element)
-            first[key] = self.document.where(element).line
+            first[key] = self.document.where(element)
         return table
 
     def _child(self, element: etree._Element, tag: str) -> etree._Element:
@@ -443,3 +442,8 @@ class _Reader:
 
     def _error(self, element: etree._Element, message: str) -> InputError:
         return InputError(message, self.document.where(element))
+
+
+def _seen_from(here: Location, there: Location) -> str:
+    """Return where another place is: a line of the same file, or a place in another."""
+    return f"in line {there.line}" if here.file == there.file else f"at {there}"

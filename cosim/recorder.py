@@ -59,18 +59,36 @@ class Recorder:
         How many samples the whole run has.
     channels
         The signals.
+
+    Attributes
+    ----------
+    recorded : int
+        How many samples are recorded.
     """
 
     def __init__(self, samples: int, channels: Sequence[Channel]) -> None:
         self.channels = {channel.name: channel for channel in channels}
-        self._arrays = {channel.name: np.full((samples, *channel.shape), np.nan) for channel in channels}
         self.recorded = 0
+        self._samples = samples
+        self._arrays: dict[str, NDArray[np.float64]] = {}
+        self._records: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
 
-    def row(self, name: str, sample: int) -> NDArray[np.float64]:
-        """Return the place of one sample of a channel, to write into."""
-        place: NDArray[np.float64] = self._arrays[name][sample]
-        return place
+    def of(self, name: str) -> NDArray[np.float64]:
+        """Return the place of a channel (samples, ...), to write into."""
+        return self._arrays.setdefault(name, np.full((self._samples, *self.channels[name].shape), np.nan))
+
+    def records(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+        """Return a place for records (samples, rows), to write into: one field a channel, one record a row."""
+        store = np.zeros((self._samples, len(rows)), dtype)
+        self._records.append((rows, store))
+        return store
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every channel, by name."""
-        return {name: array[: self.recorded] for name, array in self._arrays.items()}
+        arrays = {name: array[: self.recorded] for name, array in self._arrays.items()}
+        for name in self.channels.keys() - arrays.keys():
+            arrays[name] = np.full((self.recorded, *self.channels[name].shape), np.nan)
+            for rows, store in self._records:
+                if name in (store.dtype.names or ()):
+                    arrays[name][:, rows] = store[name][: self.recorded]
+        return {name: arrays[name] for name in self.channels}

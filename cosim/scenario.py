@@ -192,8 +192,8 @@ class Expectation:
     signal, component : str
         What it is about; empty where the kind tells.
     bound : float
-        The number as it is written, in `unit`: below it, or above it for ``least`` and ``distance``; for ``settled`` the
-        latest time; for ``compare`` the factor.
+        The number as it is written, in `unit`: below it, or above it for ``least`` and ``distance``; for ``settled``
+        the latest time; for ``compare`` the factor.
     unit : str
         The unit of the bound as it is written; "1" for a pure number.
     start, stop : float

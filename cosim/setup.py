@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -289,17 +289,15 @@ def _robot(
         raise InputError(f"{name}: {error}", where) from None
     check_channels(sensor, [role.name for role in contract.pose], f"the pose of {name}, a {contract.vehicle},")
     check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
-    others: dict[str, tuple[BoundRole, NDArray[np.float64]]] = {}
-    for source in inputs:
+    others: list[tuple[BoundRole, NDArray[np.float64]]] = []
+    torques = [role.name for role in contract.torque]
+    for source in _joined(inputs):
         bound, unit = _input(fmu, source)
         samples = input_samples(source, unit, _times(scenario), scenario.step, scenario.seed, name)
-        torques = [role.name for role in contract.torque]
-        if bound.role.name in torques:
-            torque[:, torques.index(bound.role.name)] += samples
-        elif source.name in others:
-            others[source.name] = bound, others[source.name][1] + samples
+        if source.name in torques:
+            torque[:, torques.index(source.name)] += samples
         else:
-            others[source.name] = bound, samples
+            others.append((bound, samples))
     return RobotSetup(
         name=name,
         where=scenario.plants[plant].where,
@@ -310,10 +308,8 @@ def _robot(
         sensor=sensor,
         actuator=actuator,
         torque=torque,
-        inputs=tuple(bound for bound, _ in others.values()),
-        samples=np.stack([samples for _, samples in others.values()], axis=1)
-        if others
-        else np.zeros((scenario.ticks + 1, 0)),
+        inputs=tuple(bound for bound, _ in others),
+        samples=np.column_stack([np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in others)]),
         changes=_changes(scenario, fmu, name),
     )
 
@@ -329,6 +325,15 @@ def _entries(
     if missing is None and (lacking := [name for name in names if name not in entries.values]):
         raise InputError(f"the <pose> of a {contract.vehicle} vehicle lacks {', '.join(lacking)}", entries.where)
     return tuple(entries.values.get(name, missing or 0.0) for name in names)
+
+
+def _joined(inputs: Sequence[InputSource]) -> Iterable[InputSource]:
+    """Return one source for each name, with the signals of all: each of them then has random numbers of its own."""
+    sources: dict[str, InputSource] = {}
+    for source in inputs:
+        before = sources.get(source.name)
+        sources[source.name] = replace(before, waves=before.waves + source.waves) if before else source
+    return sources.values()
 
 
 def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:

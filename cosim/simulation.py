@@ -14,6 +14,7 @@ from formation_controllers.vehicles import Vehicle
 
 from cosim.actuating import Actuators
 from cosim.errors import InputError, RunInterrupted, SimulationError
+from cosim.fleet import Fleet
 from cosim.interrupt import HeldSignals
 from cosim.plant import Plant
 from cosim.recorder import Recorder
@@ -62,6 +63,16 @@ class Simulation:
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing)
             self._plants = self._start_plants(cleanup)
+            self._fleet = Fleet(self._plants)
+            self._driven_state = self._state[-len(self._plants) :]
+            self._driving_torque = self._torque[-len(self._plants) :]
+            self._samples = np.concatenate([robot.samples for robot in self._driven], axis=1)
+            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in self._driven])
+            self._given = np.zeros(len(self._is_torque))
+            self._changes: dict[int, list[int]] = {}
+            for row, robot in enumerate(self._driven):
+                for tick in robot.changes:
+                    self._changes.setdefault(tick, []).append(row)
             self._teams = self._gather_teams()
             setups = (self.setup.leader, *self.setup.followers)
             poses = [[role.name for role in robot.contract.pose] for robot in setups]
@@ -70,7 +81,8 @@ class Simulation:
             self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
             self._external = np.stack([robot.torque for robot in setups], axis=1)
             self._disturbed = bool(self._external[:, 1:].any())
-            self._recorder = Recorder(scenario.ticks + 1, self.setup.channels)
+            self._recorder = self._start_recorder()
+            self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
             self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
@@ -102,8 +114,7 @@ class Simulation:
         self.tick += 1
 
     def _sense(self) -> None:
-        for plant, state in zip(self._plants, self._state[-len(self._plants) :], strict=True):
-            plant.read(self.time, state)
+        self._fleet.read(self.time, self._driven_state)
         if self.setup.motion is not None:
             self._state[0] = self.setup.motion.state[self.tick]
         if not (np.abs(self._state) < _BOUNDS).all():  # not finite is not smaller
@@ -139,28 +150,20 @@ class Simulation:
             self._torque[1:] += self._external[self.tick, 1:]
 
     def _record(self) -> None:
-        row = self._recorder.row
         k = self.tick
-        row("leader_pose", k)[:] = self._state[0, :4]
-        row("leader_velocity", k)[:] = self._state[0, 4:]
-        row("leader_torque", k)[:] = self._torque[0]
-        row("pose", k)[:] = self._state[1:, :4]
-        row("velocity", k)[:] = self._state[1:, 4:]
-        row("measured_pose", k)[:] = self._measured[1:]
-        if self.scenario.leader.sensor:
-            row("measured_leader_pose", k)[:] = self._measured[0]
-        row("torque", k)[:] = self._torque[1:]
-        row("desired_range", k)[:] = self.setup.desired.q[k, :, 0]
-        row("desired_bearing", k)[:] = self.setup.desired.q[k, :, 1]
-        for team in self._teams:
-            for name, values in team.telemetry(self.time).items():
-                row(name, k)[team.rows] = values
+        for place, values in self._recorded:
+            place[k] = values
+        for team, store in self._telemetry:
+            store[k] = team.telemetry(self.time)
         self._recorder.recorded = k + 1
 
     def _step_plants(self) -> None:
-        k = self.tick
-        for plant, setup, torque in zip(self._plants, self._driven, self._torque[-len(self._plants) :], strict=True):
-            plant.step(self.time, self.scenario.step, torque, setup.samples[k], setup.changes.get(k, ()))
+        for row in self._changes.get(self.tick, ()):
+            self._plants[row].change(self._driven[row].changes[self.tick], self.time)
+        self._given[self._is_torque] = self._driving_torque.ravel()
+        if self._samples.size:
+            self._given[~self._is_torque] = self._samples[self.tick]
+        self._fleet.step(self.time, self.scenario.step, self._given)
 
     def _report_divergence(self) -> None:
         row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < _BOUNDS))[0])
@@ -250,6 +253,24 @@ class Simulation:
                 cleanup.callback(plant.close)
                 started.append(plant)
         return started
+
+    def _start_recorder(self) -> Recorder:
+        """Return a recorder that has what is known before the run, and keep where the rest is recorded."""
+        recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
+        recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
+        recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
+        sources = {
+            "leader_pose": self._state[0, :4],
+            "leader_velocity": self._state[0, 4:],
+            "leader_torque": self._torque[0],
+            "pose": self._state[1:, :4],
+            "velocity": self._state[1:, 4:],
+            "measured_pose": self._measured[1:],
+            "measured_leader_pose": self._measured[0],
+            "torque": self._torque[1:],
+        }
+        self._recorded = [(recorder.of(name), source) for name, source in sources.items() if name in recorder.channels]
+        return recorder
 
     @property
     def _driven(self) -> tuple[RobotSetup, ...]:

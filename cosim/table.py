@@ -24,7 +24,7 @@ MAX_BYTES = 64 * 1024 * 1024
 MAX_CELLS = 10_000_000
 
 _CELL = re.compile(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[\s*([^\[\]\s]+)\s*\])?\s*")
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[ \t]*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?[ \t]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +187,7 @@ def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> Inp
             count = f"the row has {len(row)} cell{'s' * (len(row) != 1)}, but the first line names {len(names)}"
             return _error(path, rows.line_num, count, where)
         for name, cell in zip(names, row, strict=True):
-            if not _NUMBER.fullmatch(cell.strip()) or math.isinf(float(cell)):
+            if not _NUMBER.fullmatch(cell) or math.isinf(float(cell)):
                 return _error(
                     path, rows.line_num, f"{_shown(cell)} in the column {name!r} is not a finite number", where
                 )

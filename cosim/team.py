@@ -107,6 +107,11 @@ class Team:
     period
         Sample period [s].
 
+    Attributes
+    ----------
+    telemetry_type : numpy.dtype
+        The record of the signals that the law states.
+
     Raises
     ------
     InputError
@@ -135,6 +140,10 @@ class Team:
             )
         except Exception as error:  # a controller is other people's code
             raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
+        signals = law.controller_type.signals
+        self.telemetry_type: np.dtype[np.void] = np.dtype(
+            [(s.name, np.float64, (len(s.components),) if s.components else ()) for s in signals]
+        )
 
     def step(
         self,
@@ -149,8 +158,8 @@ class Team:
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
 
-        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader is
-        its pose and pseudo-velocities (6,), and its accelerations where they are known.
+        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader
+        is its pose and pseudo-velocities (6,), and its accelerations where they are known.
 
         Raises
         ------
@@ -175,8 +184,8 @@ class Team:
             raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time)
         return torque
 
-    def telemetry(self, time: float) -> dict[str, NDArray[np.float64]]:
-        """Return the controller's signals at the last step.
+    def telemetry(self, time: float) -> NDArray[np.void]:
+        """Return the controller's signals at the last step, one record a follower.
 
         Raises
         ------
@@ -184,12 +193,12 @@ class Team:
             The controller failed, or returned other signals than it has stated.
         """
         try:
-            signals = dict(self.controller.telemetry())
-            if set(signals) != {signal.name for signal in self.controller.signals}:
-                raise ValueError(f"its telemetry is {sorted(signals)}, not the signals that it states")
+            record: NDArray[np.void] = self.controller.telemetry_record
+            if record.dtype != self.telemetry_type or record.shape != self.rows.shape:
+                raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
-        return signals
+        return record
 
     def _failure(self, error: BaseException, time: float) -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None

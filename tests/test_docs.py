@@ -1,11 +1,39 @@
 """What the documentation names is what there is."""
 
 import re
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
+from lxml import etree
+
 import cosim
+from cosim.grammar import NAMESPACE, attributes_of, children_of, local_name
+from cosim.reader import read_scenario
+from cosim.setup import set_up
 
 ROOT = Path(__file__).parents[1]
+SCENARIOS_PAGE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+XS = "{http://www.w3.org/2001/XMLSchema}"
+
+# What the pieces on the page leave out.
+REST = f"""<scenario xmlns="{NAMESPACE}" name="rest">
+  <title>The rest</title>
+  <simulation horizon="100 s" step="20 ms" seed="1"/>
+  <plant id="clmr" model="car_like"/>
+  <plant id="truck" model="tractor_trailer"/>
+  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0"/>
+  <leader plant="clmr"><pose x="2.5 m" y="5.5 m" psi="0 deg" gamma="0 deg"/><torque tau_drive="8 N.m"/></leader>
+  <follower id="follower_1" plant="clmr" controller="pid">
+    <pose x="-5 m" y="0 m" psi="0 deg" gamma="0 deg"/><desired range="3 m" bearing="45 deg"/>
+  </follower>
+  <follower id="follower_2" plant="clmr" controller="pid">
+    <pose x="-5 m" y="10 m" psi="0 deg" gamma="0 deg"/><desired range="3 m" bearing="-45 deg"/>
+  </follower>
+</scenario>"""
 
 
 def test_the_page_on_results_names_every_variable_and_attribute(scenarios: Path) -> None:
@@ -23,3 +51,80 @@ def test_links_between_pages_lead_somewhere() -> None:
     for page in pages:
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+# The scenario language --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(scenarios: Path, tmp_path: Path) -> Path:
+    """Return a copy of the scenarios, with the files that the page names."""
+    copied = Path(shutil.copytree(scenarios, tmp_path / "scenarios", ignore=shutil.ignore_patterns("__pycache__")))
+    (table,) = re.findall(r"^```csv\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+    (copied / "wind.csv").write_text(table, encoding="utf-8")
+    return copied
+
+
+def completed(example: str) -> str:
+    """Return an example from the page as a whole scenario: where it is a piece of one, with the rest."""
+    if "<scenario" in example or "<variant" in example:
+        return example
+    root = etree.fromstring(REST)
+    pieces = etree.fromstring(f'<pieces xmlns="{NAMESPACE}">{example}</pieces>')
+    for piece in pieces:
+        for other in root.findall(piece.tag):
+            if other.get("id") == piece.get("id"):
+                root.remove(other)
+    elements = sorted([*root, *pieces], key=lambda element: children_of("scenario")[local_name(element)])
+    root[:] = elements
+    return etree.tostring(root, encoding="unicode")
+
+
+def used() -> Iterator[etree._Element]:
+    """Return every element of every example."""
+    for example in EXAMPLES:
+        content = re.sub(r"<\?xml.*?\?>", "", example)
+        yield from etree.fromstring(f'<pieces xmlns="{NAMESPACE}">{content}</pieces>').iterdescendants("*")
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+def test_every_example_can_be_run(folder: Path, example: str) -> None:
+    path = folder / "example.xml"
+    path.write_text(completed(example), encoding="utf-8")
+    scenario = read_scenario(path)
+    assert scenario.followers
+    with ExitStack() as cleanup:
+        if "fmu=" not in example:  # nobody has that file
+            assert set_up(scenario, cleanup, {}).followers
+
+
+def test_the_page_has_an_example_of_every_element_and_names_every_attribute() -> None:
+    assert len(EXAMPLES) > 12
+    elements = list(used())
+    schema = etree.parse(ROOT / "cosim" / "schema" / "scenario-1.xsd")
+    tags = {element.get("name") for element in schema.iter(XS + "element")}
+    assert {local_name(element) for element in elements} == tags
+    shown = {(local_name(element), name) for element in elements for name in element.attrib}
+    prose = re.sub(r"^```.*?^```$", "", SCENARIOS_PAGE, flags=re.MULTILINE | re.DOTALL)
+    for tag in tags:
+        for name in attributes_of(tag):
+            assert (tag, name) in shown or re.search(rf"`[^`]*\b{name}\b[^`]*`", prose), f"{name} of <{tag}>"
+
+
+def test_the_schema_documents_all_that_it_defines() -> None:
+    schema = etree.parse(ROOT / "cosim" / "schema" / "scenario-1.xsd").getroot()
+    defined = [*schema.iter(XS + "complexType", XS + "simpleType", XS + "attribute")]
+    types = {kind.get("name"): kind for kind in schema.iterchildren(XS + "complexType")}
+    defined += [e for e in schema.iterdescendants(XS + "element") if e.get("type") not in types]
+    assert len(defined) > 100
+    for item in defined:
+        assert item.findtext(f"{XS}annotation/{XS}documentation", "").strip(), (
+            f"{item.get('name')}, line {item.sourceline}"
+        )
+
+
+def test_all_elements_of_a_name_are_of_one_type() -> None:
+    """Messages about an element rest on it."""
+    schema = etree.parse(ROOT / "cosim" / "schema" / "scenario-1.xsd")
+    types = {(element.get("name"), element.get("type")) for element in schema.iter(XS + "element")}
+    assert len(types) == len(dict(types))

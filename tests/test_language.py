@@ -146,6 +146,20 @@ def test_a_disturbance_acts_on_its_robot_or_on_every_follower(run) -> None:
     assert np.array_equal(plain["leader_pose"], on_all["leader_pose"])
 
 
+def test_random_signals_of_the_team_and_of_a_robot_are_not_the_same(run) -> None:
+    gust = '<input name="tau_drive"><random value="1 N.m" cutoff="5 Hz"/></input>'
+    quiet = ('<sensor><noise x="1 mm" y="1 mm"/></sensor>', "")
+    torque = "torque_command", "torque"
+    one, both = (
+        np.subtract(*(result[name].sel(robot="one").values[:, 0] for name in torque))
+        for result in (
+            run(quiet, in_follower("one", gust)),
+            run(quiet, ("<leader plant", gust + "<leader plant"), in_follower("one", gust)),
+        )
+    )
+    assert not np.allclose(both, 2 * one, atol=0.1)
+
+
 def test_a_torque_of_a_follower_may_be_disturbed_after_its_actuator(run) -> None:
     result = run(in_follower("one", '<input name="tau_drive"><constant value="500 N.m"/></input>'))
     torque = result["torque"].sel(robot="one", torque_component="tau_drive")

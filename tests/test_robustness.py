@@ -173,8 +173,12 @@ def run_with(law: type, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("step", lambda *_: "fast", "failed: ValueError"),
         ("step", lambda *_: np.full((4, 2), np.inf), "follower_1 at t = 0 s: "),
         ("start", raising(RuntimeError("no")), "failed: RuntimeError: no"),
-        ("telemetry", raising(RuntimeError("no")), "failed: RuntimeError: no"),
-        ("telemetry", lambda *_: {"weight_norm": np.zeros(4)}, "its telemetry is ['weight_norm'], not the signals"),
+        ("telemetry_record", property(raising(RuntimeError("no"))), "failed: RuntimeError: no"),
+        (
+            "telemetry_record",
+            np.zeros(4, [("weight_norm", float)]),
+            "its telemetry is ('weight_norm',), not the signals",
+        ),
     ],
 )
 def test_laws_that_fail(
@@ -183,7 +187,7 @@ def test_laws_that_fail(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     method: str,
-    fault: Callable[..., object],
+    fault: object,
     sentence: str,
 ) -> None:
     law = type("Law", (NeuralAdaptivePid,), {method: fault})

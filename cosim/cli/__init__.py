@@ -77,9 +77,14 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--junit", type=Path, metavar="FILE.xml", help="write all verdicts as JUnit XML")
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
 
-    about = "read and validate scenarios, and run nothing"
+    about = "read and validate scenarios, show what is in them, and run nothing"
     check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(check)
+    check.add_argument(
+        "--resolved",
+        action="store_true",
+        help="print nothing but the scenario's XML, with all changes made",
+    )
 
     about = "build FMUs of the built-in models"
     build = commands.add_parser("build", help=about, description=about[0].upper() + about[1:] + ".")

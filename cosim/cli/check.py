@@ -1,18 +1,21 @@
-"""``formation check``: whether a scenario could be run."""
+"""``formation check``: whether a scenario could be run, and what it is."""
 
 from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
 
-from cosim.cli.console import out, report
+from cosim.cli.console import out, report, verbatim
+from cosim.cli.overview import print_overview
 from cosim.cli.reading import read
-from cosim.errors import FormationError
+from cosim.errors import FormationError, InputError
 from cosim.setup import set_up
 
 
 def check(options: argparse.Namespace) -> int:
-    """Read and validate each scenario with all that it names, and start nothing; return 2 if one is wrong."""
+    """Read and validate each scenario with all that it names, show it, and start nothing; return 2 if one is wrong."""
+    if options.resolved and len(options.scenarios) > 1:
+        raise InputError("--resolved prints one scenario, so that it can be saved as a file: name one")
     status = 0
     for path in options.scenarios:
         try:
@@ -23,10 +26,14 @@ def check(options: argparse.Namespace) -> int:
             report(error)
             status = max(status, error.exit_status)
         else:
+            if options.resolved:
+                verbatim(scenario.text)
+                continue
             out().print(
                 f"{path}: {scenario.name}, {len(scenario.followers)} followers, {scenario.horizon:g} s "
                 f"in {scenario.ticks} steps",
                 markup=False,
                 soft_wrap=True,
             )
+            print_overview(out(), scenario)
     return status

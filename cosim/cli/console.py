@@ -66,6 +66,14 @@ def err() -> Console:
     return _console(sys.stderr)
 
 
+def verbatim(xml: str) -> None:
+    """Print XML to standard output as it is; a character that its encoding lacks, as a character reference."""
+    stream = _Tolerant(sys.stdout)
+    stream.write(xml.encode(stream.encoding, "xmlcharrefreplace").decode(stream.encoding))
+    stream.write("" if xml.endswith("\n") else "\n")
+    stream.flush()
+
+
 def table(console: Console, title: str) -> Table:
     """Return an empty table for a console."""
     return Table(

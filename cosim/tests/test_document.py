@@ -1,5 +1,8 @@
 """A scenario file is either understood or refused with file, line, column and a sentence."""
 
+import os
+import sys
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ from cosim.document import MAX_BYTES, read_document
 from cosim.errors import InputError
 
 EXAMPLE = Path(__file__).with_name("example.xml")
+COMPARE = '<compare measure="mean" signal="range_error" factor="1" scenario="other.xml"/>'
 
 
 def refused(path: Path, *replacements: str) -> InputError:
@@ -41,6 +45,30 @@ def test_too_large(tmp_path: Path) -> None:
     path = tmp_path / "large.xml"
     path.write_bytes(b" " * (MAX_BYTES + 1))
     assert "larger than 4 MiB" in str(refused(path))
+
+
+def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "huge.xml"
+    with path.open("wb") as file:
+        file.truncate(100_000_000)
+    tracemalloc.start()
+    try:
+        assert str(refused(path)) == f"{path}: is larger than 4 MiB, so it is no scenario file"
+        assert tracemalloc.get_traced_memory()[1] < MAX_BYTES
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["x" * 5000 + ".xml", "file.xml/s.xml"])
+def test_a_path_that_cannot_be(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file.xml").touch()
+    assert ": cannot be read: " in str(refused(tmp_path / name))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a named pipe")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.xml")
+    assert str(refused(tmp_path / "pipe.xml")).endswith("pipe.xml: is not a regular file")
 
 
 @pytest.mark.parametrize(
@@ -98,6 +126,20 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
         ("<actuator>", "<actuator>hello", 38, 3, "<actuator> must not contain text"),
         ('name="example"', 'name="../../escape"', 2, 1, 'name="../../escape" of <scenario> is not a name'),
         ('seed="1"', 'seed="one"', 11, 3, 'seed="one" of <simulation> is not a whole number from 0'),
+        ('seed="1"', 'seed="9223372036854775808"', 11, 3, "is not a whole number from 0 to 2^63 - 1"),
+        ('x="1 mm"', 'xx="1 mm"', 36, 5, "<noise> has no attribute 'xx': did you mean 'x'? Known: from, gamma"),
+        ('x="1 mm"', 'x="1 kg"', 36, 5, 'x="1 kg" of <noise> is not a length with its unit'),
+        ("<sensor>", '<sensor f:x="1" xmlns:f="urn:f">', 35, 3, "<sensor> has no attribute '{urn:f}x': known: none"),
+        ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, 5, 'limit="9 N.m" of <rate> is not a rate of a'),
+        ("</scenario>", f"<expect>{COMPARE}</expect></scenario>", 64, 9, 'measure="mean" of <compare> is not rms'),
+        ("</scenario>", "<expect/></scenario>", 64, 1, "<expect> is incomplete; expected next: <settled> or <rms>"),
+        ("</scenario>", "<leader/></scenario>", 64, 1, "<leader> is not expected here in <scenario>; expected: <fol"),
+        ("An example for the tests", "", 4, 3, "the text '' of <title> is not a text that is not empty"),
+        ("An example for", "<b/>", 4, 3, "<title> must not contain elements"),
+        ('<saturation limit="200 N.m"/>', '<delay time="1 s"><x/></delay>', 39, 5, "<delay> must not contain elements"),
+        ('<saturation limit="200 N.m"/>', '<delay time="1 s">x</delay>', 39, 5, "<delay> must not contain text"),
+        ("<sensor>", '<x xmlns="urn:x"/><sensor>', 35, 3, "the element {urn:x}x is not part of the scenario"),
+        ('name="example"', f'name="{"x" * 101}"', 2, 1, "at most 100"),
     ],
 )  # fmt: skip
 def test_what_breaks_the_schema(tmp_path: Path, old: str, new: str, line: int, column: int, sentence: str) -> None:

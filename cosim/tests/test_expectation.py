@@ -2,6 +2,7 @@
 
 import json
 import math
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from cosim.expectation import Recorded, Verdict, check, judge, recorded
 from cosim.measure import figure_of, smallest_distance
 from cosim.reader import read_scenario
 from cosim.recorder import Channel
+from cosim.result import load
 from cosim.scenario import Expectation, Scenario
 from cosim.simulation import Simulation
 from plants import units
@@ -467,3 +469,54 @@ def test_what_cannot_be_compared_with(tmp_path: Path, attributes: str, sentence:
     assert caught.value.where is not None
     assert caught.value.where.file == str(path)
     assert sentence.format(folder=tmp_path) in caught.value.message
+
+
+def test_ctrl_c_while_the_other_scenario_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenario's own result is safe by then, and no summary of an earlier run stays."""
+    path = written(tmp_path, "one.xml", '<compare measure="rms" signal="range" factor="9" scenario="interrupted.xml"/>')
+    other = written(tmp_path, "interrupted.xml", "<regular/>", ("<title>", "<title>Interrupted: "))
+    stale = tmp_path / "example" / "summary.json"
+    stale.parent.mkdir()
+    stale.touch()
+    original = Simulation.step
+
+    def step(self: Simulation) -> None:
+        if self.scenario.path == other and self.tick == 30:
+            signal.raise_signal(signal.SIGINT)
+        original(self)
+
+    monkeypatch.setattr(Simulation, "step", step)
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 130
+    assert load(tmp_path / "example" / "result.nc").attrs["status"] == "completed"
+    assert not stale.exists()
+
+
+def test_the_terminal_shows_the_worst_on_each_expectation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of one that is marked, the worst as marked and the worst otherwise."""
+    expectations = """
+      <final signal="range" below="7 m" fails="too far"/>
+      <final signal="range" below="99 m"/>
+      <distance above="99 m" fails="too near"/>"""
+    path = written(tmp_path, "one.xml", expectations)
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 1
+    lines = [line for line in capsys.readouterr().out.splitlines() if ", margin " in line]
+    summary = json.loads((tmp_path / "example" / "summary.json").read_text())
+    figures = {verdict["robot"]: verdict["figure"] for verdict in summary["verdicts"][:4]}
+    farthest, nearest = max(figures, key=figures.__getitem__), max((f, r) for r, f in figures.items() if f < 7)[1]
+    assert [line.split("  ")[0] for line in lines] == [
+        "holds, though marked as failing: too far",
+        "fails as known: too far",
+        "holds",
+        "fails as known: too near",
+    ]
+    assert [line.rsplit("(")[1].rstrip(")") for line in lines[:3]] == [nearest, farthest, farthest]
+
+
+def test_the_page_on_results_shows_a_verdict_as_it_is(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
+    shown = json.loads(page.split("```json")[1].split("```")[0])
+    path = written(tmp_path, "one.xml", '<distance above="99 m"/>')
+    main(["run", str(path), "--out", str(tmp_path), "--no-figure"])
+    (verdict,) = json.loads((tmp_path / "example" / "summary.json").read_text())["verdicts"]
+    assert {key: type(value) for key, value in shown.items()} == {key: type(value) for key, value in verdict.items()}
+    assert list(shown["where"]) == list(verdict["where"])

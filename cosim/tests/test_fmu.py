@@ -8,6 +8,7 @@ import pytest
 
 import plants
 from cosim.errors import InputError, Location, SimulationError
+from cosim.fleet import Fleet
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import geometry, understand
 from cosim.plant import Plant
@@ -133,16 +134,15 @@ def setting(name: str, value: str) -> Setting:
 def test_start_pose_and_a_step(fmu: Fmu) -> None:
     parameters = understand(fmu, [setting("m_c", "3e4 g"), setting("drive", "rear_wheel")])
     plant = Plant(fmu, "robot", parameters, (1.0, 2.0, 0.5, 0.1), 1.0)
-    state = np.empty(6)
-    plant.read(0.0, state)
-    assert np.array_equal(state, [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
+    fleet = Fleet([plant])
+    state = np.empty((1, 6))
+    fleet.read(0.0, state)
+    assert np.array_equal(state[0], [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
     assert geometry(fmu, parameters, HERE) == {"wheelbase": 1.2, "drive": "rear_wheel"}
-    plant.step(0.0, 0.02, np.array([8.0, 1.0]))
-    plant.step(0.02, 0.02, np.array([8.0, 1.0]))
-    plant.read(0.04, state)
-    assert state[0] > 1.0
-    assert state[4] > 0.0
-    assert state[5] > 0.0
+    fleet.step(0.0, 0.02, np.array([8.0, 1.0]))
+    fleet.step(0.02, 0.02, np.array([8.0, 1.0]))
+    fleet.read(0.04, state)
+    assert (state[0, [0, 4, 5]] > [1.0, 0.0, 0.0]).all()
     plant.close()
 
 
@@ -158,10 +158,10 @@ def test_units_are_converted(car: Path, tmp_path: Path) -> None:
     defined = repack(car, tmp_path / "defined.fmu", "<UnitDefinitions>", degree)
     fmu = open_fmu(repack(defined, tmp_path / "deg.fmu", old, new))
     plant = Plant(fmu, "robot", (), (0.0, 0.0, 0.0, np.pi / 180), 1.0)
-    state = np.empty(6)
-    plant.read(0.0, state)
-    assert state[3] == pytest.approx(np.pi / 180, rel=1e-15)
-    assert plant._outputs.values[3] == pytest.approx(1.0, rel=1e-15)
+    state = np.empty((1, 6))
+    Fleet([plant]).read(0.0, state)
+    assert state[0, 3] == pytest.approx(np.pi / 180, rel=1e-15)
+    assert plant.outputs[3].scale == pytest.approx(np.pi / 180, rel=1e-15)
     plant.close()
     fmu.close()
 
@@ -189,7 +189,7 @@ def test_bad_parameters(fmu: Fmu, name: str, value: str, sentence: str) -> None:
 def test_a_step_that_fails_says_which_robot_and_when(fmu: Fmu) -> None:
     plant = Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
     with pytest.raises(SimulationError) as caught:
-        plant.step(0.0, 0.02, np.array([np.nan, 0.0]))
+        Fleet([plant]).step(0.0, 0.02, np.array([np.nan, 0.0]))
     assert str(caught.value).startswith("robot at t = 0 s: the plant car_like.fmu did not ")
     assert "tau_drive" in str(caught.value)
     plant.close()
@@ -204,9 +204,9 @@ def test_a_closed_plant_can_be_closed_again(fmu: Fmu) -> None:
 def test_messages_of_two_instances_are_kept_apart(fmu: Fmu) -> None:
     one, two = (Plant(fmu, name, (), (0, 0, 0, 0), 1.0) for name in ("one", "two"))
     with pytest.raises(SimulationError, match="tau_drive"):
-        one.step(0.0, 0.02, np.array([np.nan, 0.0]))
+        Fleet([one, two]).step(0.0, 0.02, np.array([np.nan, 0.0, 8.0, 0.0]))
     with pytest.raises(SimulationError) as caught:
-        two.step(0.0, 0.02, np.array([0.0, np.nan]))
+        Fleet([two]).step(0.0, 0.02, np.array([0.0, np.nan]))
     assert "tau_steer" in str(caught.value)
     assert "tau_drive" not in str(caught.value)
     one.close()

@@ -39,6 +39,18 @@ def test_outside_changes_every_number_is_exactly_as_given() -> None:
     assert not q_ddot[still].any()
 
 
+def test_a_change_ends_at_the_point_that_the_decimal_number_means() -> None:
+    times = np.arange(40) * 0.03
+    for k in range(1, 40):  # k * 0.03 is often less than what the decimal number reads as
+        q, q_dot, q_ddot = desired_samples(
+            follower(PlaceChange(0.0, float(f"{k * 0.03:.2f}"), 5.3, -0.1, WHERE)), times
+        )
+        assert np.array_equal(q[k:], np.tile((5.3, -0.1), (40 - k, 1)))
+        assert not q_dot[k:].any()
+        assert not q_ddot[k:].any()
+        assert q_dot[1:k].all()
+
+
 def test_the_course_is_the_quintic() -> None:
     q, q_dot, q_ddot = desired_samples(follower(CHANGES[0]), np.array([0.4, 0.5, 0.6]))
     assert q[1] == pytest.approx([(3.1 + 5.3) / 2, (math.pi / 4 - 0.1) / 2])

@@ -41,12 +41,13 @@ def test_constant_in_any_unit_that_fits() -> None:
     assert samples(wave("constant", "0.5"), unit="1").tolist() == [0.5] * 100
 
 
-def test_step_and_pulse_switch_at_the_point_that_the_decimal_number_means() -> None:
-    for k in range(1, 100):  # k * 0.02 is often not the double that the decimal number reads as
-        at = float(f"{k * 0.02:.2f}")
-        assert np.flatnonzero(samples(wave("step", start=at))).tolist() == list(range(k, 100))
-        assert np.flatnonzero(samples(wave("pulse", stop=at))).tolist() == list(range(k))
-    assert samples(wave("step", start=0.05))[2:4].tolist() == [0.0, 2.0]
+@pytest.mark.parametrize("step", [0.02, 0.03])  # some multiples are above, or below, what the decimal number reads as
+def test_step_and_pulse_switch_at_the_point_that_the_decimal_number_means(step: float) -> None:
+    for k in range(1, 100):
+        at = float(f"{k * step:.2f}")
+        assert np.flatnonzero(samples(wave("step", start=at), step=step)).tolist() == list(range(k, 100))
+        assert np.flatnonzero(samples(wave("pulse", stop=at), step=step)).tolist() == list(range(k))
+    assert samples(wave("step", start=2.5 * step), step=step)[2:4].tolist() == [0.0, 2.0]
 
 
 def test_neighbouring_pulses_leave_no_gap() -> None:

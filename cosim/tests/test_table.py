@@ -78,6 +78,7 @@ def test_one_row_is_a_table(tmp_path: Path) -> None:
         ("time [s],x [m]\n\n0,1\n\n1,\n", 5, "'' in the column 'x' is not a finite number"),
         ("time [s],x [m]\n0,1\n1,two\n", 3, "'two' in the column 'x' is not a finite number"),
         ("time [s],x [m]\n0,1\n1,1_000\n", 3, "'1_000' in the column 'x' is not a finite number"),
+        ("time [s],x [m]\n0,1\n1,\u2028\x1c9\x1c\n2,two\n", 3, "in the column 'x' is not a finite number"),
         ("time [s],x [m]\n0,1\n1,٢\n", 3, "'٢' in the column 'x' is not a finite number"),
         ("time [s],x [m]\n0,nan\n", 2, "'nan' in the column 'x' is not a finite number"),
         ("time [s],x [m]\n0,-inf\n", 2, "'-inf' in the column 'x' is not a finite number"),

@@ -87,7 +87,7 @@ def test_the_velocities_drive_the_vehicle_along_the_path(vehicle: fc.CarLike | f
         atol=1e-12,
         max_step=0.02,
     )
-    assert pytest.approx(motion.state[:, :4], abs=1e-4) == driven.y.T
+    assert pytest.approx(motion.state[:, :4], abs=1e-6) == driven.y.T
     assert np.ptp(motion.state[:, 2]) > math.pi  # the heading is not wrapped
     assert np.abs(np.diff(motion.state[:, 2:4], axis=0)).max() < 0.2
 
@@ -97,7 +97,7 @@ def test_the_accelerations_are_the_derivatives_of_the_velocities(vehicle: fc.Car
     times = np.linspace(0, 20, 20001)
     motion = leader_motion(along(eight, np.linspace(0, 20, 81)), vehicle, times)
     gained = cumulative_simpson(motion.acceleration, x=times, axis=0, initial=0) + motion.state[0, 4:]
-    assert gained == pytest.approx(motion.state[:, 4:], abs=1e-6)
+    assert gained == pytest.approx(motion.state[:, 4:], abs=1e-9)
 
 
 def test_every_point_is_passed_in_time() -> None:

@@ -96,6 +96,127 @@ def test_what_does_not_hold_together(replacement: str, place: str, sentence: str
     assert sentence in error.message
 
 
+ONE = '<follower id="follower_1" plant="clmr" controller="pid">'
+END = 'bearing="45 deg"/>'
+POSE = '<pose x="2.5 m" y="5.5 m" psi="0 deg" gamma="0 deg"/>'
+LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "sentence"),
+    [
+        # times
+        (
+            'seed="1"',
+            'seed="1" period="50 ms"',
+            "11:3",
+            "the period 0.05 s is not a whole number of communication steps of 0.02 s",
+        ),
+        ('seed="1"', 'seed="1" period="0 s"', "11:3", "the period 0 s is not a whole number of communication steps"),
+        ("<actuator>", '<actuator><delay time="30 ms"/>', "38:13", "the time 0.03 s is not a whole number of"),
+        ("<noise ", '<noise from="2 s" to="1 s" ', "36:5", "the window ends at 1 s, before it begins at 2 s"),
+        (
+            "</scenario>",
+            '<event at="101 s" robots="leader"><stop/></event></scenario>',
+            "64:1",
+            "is after the end of the run at 100",
+        ),
+        ("</scenario>", '<event at="-1 s" robots="leader"><stop/></event></scenario>', "64:1", "must not be negative"),
+        # changes of places
+        (END, f'{END[:-2]}><change from="9 s" to="7 s" range="1 m"/></desired>', "49:43", "ends at 7 s, before"),
+        (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "it must last"),
+        (END, f'{END[:-2]}><change from="1 s" to="2 s"/></desired>', "49:43", "nothing changes"),
+        (
+            END,
+            f'{END[:-2]}>\n<change from="1 s" to="3 s" range="1 m"/>'
+            '\n<change from="2 s" to="4 s" range="2 m"/></desired>',
+            "51:1",
+            "the change from 2 s begins before 3 s, when the one before it ends",
+        ),
+        (
+            END,
+            f'{END[:-2]}>\n<change from="5 s" to="6 s" range="1 m"/>'
+            '\n<change from="2 s" to="4 s" range="2 m"/></desired>',
+            "51:1",
+            "the change from 2 s begins before 6 s",
+        ),
+        # references
+        (
+            "</scenario>",
+            '<event at="1 s" robots="follower_9"><stop/></event></scenario>',
+            "64:1",
+            "has no robot 'follower_9': did you mean 'follower_",
+        ),
+        ("</scenario>", '<expect><regular robots="leader"/></expect></scenario>', "64:9", "has no robot 'leader': "),
+        (
+            "</scenario>",
+            '<event at="1 s" robots="follower_1"><torque/></event></scenario>',
+            "64:37",
+            'only the torque of robots="leader"',
+        ),
+        # what excludes each other
+        (f"{POSE}\n    {LEADING}", "<trajectory/>", "43:5", "needs either waypoints or file"),
+        (POSE, "", "42:3", "the <leader> needs a <pose> to start from"),
+        (LEADING, '<trajectory file="a.csv"/>', "43:5", "a leader with a <trajectory> has no <pose>"),
+        # numbers
+        (
+            "<actuator>",
+            '<actuator><effectiveness factor="1.5"/>',
+            "38:13",
+            'factor="1.5" of <effectiveness> is not from 0 to 1',
+        ),
+        (
+            "<sensor>",
+            '<sensor><dropout probability="-0.1"/>',
+            "35:11",
+            'probability="-0.1" of <dropout> is not from 0 to 1',
+        ),
+        ("<actuator>", '<actuator><rate limit="0 N.m/s"/>', "38:13", "must be greater than zero"),
+        (
+            "<leader ",
+            '<input name="i"><random value="1 N" cutoff="25 Hz"/></input><leader ',
+            "42:19",
+            "is not below half of the ticks' frequency, 25 Hz",
+        ),
+        (
+            "<leader ",
+            '<input name="i"><sine value="1 N" period="0 s"/></input><leader ',
+            "42:19",
+            "must be greater than zero",
+        ),
+        (ONE, ONE.replace("follower_1", "leader"), "47:3", "a follower cannot have the id 'leader'"),
+        # expectations
+        (
+            "</scenario>",
+            '<expect><regular from="9 s" to="101 s"/></expect></scenario>',
+            "64:9",
+            "is not within the run of 100 s",
+        ),
+        (
+            "</scenario>",
+            '<expect><settled by="100 s" range="1 m" bearing="1 deg"/></expect></scenario>',
+            "64:9",
+            "100 s is not within the run",
+        ),
+        (
+            "</scenario>",
+            '<expect><compare measure="rms" signal="a" factor="0" scenario="b"/></expect></scenario>',
+            "64:9",
+            "must be greater than zero",
+        ),
+    ],
+)
+def test_what_a_schema_cannot_say(tmp_path: Path, old: str, new: str, place: str, sentence: str) -> None:
+    path = tmp_path / "s.xml"
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_scenario(path)
+    assert str(caught.value).startswith(f"{path}:{place}: ")
+    assert sentence in caught.value.message
+
+
 def test_a_plant_needs_one_source(tmp_path: Path) -> None:
     path = tmp_path / "s.xml"
     for source in ("", 'model="car_like" fmu="car.fmu"'):

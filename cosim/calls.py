@@ -1,0 +1,49 @@
+"""C functions by their address, callable from code that Numba compiles."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+_LLVM = {"pointer": ir.IntType(64), "size": ir.IntType(64), "double": ir.DoubleType(), "int": ir.IntType(32)}
+_CTYPES = {
+    "pointer": ctypes.c_void_p,
+    "size": ctypes.c_size_t,
+    "double": ctypes.c_double,
+    "int": ctypes.c_int,
+}
+
+compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")
+
+
+def c_function(*kinds: str) -> Any:
+    """Return a function ``call(address, arguments)`` that calls a C function which returns an int.
+
+    Addresses are passed as 64-bit integers, as all platforms that FMPy supports pass them like pointers.
+
+    Parameters
+    ----------
+    kinds
+        The kinds of its arguments: ``pointer``, ``size``, ``double`` or ``int``; values of just these types are passed.
+    """
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int, *(_CTYPES[kind] for kind in kinds))
+        return lambda address, arguments: prototype(int(address))(*(np.asarray(a).item() for a in arguments))
+
+    @intrinsic
+    def call(_: Any, address: Any, arguments: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            function = ir.FunctionType(ir.IntType(32), [_LLVM[kind] for kind in kinds])
+            pointer = builder.inttoptr(values[0], function.as_pointer())
+            return builder.call(pointer, [builder.extract_value(values[1], i) for i in range(len(kinds))])
+
+        return types.int32(types.int64, arguments), generate
+
+    return call

@@ -1,0 +1,148 @@
+"""A scenario at a glance: who drives where with what, what happens, and what is expected."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from cosim.cli.console import table
+from cosim.errors import printable
+from cosim.scenario import Effect, Event, Expectation, Follower, InputSource, Leader, Scenario, Setting, Trajectory
+
+_UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
+
+
+def print_overview(console: Console, scenario: Scenario) -> None:
+    """Print tables of a scenario's robots, events and expectations."""
+    sensors, actuators = (
+        Counter(_effects(getattr(follower, part)) for follower in scenario.followers).most_common(1)[0][0]
+        for part in ("sensor", "actuator")
+    )
+    robots = table(console, _safe(f"{scenario.name}: {scenario.title}"))
+    for heading in ("robot", "plant", "controller", "place", "its own"):
+        robots.add_column(heading, no_wrap=heading in ("robot", "plant", "controller"))
+    leader = scenario.leader
+    plants = {key: f"{key} ({source.model or Path(str(source.fmu)).name})" for key, source in scenario.plants.items()}
+    laws = {key: f"{key} ({source.name})" for key, source in scenario.controllers.items()}
+    robots.add_row("leader", _safe(plants[leader.plant]), "", "", _safe("\n".join(_own_of_leader(leader))))
+    for follower in scenario.followers:
+        own = [*_settings(follower.parameters), *_settings(follower.gains)]
+        for part, effects, common in (
+            ("sensor", follower.sensor, sensors),
+            ("actuator", follower.actuator, actuators),
+        ):
+            if _effects(effects) != common:
+                own.append(f"{part}: {_effects(effects)}")
+        own += _inputs(follower.inputs)
+        sources = (plants[follower.plant], laws[follower.controller])
+        robots.add_row(*map(_safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
+    console.print(robots)
+    for what, text in (("sensor", sensors), ("actuator", actuators)):
+        console.print(f"{what} of followers, unless another is named: {_safe(text)}", soft_wrap=True)
+    for text in _inputs(scenario.inputs):
+        console.print(f"{_safe(text)}, of every follower", soft_wrap=True)
+    for event in scenario.events:
+        console.print(f"at {event.time:g} s, {_safe(event.robot)}: {_safe(_happening(event))}", soft_wrap=True)
+    for expectation in scenario.expectations:
+        console.print(f"expected: {_safe(_expected(expectation))}", soft_wrap=True)
+
+
+def _safe(text: str) -> str:
+    return escape(printable(text))
+
+
+# In words ---------------------------------------------------------------------------------------------------
+
+
+def _own_of_leader(leader: Leader) -> Iterator[str]:
+    if leader.trajectory is not None:
+        yield _trajectory(leader.trajectory)
+    elif leader.torque.values:
+        yield _torques(leader.torque.values.items())
+    yield from _settings(leader.parameters)
+    if leader.sensor:
+        yield f"as followers are told: {_effects(leader.sensor)}"
+    yield from _inputs(leader.inputs)
+
+
+def _trajectory(trajectory: Trajectory) -> str:
+    of = trajectory.file.name if trajectory.file is not None else f"{len(trajectory.waypoints)} waypoints"
+    return f"trajectory from {of}"
+
+
+def _torques(values: Iterable[tuple[str, float]]) -> str:
+    return ", ".join(f"{name} {value:g} N.m" for name, value in values)
+
+
+def _places(follower: Follower) -> Iterator[str]:
+    yield _place(*follower.desired)
+    for change in follower.changes:
+        yield f"{change.start:g} to {change.stop:g} s: {_place(change.range, change.bearing)}"
+
+
+def _place(distance: float, bearing: float) -> str:
+    return f"{distance:g} m, {math.degrees(bearing):g} deg"
+
+
+def _settings(settings: Iterable[Setting]) -> Iterator[str]:
+    return (f"{setting.name} = {setting.value}" for setting in settings)
+
+
+def _effects(effects: Sequence[Effect]) -> str:
+    """Return effects in words; those that differ only in their channels together."""
+    channels: dict[tuple[str, str], list[str]] = {}
+    for effect in effects:
+        unit = _UNITS.get(effect.kind, " m" if effect.channels in (("x",), ("y",)) else " rad")
+        about = (f"{effect.kind} {effect.amount:g}{unit}", _window(effect.start, effect.stop, math.inf))
+        channels.setdefault(about, []).extend(effect.channels)
+    return (
+        "; ".join(
+            what + (f" ({', '.join(names)})" if names else "") + window for (what, window), names in channels.items()
+        )
+        or "none"
+    )
+
+
+def _window(start: float, stop: float, end: float) -> str:
+    return (f" from {start:g} s" if start > 0 else "") + (f" to {stop:g} s" if stop < end else "")
+
+
+def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:
+    for source in inputs:
+        waves = (f"{wave.kind} {wave.value or wave.column}" for wave in source.waves)
+        yield f"input {source.name}: {' + '.join(waves)}"
+
+
+def _happening(event: Event) -> str:
+    parts = list(_settings(event.parameters))
+    if event.torque is not None:
+        parts.append(_torques(event.torque.values.items()))
+    if event.stops:
+        parts.append("stops")
+    return ", ".join(parts)
+
+
+def _expected(expectation: Expectation) -> str:
+    subject = " of ".join(part for part in (expectation.component, expectation.signal) if part)
+    bound = f"{expectation.bound:g} {expectation.unit}".removesuffix(" 1")
+    if expectation.kind == "settled":
+        text = f"settled by {bound} within {_place(expectation.range_band, expectation.bearing_band)}"
+    elif expectation.kind == "distance":
+        text = f"distance between followers above {bound}"
+    elif expectation.kind == "compare":
+        assert expectation.scenario is not None
+        text = f"{expectation.measure} {subject} at most {bound} times that of {expectation.scenario.name}"
+    elif expectation.kind == "regular":
+        text = "no singularity"
+    else:
+        text = f"{expectation.kind} {subject} {'above' if expectation.kind == 'least' else 'below'} {bound}"
+    if expectation.kind != "settled":
+        text += f", {expectation.start:g} to {expectation.stop:g} s"
+    if expectation.robots:
+        text += f" ({', '.join(expectation.robots)})"
+    return text + (f"; known to fail: {expectation.fails}" if expectation.fails else "")

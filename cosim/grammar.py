@@ -1,0 +1,140 @@
+"""The grammar of scenario files, as the schema (XSD 1.0) gives it: what breaks it, in words, and what belongs where."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib import resources
+
+from lxml import etree
+
+from cosim.errors import nearest
+
+NAMESPACE = "urn:formation-cosim:scenario:1"
+
+_XS = "{http://www.w3.org/2001/XMLSchema}"
+
+
+def local_name(element: etree._Element) -> str:
+    """Return an element's tag without its namespace."""
+    return str(etree.QName(element).localname)
+
+
+def violation(root: etree._Element) -> tuple[etree._Element, str] | None:
+    """Return the first element that breaks the schema and a sentence on what is wrong with it; None if none does."""
+    schema = _schema()
+    if schema.validate(root):
+        return None
+    error = schema.error_log[0]
+    found = root.getroottree().xpath(error.path)
+    element = found[0] if isinstance(found, list) and isinstance(found[0], etree._Element) else root
+    return element, _sentence(error.message, element)
+
+
+@cache
+def attributes_of(tag: str) -> dict[str, str]:
+    """Return the attributes that the schema knows for an element, each with the name of its type."""
+    return {a.get("name"): a.get("type") for a in _attributes(_type_of(tag))}
+
+
+@cache
+def children_of(tag: str) -> dict[str, int]:
+    """Return the elements that the schema knows within an element, each with its rank in their order.
+
+    Elements between which there is a choice have the same rank.
+    """
+    ranks: dict[str, int] = {}
+    for rank, particle in enumerate(_type_of(tag).iterfind(f"{_XS}sequence/*")):
+        ranks |= {e.get("name"): rank for e in particle.iter(_XS + "element")}
+    ranks |= {e.get("name"): 0 for e in _type_of(tag).iterfind(f"{_XS}choice/{_XS}element")}
+    return ranks
+
+
+def described_children(tag: str) -> str:
+    """Return the elements that the schema knows within an element, as a message shows them."""
+    return " or ".join(f"<{name}>" for name in children_of(tag)) or "no element"
+
+
+# The schema -------------------------------------------------------------------------------------------------
+
+
+@cache
+def _schema_tree() -> etree._ElementTree:
+    with resources.files("cosim").joinpath("schema/scenario-1.xsd").open("rb") as file:
+        return etree.parse(file)
+
+
+@cache
+def _schema() -> etree.XMLSchema:
+    return etree.XMLSchema(_schema_tree())
+
+
+def _type_of(tag: str) -> etree._Element:
+    """Return the type of an element: the schema gives all elements of a name the same, named type.
+
+    An element that the schema does not know, or that holds only a text, has a type without attributes and children.
+    """
+    name = next((e.get("type") for e in _schema_tree().iter(_XS + "element") if e.get("name") == tag), "")
+    found = _named("complexType", name)
+    return etree.Element(_XS + "complexType") if found is None else found
+
+
+def _named(kind: str, name: str) -> etree._Element | None:
+    return next((t for t in _schema_tree().iterfind(_XS + kind) if t.get("name") == name), None)
+
+
+def _attributes(holder: etree._Element) -> Iterator[etree._Element]:
+    yield from holder.iterfind(_XS + "attribute")
+    for reference in holder.iterfind(_XS + "attributeGroup"):
+        group = _named("attributeGroup", reference.get("ref", ""))
+        assert group is not None
+        yield from _attributes(group)
+
+
+def _description_of(simple_type: str) -> str:
+    """Return what a value of a simple type is, in the words of the type's documentation."""
+    found = _named("simpleType", simple_type)
+    return "any text" if found is None else " ".join(found.findtext(f".//{_XS}documentation", "").split())
+
+
+# Sentences --------------------------------------------------------------------------------------------------
+
+
+def _sentence(message: str, element: etree._Element) -> str:
+    """Say in the terms of a scenario what libxml2 says in those of XML Schema."""
+    message = message.replace(f"{{{NAMESPACE}}}", "")
+    tag = local_name(element)
+    attributes = attributes_of(tag)
+
+    if match := re.search(r"attribute '([^']+)': The attribute '[^']+' is not allowed", message):
+        return f"<{tag}> has no attribute {match[1]!r}: {nearest(match[1], list(attributes))}"
+    if match := re.search(r"The attribute '([^']+)' is required but missing", message):
+        return f"<{tag}> lacks the attribute {match[1]!r}"
+    if match := re.search(r"attribute '([^']+)': (?:\[facet|'.*' is not a valid value)", message):
+        return f'{match[1]}="{_shown(element.get(match[1]))}" of <{tag}> is not {_description_of(attributes[match[1]])}'
+    if "[facet" in message:
+        simple_type = next(e.get("type") for e in _schema_tree().iter(_XS + "element") if e.get("name") == tag)
+        return f"the text {_shown(element.text or '')!r} of <{tag}> is not {_description_of(simple_type)}"
+    if "This element is not expected" in message:
+        parent = element.getparent()
+        inside = f" in <{local_name(parent)}>" if parent is not None else ""
+        return f"<{tag}> is not expected here{inside}; expected: {_options(message) or 'no further element'}"
+    if "Missing child element(s)" in message:
+        return f"<{tag}> is incomplete; expected next: {_options(message)}"
+    if "Character content" in message:
+        return f"<{tag}> must not contain text"
+    if "Element content is not allowed" in message:
+        return f"<{tag}> must not contain elements"
+    return message
+
+
+def _options(message: str) -> str:
+    """Return the elements that libxml2 names as expected."""
+    match = re.search(r"Expected is (?:one of )?\( (.*) \)", message)
+    names = [name.strip() for name in match[1].split(",")] if match else []
+    return " or ".join("an element of a scenario" if name == "*" else f"<{name}>" for name in names)
+
+
+def _shown(value: str) -> str:
+    return value if len(value) <= 80 else value[:77] + "..."
