@@ -2,7 +2,7 @@
 
     python studies/long_run.py
 
-prints a table and draws ``docs/figures/long_run.png``. Followers 1 and 2 without noise, by the controller and the
+prints tables and draws ``docs/figures/long_run.png``. Followers 1 and 2 without noise, by the controller and the
 plant's right-hand side alone, so that the weights W can be read: the part along the basis functions acts on the robot,
 the rest of W acts on nothing as long as these hardly vary, but counts for the bound tr(W'W) <= W_m all the same.
 """
@@ -29,13 +29,15 @@ HORIZON = 700.0  # s
 WINDOW = 50.0  # s
 
 
-def simulate(step: float, W_m: float = 1000.0) -> tuple[Array, Array, Array, Array]:
+def simulate(step: float, horizon: float, W_m: float = 1000.0) -> tuple[Array, Array, Array, Array]:
     """Simulate followers 1 and 2 as printed, by explicit Euler.
 
     Parameters
     ----------
     step
         Step of plants and controllers [s].
+    horizon
+        End of the simulation [s].
     W_m
         Bound of tr(W'W) [N2].
 
@@ -61,7 +63,7 @@ def simulate(step: float, W_m: float = 1000.0) -> tuple[Array, Array, Array, Arr
     unit = [Loop(beta=beta).sigma for beta in q[:, 1]]
     unit = np.stack([sigma / np.linalg.norm(sigma) for sigma in unit])
 
-    ticks = round(HORIZON / step)
+    ticks = round(horizon / step)
     error, weights = np.empty((ticks, 2, 2)), np.empty((ticks, 2, 2, 9))
     for k in range(ticks):
         leader = Leader(states[0, :4], states[0, 4:])
@@ -99,18 +101,31 @@ def draw(time: Array, error: Array, acting: Array, idle: Array) -> Figure:
     return figure
 
 
+def rms(time: Array, error: Array, starts: Array, length: float) -> list[str]:
+    """Return the root mean square of an error over windows of time, as cells of a table."""
+    return [f"{math.sqrt(np.mean(error[(time >= a) & (time < a + length)] ** 2)):.3f}" for a in starts]
+
+
 def main() -> None:
-    """Print the table and draw the figure."""
+    """Print the tables and draw the figure."""
+    print("Range error, RMS [m], as printed\n")
     starts = np.arange(0.0, HORIZON, WINDOW)
-    print(heading("range error, RMS [m]", *(f"{a:.0f} to {a + WINDOW:.0f} s" for a in starts)))
+    print(heading("", *(f"{a:.0f} to {a + WINDOW:.0f} s" for a in starts)))
     for step in (0.02, 0.005):
-        time, error, acting, idle = simulate(step)
-        windows = [(time >= a) & (time < a + WINDOW) for a in starts]
+        time, error, acting, idle = simulate(step, HORIZON)
         for follower in range(2):
-            rms = [math.sqrt(np.mean(error[window, follower, 0] ** 2)) for window in windows]
-            print(row(f"follower {follower + 1}, step {step * 1000:g} ms", *(f"{value:.3f}" for value in rms)))
+            cells = rms(time, error[:, follower, 0], starts, WINDOW)
+            print(row(f"follower {follower + 1}, step {step * 1000:g} ms", *cells), flush=True)
         if step == 0.02:
             save(draw(time, error, acting, idle), "long_run")
+
+    print("\nRange error, RMS [m], with other bounds of the weights, step 20 ms\n")
+    starts = np.arange(0.0, 150.0, 25.0)
+    print(heading("", *(f"{a:.0f} to {a + 25:.0f} s" for a in starts)))
+    for bound in (1e3, 3e3, 1e4, 1e6):
+        time, error, _, _ = simulate(0.02, 150.0, bound)
+        for follower in range(2):
+            print(row(f"follower {follower + 1}, W_m = {bound:g}", *rms(time, error[:, follower, 0], starts, 25.0)))
 
 
 if __name__ == "__main__":
