@@ -48,7 +48,7 @@ def test_the_leader(literal: xr.Dataset) -> None:
     assert literal["leader_velocity"].values[-1] == pytest.approx([0.32, 0.0], abs=1e-6)
 
 
-def test_followers_1_and_2_end_in_a_limit_cycle(literal: xr.Dataset, scenarios: Path) -> None:
+def test_followers_1_and_2_oscillate_to_the_end(literal: xr.Dataset, scenarios: Path) -> None:
     """The finding: with the printed gains, what the paper's Figure 6 shows does not come about."""
     summary = summarise(cosim.read_scenario(scenarios / "clmr_line_as_printed.xml"), literal)
     assert [follower.settling_time is None for follower in summary.followers] == [True, True, False, False]
