@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
 import numpy as np
@@ -20,7 +20,16 @@ _CTYPES = {
     "int": ctypes.c_int,
 }
 
-compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy")
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compile a function, and keep the result on disk where there is a place for it."""
+    try:
+        dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # nowhere to write a cache
+        dispatcher = numba.njit(error_model="numpy")(function)
+    return dispatcher  # type: ignore[no-any-return]
 
 
 def c_function(*kinds: str) -> Any:

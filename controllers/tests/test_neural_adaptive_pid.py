@@ -38,7 +38,7 @@ def test_first_simulation_follows_the_reference_run(as_printed):
     assert leaders[-1, 4] == pytest.approx(0.32, abs=1e-6)
 
 
-def test_as_printed_two_followers_end_in_a_limit_cycle_and_two_settle(as_printed):
+def test_as_printed_two_followers_oscillate_to_the_end_and_two_settle(as_printed):
     simulation, states, leaders, _ = as_printed
     last = simulation.errors(states, leaders)[-20 * SECOND :]
     rms = np.sqrt((last**2).mean(axis=0))
