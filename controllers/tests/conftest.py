@@ -31,9 +31,9 @@ LIMIT = 200.0
 AS_PRINTED, FRONT_WHEEL, REAR_WHEEL = range(3)
 DRIVES = {"as_printed": AS_PRINTED, "front_wheel": FRONT_WHEEL, "rear_wheel": REAR_WHEEL}
 
-# Without a cache: Numba finds a cached function by its module's name, which depends on where pytest is started. Robot by
-# robot, with products for squares: NumPy's functions may round differently from one array to the next, and powers from
-# plain to compiled code.
+# Without a cache: Numba finds a cached function by its module's name, which depends on where pytest is started.
+# Robot by robot, with products for squares: NumPy's functions may round differently from one array to the next, and
+# powers from plain to compiled code.
 compiled_plant = numba.njit(error_model="numpy")
 
 
