@@ -9,6 +9,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from cosim.errors import Location
 from cosim.expectation import Verdict
 from cosim.summary import Summary
 
@@ -59,27 +60,27 @@ def junit_xml(outcomes: Sequence[Outcome]) -> bytes:
 
 def _suite(outcome: Outcome) -> etree._Element:
     suite = etree.Element("testsuite", name=_text(outcome.name))
-    run = _case(suite, outcome, "run", 1, outcome.seconds)
+    run = _case(suite, outcome, "run", Location(str(outcome.path), 1), outcome.seconds)
     if outcome.error:
         said = str(outcome.error) or "the run was ended"
         etree.SubElement(run, "error", type=type(outcome.error).__name__, message=_text(said))
     for verdict in outcome.summary.verdicts if outcome.summary else ():
         about = f"{verdict.expectation} [{verdict.robot}]" if verdict.robot else verdict.expectation
-        _judged(_case(suite, outcome, about, verdict.where.line, 0.0), verdict)
+        _judged(_case(suite, outcome, about, verdict.where, 0.0), verdict)
     for count, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(count, str(sum(1 for _ in suite.iter(tag))))
     suite.set("time", f"{outcome.seconds:.3f}")
     return suite
 
 
-def _case(suite: etree._Element, outcome: Outcome, name: str, line: int, seconds: float) -> etree._Element:
+def _case(suite: etree._Element, outcome: Outcome, name: str, where: Location, seconds: float) -> etree._Element:
     return etree.SubElement(
         suite,
         "testcase",
         classname=_text(outcome.name),
         name=_text(name),
-        file=_text(str(outcome.path)),
-        line=str(line),
+        file=_text(where.file),
+        line=str(where.line),
         time=f"{seconds:.3f}",
     )
 

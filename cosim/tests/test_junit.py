@@ -75,7 +75,7 @@ def parsed(document: bytes) -> etree._Element:
 
 def verdict(robot: str, passed: bool, fails: str = "") -> Verdict:
     margin = 0.5 if passed else -0.5
-    where = Location("one.xml", 70, 5)
+    where = Location("base.xml", 70, 5)  # one.xml is a variant of it
     return Verdict("rms range_error below 1 m", robot, 1 - margin, 1.0, "m", margin, passed, fails, "", where)
 
 
@@ -90,7 +90,8 @@ def test_a_case_for_each_verdict() -> None:
     cases = list(root[0])
     assert [case.get("name") for case in cases] == ["run", *(f"rms range_error below 1 m [{r}]" for r in "ab")]
     assert [case.get("classname") for case in cases] == ["one"] * 3
-    assert (cases[2].get("file"), cases[2].get("line")) == ("one.xml", "70")
+    places = [(case.get("file"), case.get("line")) for case in cases]
+    assert places == [("one.xml", "1"), ("base.xml", "70"), ("base.xml", "70")]
     assert [child.tag for case in cases for child in case] == ["system-out", "failure", "system-out"]
     assert cases[2][0].get("message") == "1.5 m, margin -0.5 m (b)"
     assert root[1][1].get("name") == "rms range_error below 1 m"
