@@ -77,6 +77,10 @@ class Recorder:
         """Return the place of a channel (samples, ...), to write into."""
         return self._arrays.setdefault(name, np.full((self._samples, *self.channels[name].shape), np.nan))
 
+    def keep(self, name: str, place: NDArray[np.float64]) -> None:
+        """Take an array (samples, ...) into which a channel is written."""
+        self._arrays[name] = place
+
     def records(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.void]:
         """Return a place for records (samples, rows), to write into: one field a channel, one record a row."""
         store = np.zeros((self._samples, len(rows)), dtype)
