@@ -50,5 +50,7 @@ dae.eq(dae.der(delta), r)
 dae.eq(dae.der(u), 1000 * v_dot)
 dae.eq(dae.der(r), 1000 * (f_steer / I_axle - t * v_dot))
 
-options = {"include_dirs": [sys.argv[1]], "compiler_options": {"linker_flags": ["-lm"]}}
-dae.pack_fmu(dae.compile_fmu(dae.export_fmu({"no_warning": True}), options), {})
+compiler = {"compiler": "cc", "linker": "cc", "linker_flags": ["-lm"]}
+files = dae.export_fmu({"no_warning": True})
+files = dae.compile_fmu(files, {"include_dirs": [sys.argv[1]], "compiler_options": compiler})
+dae.pack_fmu(files, {})
