@@ -105,10 +105,6 @@ def _content(kind: str, options: Options) -> dict[str, bytes]:
             "<fmiModelDescription ",
             f'<!DOCTYPE d [<!ENTITY e0 "ha">{bomb}]><fmiModelDescription author="&e11;" ',
         ),
-        "external_entity": (
-            "<fmiModelDescription ",
-            '<!DOCTYPE d [<!ENTITY e SYSTEM "file:///etc/passwd">]><fmiModelDescription ',
-        ),
         "identifier_outside": (identifier, f'modelIdentifier="../../{EVIL}"'),
         "no_identifier": (identifier, 'modelIdentifier=""'),
         "duplicate_names": (' name="y"', ' name="x"'),
@@ -126,6 +122,12 @@ def _content(kind: str, options: Options) -> dict[str, bytes]:
         old, new = replaced[kind]
         assert old in xml
         xml = xml.replace(old, new)
+    if kind == "external_entity":
+        xml = xml.replace(
+            "<fmiModelDescription ",
+            f'<!DOCTYPE d [<!ENTITY e SYSTEM "{Path(__file__).as_uri()}">]><fmiModelDescription ',
+        )
+        xml = xml.replace("</ModelVariables>", "&e;</ModelVariables>")
     if kind == "undefined_unit":
         xml = (
             xml[: xml.index("  <UnitDefinitions>")]

@@ -48,7 +48,7 @@ BEHAVIOURS = {
     "chdir": "changes the working directory to /",
     "signals": "ignores SIGINT",
 }
-"""What a stub can be made to do at its `place`."""
+"""What a stub can be made to do at its `place`. Before what ends or hangs the process it logs a line."""
 
 PLACES = {
     "instantiate": "where an error gives no instance",
@@ -184,6 +184,10 @@ class Options:
     @property
     def model_exchange(self) -> bool:
         return self.interface != "co_simulation"
+
+    @property
+    def completed_steps(self) -> bool:
+        return self.step_event or self.behaviour == "terminate"
 
     @property
     def token(self) -> str:
@@ -436,7 +440,8 @@ def _description2(options: Options) -> str:
         numberOfEventIndicators=indicators or "",
     ) + ">\n"  # fmt: skip
     if options.model_exchange:
-        text += f"  <ModelExchange {_attributes(**common, completedIntegratorStepNotNeeded=not options.step_event)}/>\n"
+        needless = not options.completed_steps
+        text += f"  <ModelExchange {_attributes(**common, completedIntegratorStepNotNeeded=needless)}/>\n"
     if options.interface != "model_exchange":
         varies = options.variable_step and options.fixed_step is None
         text += f"  <CoSimulation {_attributes(**common, canHandleVariableCommunicationStepSize=varies)}/>\n"
@@ -493,7 +498,7 @@ def _description3(options: Options) -> str:
     )
     text = f"{_HEAD}<fmiModelDescription {head}>\n"
     if options.model_exchange:
-        text += f"  <ModelExchange {_attributes(**common, needsCompletedIntegratorStep=options.step_event)}/>\n"
+        text += f"  <ModelExchange {_attributes(**common, needsCompletedIntegratorStep=options.completed_steps)}/>\n"
     if options.interface != "model_exchange":
         more = _attributes(
             canHandleVariableCommunicationStepSize=options.variable_step and options.fixed_step is None,
