@@ -15,6 +15,8 @@ from cosim.scenario import BindingSource, RoleSource
 from plants import UnitError, units
 
 REAL_TYPES = ("Real", "Float64")
+_TWICE: Any = object()
+"""Stands for variables of the same name, which FMI forbids."""
 _ELEMENT = re.compile(r"(.+)\[([0-9]+(?:,[0-9]+)*)\]")
 
 
@@ -135,7 +137,9 @@ def match(
 
     The contract is satisfied if there are no problems: an optional role of which nothing is said is no problem.
     """
-    variables = {variable.name: variable for variable in description.modelVariables}
+    variables: dict[str, Any] = {}
+    for variable in description.modelVariables:
+        variables[variable.name] = _TWICE if variable.name in variables else variable
     sources = {source.name: source for source in declared}
     bound, problems = {}, []
     for role in contract.roles:
@@ -153,7 +157,8 @@ def match(
 
 
 def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
-    return role.name in variables and variables[role.name].causality == role.causality
+    variable = variables.get(role.name)
+    return variable not in (None, _TWICE) and variable.causality == role.causality
 
 
 def _bound(
@@ -191,8 +196,10 @@ def _found(
     if variable is None and (indexed := _ELEMENT.fullmatch(name)) and indexed[1] in variables:
         variable = variables[indexed[1]]
         element = _element(description, variable, name, [int(index) for index in indexed[2].split(",")])
-    elif variable is not None and variable.dimensions:
+    elif variable not in (None, _TWICE) and variable.dimensions:
         raise ValueError(f"has {name!r} as an array: name one of its elements, such as '{name}[1]'")
+    if variable is _TWICE:
+        raise ValueError(f"has more than one variable {name!r}")
     if variable is None and source.where is not None:
         raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(variables))}")
     if variable is None or variable.causality not in _ALLOWED[causality]:

@@ -23,6 +23,9 @@ from cosim.scenario import BindingSource
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
 
+_OF_THE_SCHEMA = re.compile(r"[A-Z]+ \(line ")
+"""How FMPy writes that a model description breaks the schema of its version."""
+
 
 @dataclass(frozen=True)
 class Package:
@@ -34,6 +37,8 @@ class Package:
         The file and its checksum.
     description : fmpy.model_description.ModelDescription
         What it says of itself.
+    problems : tuple of str
+        What FMPy finds wrong with that, beyond the schema: many FMUs in use break a rule or two.
     directory : Path
         Where it is unpacked, until `close`.
     """
@@ -41,6 +46,7 @@ class Package:
     path: Path
     sha256: str
     description: Any
+    problems: tuple[str, ...]
     directory: Path
 
     def close(self) -> None:
@@ -87,7 +93,8 @@ def open_package(path: Path, where: Location | None = None) -> Package:
     _check_archive(path, where)
     directory = Path(tempfile.mkdtemp(prefix="formation-fmu-"))
     try:
-        return Package(path, sha256, _unpack(path, directory, where), directory)
+        description, problems = _unpack(path, directory, where)
+        return Package(path, sha256, description, problems, directory)
     except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
         raise
@@ -117,7 +124,7 @@ def open_fmu(
         chosen = _choose_interface(package, interface, where)
         _check_binary(package, where)
         binding = bind(package.description, str(path), declared, where)
-        return Fmu(path, package.sha256, package.description, package.directory, chosen, binding)
+        return Fmu(**vars(package), interface=chosen, binding=binding)
     except BaseException:
         package.close()
         raise
@@ -131,13 +138,18 @@ def interfaces(description: Any) -> dict[str, Any]:
     return {name: about for name, about in known.items() if about is not None}
 
 
-def _unpack(path: Path, directory: Path, where: Location | None) -> Any:
+def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:
     try:
         fmpy.extract(str(path), str(directory))
     except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
     try:
-        return fmpy.read_model_description(str(directory))
+        try:
+            return fmpy.read_model_description(str(directory)), ()
+        except fmpy.model_description.ValidationError as error:
+            if any(_OF_THE_SCHEMA.match(problem) for problem in error.problems):
+                raise
+            return fmpy.read_model_description(str(directory), validate=False), tuple(map(str, error.problems))
     except Exception as error:
         raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
 

@@ -64,6 +64,7 @@ class Simulation:
         self._told = np.zeros(6)
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
+        self._override: list[tuple[int, NDArray[np.float64]]] = []  # rows and torques of this tick
         visible = self._state.view()
         visible.flags.writeable = False
         self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
@@ -117,11 +118,11 @@ class Simulation:
         """
         if self.finished:
             raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
-        overridden = self._overridden(torques) if torques else ()
+        self._override = self._understood(torques) if torques else []
         try:
             self._sense()
             self._control()
-            self._actuate(overridden)
+            self._actuate()
             self._record()
             if self.tick < self.scenario.ticks:
                 self._step_plants()
@@ -160,12 +161,12 @@ class Simulation:
     def _desired(self) -> fc.Desired:
         return fc.Desired(*(samples[self.tick] for samples in self.setup.desired))
 
-    def _actuate(self, overridden: Sequence[tuple[int, NDArray[np.float64]]]) -> None:
+    def _actuate(self) -> None:
         command = self._command
         self._torque[0] = self._external[self.tick, 0]
-        if overridden:  # of this tick alone: what the controllers have commanded may be held longer
+        if self._override:  # of this tick alone: what the controllers have commanded may be held longer
             command = command.copy()
-            for row, torque in overridden:
+            for row, torque in self._override:
                 (self._torque if row == 0 else command)[max(row - 1, 0)] = torque
         self._actuators.apply(self.tick, command, self._torque[1:])
         if self._disturbed:
@@ -193,9 +194,9 @@ class Simulation:
         if self.setup.motion is not None and not self.finished:
             self._state[0] = self.setup.motion.state[self.tick]
 
-    def _overridden(self, torques: Mapping[str, Sequence[float]]) -> list[tuple[int, NDArray[np.float64]]]:
+    def _understood(self, torques: Mapping[str, Sequence[float]]) -> list[tuple[int, NDArray[np.float64]]]:
         robots = list(self.poses)
-        overridden = []
+        override = []
         for robot, torque in torques.items():
             if robot not in robots:
                 raise InputError(f"the scenario has no robot {robot!r}: {nearest(robot, robots)}")
@@ -204,8 +205,8 @@ class Simulation:
             values = np.asarray(torque, dtype=np.float64)
             if values.shape != (2,) or not np.isfinite(values).all():
                 raise InputError(f"the torque of {robot} is {torque!r}; expected are two finite numbers [N.m]")
-            overridden.append((robots.index(robot), values))
-        return overridden
+            override.append((robots.index(robot), values))
+        return override
 
     # The whole run -----------------------------------------------------------------------------------------
 

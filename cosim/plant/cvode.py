@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import COMPLETE, END, PlantError, failure
+from cosim.plant.outcome import COMPLETE, END, ERROR, PlantError, failure
 from cosim.plant.spec import MODEL_EXCHANGE, PlantSpec
 
 _CLOSE = 1e-9
@@ -83,6 +83,7 @@ class CvodePlant:
         except PlantError:
             raise
         except Exception as error:  # FMPy's: of a call, or of CVODE
+            self._instance.status = getattr(error, "status", ERROR)
             raise PlantError(failure(COMPLETE, 0, self._instance.log.take() or str(error))) from None
 
     def change(self, values: Any) -> None:

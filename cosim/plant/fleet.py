@@ -240,8 +240,9 @@ class Fleet:
         failures = dict(failures or {})
         if diverged != _FINE or failures:
             for index in np.flatnonzero(self._rows.rows["what"] != FINE).tolist():
-                row, log = self._rows.rows[index], self._instances[index].log
-                failures[index] = failure(int(row["what"]), int(row["status"]), log.take())
+                row, instance = self._rows.rows[index], self._instances[index]
+                instance.status = int(row["status"])
+                failures[index] = failure(int(row["what"]), instance.status, instance.log.take())
             if failures:
                 raise SimulationError(*self._failures(failures, time))
             index, column = divmod(diverged, STATE)

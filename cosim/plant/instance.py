@@ -12,7 +12,7 @@ from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
 
 from cosim.plant.log import Log
-from cosim.plant.outcome import WARNING, PlantError
+from cosim.plant.outcome import ERROR, FATAL, WARNING, PlantError
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 
 _MAX_EVENT_ITERATIONS = 100
@@ -42,6 +42,8 @@ class Instance:
     ----------
     next_event : float
         Of Model Exchange: time [s] of the next time event; infinity if there is none.
+    status : int
+        The worst status so far. After Error nothing is called but to free the instance, after Fatal nothing at all.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class Instance:
         self.spec = spec
         self.log = Log(spec.robot)
         self.next_event = float("inf")
+        self.status = 0
         self._fmu: Any = None
         self._initialised = False
         folder = os.getcwd()
@@ -65,6 +68,7 @@ class Instance:
             self.close()
             raise
         except Exception as error:  # FMPy raises a bare Exception where loading or instantiation fails
+            self._note(error)
             said = self.log.take() or str(error)
             self.close()
             raise PlantError(said) from None
@@ -134,15 +138,17 @@ class Instance:
             self._update()
             self._fmu.enterContinuousTimeMode()
         except FMICallException as error:
+            self._note(error)
             raise PlantError(self.log.take() or str(error)) from None
 
     def close(self) -> None:
         """Terminate the instance, free it and release its library."""
         if self._fmu is not None and self._fmu.component:
-            if self._initialised:
-                with suppress(FMICallException):  # refused after a failed step
+            if self._initialised and self.status < ERROR:
+                with suppress(FMICallException):
                     self._fmu.terminate()
-            self._fmu.freeInstance()
+            if self.status < FATAL:
+                self._fmu.freeInstance()
             self._fmu.component = None
         self.log.close()
 
@@ -220,11 +226,16 @@ class Instance:
             return self.spec.states, self.spec.event_indicators
         return self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators()
 
+    def _note(self, error: Exception) -> None:
+        if isinstance(error, FMICallException):
+            self.status = max(self.status, error.status)
+
     def _set(self, value: Value) -> None:
         name = value.type if value.type != "Enumeration" else ("Integer" if self._version < 3 else "Int64")
         values = list(value.values)
         try:
             getattr(self._fmu, _SETTERS[name])([value.reference], values)
         except FMICallException as error:
+            self._note(error)
             shown = " ".join(str(v) for v in values)
             raise PlantError(f"it refuses {value.name} = {shown}: {self.log.take() or error}") from None

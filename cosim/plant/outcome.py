@@ -17,8 +17,8 @@ FAILURES = {
 """What a plant did, by what failed."""
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-WARNING = 1
-"""The largest status with which a run goes on."""
+WARNING, ERROR, FATAL = 1, 3, 4
+"""The largest status with which a run goes on; those after which an instance is of no more use."""
 
 
 class PlantError(Exception):

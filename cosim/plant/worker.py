@@ -102,6 +102,7 @@ class LocalPlant:
 
     def _check(self, what: int, status: int) -> None:
         if what != FINE:
+            self._instance.status = status
             raise PlantError(failure(what, status, self.take_messages()))
 
 
