@@ -1,11 +1,12 @@
 """FMU files that are broken, or bad on purpose, each in one way."""
 
+import re
 import zipfile
 from pathlib import Path
 
 from plants.factory.platforms import PLATFORMS, host
 
-from .stub import Options, binary, binary_path, description, write
+from .stub import Options, binary, binary_path, description, folder, write
 
 BROKEN = {
     "empty_file": "has no bytes",
@@ -43,12 +44,14 @@ BROKEN = {
 }
 """What is wrong with a file that `make_broken` writes."""
 
+DESCRIPTION = "modelDescription.xml"
+
 EVIL = "formation-stub-evil"
 """Name of the files that should never come into being."""
 
 
-def make_broken(folder: Path, kind: str, **options: object) -> Path:
-    """Write a broken FMU, `folder`/`kind`.fmu, and return its path.
+def make_broken(where: Path, kind: str, **options: object) -> Path:
+    """Write a broken FMU, `where`/`kind`.fmu, and return its path.
 
     Parameters
     ----------
@@ -60,29 +63,23 @@ def make_broken(folder: Path, kind: str, **options: object) -> Path:
     if kind not in BROKEN:
         raise ValueError(f"there is no kind {kind!r}: {', '.join(BROKEN)}")
     chosen = Options(**options)  # type: ignore[arg-type]
-    path = folder / f"{kind}.fmu"
+    path = where / f"{kind}.fmu"
     content = _content(kind, chosen)
-    xml = "modelDescription.xml"
-    if kind == "encrypted":
-        return _with_flag(write(path, content), 1)
     write(path, content)
-    if kind in ("empty_file", "no_zip"):
-        path.write_bytes(b"This is no zip archive.\n" if kind == "no_zip" else b"")
+    if kind == "empty_file":
+        path.write_bytes(b"")
+    elif kind == "no_zip":
+        path.write_bytes(b"This is no zip archive.\n")
     elif kind == "truncated":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    elif kind == "encrypted":
+        _set_flag(path, 1)
     elif kind in ("crc", "description_crc"):
-        entry = xml if kind == "description_crc" else binary_path(chosen)
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
-            for name, data in content.items():
-                archive.writestr(name, data)
-        data = bytearray(path.read_bytes())
-        data[data.index(content[entry]) + len(content[entry]) // 2] ^= 1
-        path.write_bytes(data)
+        _flip(path, content, DESCRIPTION if kind == "description_crc" else binary_path(chosen))
     elif kind == "two_descriptions":
         another = description(chosen).replace(f'modelName="{chosen.name}"', 'modelName="another"')
-        content = {"another_description_": another.encode(), **content}  # of the same length
-        write(path, content)
-        path.write_bytes(path.read_bytes().replace(b"another_description_", xml.encode()))
+        write(path, {"another_description_": another.encode(), **content})  # a name of the same length
+        path.write_bytes(path.read_bytes().replace(b"another_description_", DESCRIPTION.encode()))
     elif kind == "link_entry":
         with zipfile.ZipFile(path, "a") as archive:
             link = zipfile.ZipInfo("resources/link")
@@ -93,79 +90,75 @@ def make_broken(folder: Path, kind: str, **options: object) -> Path:
 
 
 def _content(kind: str, options: Options) -> dict[str, bytes]:
-    xml = description(options)
+    """Return the entries, with what is wrong with them."""
     place = binary_path(options)
     library = binary(options.fmi, options.name, ("WITHOUT_DO_STEP",) if kind == "no_do_step" else ())
-    identifier = f'modelIdentifier="{options.name}"'
-    bomb = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
-    version = {"1.0": "ScalarVariable", "2.0": "ScalarVariable", "3.0": "Float64"}[options.fmi]
-    replaced = {
-        "fmi_4": (f'fmiVersion="{options.fmi}"', 'fmiVersion="4.0"'),
-        "entity_bomb": (
-            "<fmiModelDescription ",
-            f'<!DOCTYPE d [<!ENTITY e0 "ha">{bomb}]><fmiModelDescription author="&e11;" ',
-        ),
-        "identifier_outside": (identifier, f'modelIdentifier="../../{EVIL}"'),
-        "no_identifier": (identifier, 'modelIdentifier=""'),
-        "duplicate_names": (' name="y"', ' name="x"'),
-        "duplicate_references": ('valueReference="1"', 'valueReference="0"'),
-        "no_start": (
-            ' start="0"/></ScalarVariable>\n    <ScalarVariable name="tau_steer"',
-            ' /></ScalarVariable>\n    <ScalarVariable name="tau_steer"',
-        ),
-        "wrong_token": (options.token, "{00000000-0000-0000-0000-000000000000}"),
-        "no_utf8": ('generationTool="', 'generationTool="Z\N{LATIN SMALL LETTER U WITH DIAERESIS}rich '),
-    }
-    if kind == "no_start" and version == "Float64":
-        replaced[kind] = (' start="0"/>\n    <Float64 name="tau_steer"', '/>\n    <Float64 name="tau_steer"')
-    if kind in replaced:
-        old, new = replaced[kind]
-        assert old in xml
-        xml = xml.replace(old, new)
-    if kind == "external_entity":
-        xml = xml.replace(
-            "<fmiModelDescription ",
-            f'<!DOCTYPE d [<!ENTITY e SYSTEM "{Path(__file__).as_uri()}">]><fmiModelDescription ',
-        )
-        xml = xml.replace("</ModelVariables>", "&e;</ModelVariables>")
-    if kind == "undefined_unit":
-        xml = (
-            xml[: xml.index("  <UnitDefinitions>")]
-            + xml[xml.index("</UnitDefinitions>\n") + len("</UnitDefinitions>\n") :]
-        )
-    text = xml.encode("latin-1" if kind == "no_utf8" else "utf-8")
-    if kind == "no_xml":
-        text = b"This is no XML.\n"
+    encoding = "latin-1" if kind == "no_utf8" else "utf-8"
+    content = {DESCRIPTION: _description(kind, options).encode(encoding), place: library}
     if kind == "empty_zip":
         return {}
-    content = {"modelDescription.xml": text, place: library}
     if kind == "no_description":
-        del content["modelDescription.xml"]
+        del content[DESCRIPTION]
     elif kind in ("no_binaries", "other_platforms", "misnamed_binary"):
         del content[place]
-    if kind == "other_platforms":
-        for platform in PLATFORMS.values():
-            folder = platform.folder(options.fmi)
-            if folder != host().folder(options.fmi):
-                content[f"binaries/{folder}/{options.name}{platform.suffix}"] = b"for another platform"
-    elif kind == "misnamed_binary":
-        content[place.replace(options.name + host().suffix, "another" + host().suffix)] = library
-    elif kind == "other_machine":  # the processor in the header of ELF, or the beginning of any other format
-        content[place] = library[:18] + bytes([library[18] ^ 0xFF]) + library[19:]
-    elif kind == "text_binary":
-        content[place] = b"This is no shared library.\n"
-    elif kind == "empty_binary":
-        content[place] = b""
-    elif kind == "parent_entry":
-        content[f"../{EVIL}"] = b"evil"
-    elif kind == "backslash_entry":
-        content[f"..\\{EVIL}"] = b"evil"
-    elif kind == "absolute_entry":
-        content[f"/tmp/{EVIL}"] = b"evil"
-    return content
+    entries = {
+        "misnamed_binary": {place.replace(f"/{options.name}.", "/another."): library},
+        # The processor in the header of ELF, or something near the beginning of other formats.
+        "other_machine": {place: library[:18] + bytes([library[18] ^ 0xFF]) + library[19:]},
+        "text_binary": {place: b"This is no shared library.\n"},
+        "empty_binary": {place: b""},
+        "parent_entry": {f"../{EVIL}": b"evil"},
+        "backslash_entry": {f"..\\{EVIL}": b"evil"},
+        "absolute_entry": {f"/tmp/{EVIL}": b"evil"},
+        "other_platforms": {
+            f"binaries/{folder(platform, options.fmi)}/{options.name}{platform.suffix}": b"for another platform"
+            for platform in PLATFORMS.values()
+            if folder(platform, options.fmi) != folder(host(), options.fmi)
+        },
+    }
+    return content | entries.get(kind, {})
 
 
-def _with_flag(path: Path, flag: int) -> Path:
+def _description(kind: str, options: Options) -> str:
+    """Return the model description, with what is wrong with it."""
+    root, identifier = "<fmiModelDescription ", f'modelIdentifier="{options.name}"'
+    bomb = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
+    external = f'<!DOCTYPE d [<!ENTITY e SYSTEM "{Path(__file__).as_uri()}">]>'
+    replaced = {
+        "no_utf8": [('generationTool="', 'generationTool="Z\N{LATIN SMALL LETTER U WITH DIAERESIS}rich ')],
+        "fmi_4": [(f'fmiVersion="{options.fmi}"', 'fmiVersion="4.0"')],
+        "entity_bomb": [(root, f'<!DOCTYPE d [<!ENTITY e0 "ha">{bomb}]>{root}author="&e11;" ')],
+        "external_entity": [(root, external + root), ("</ModelVariables>", "&e;</ModelVariables>")],
+        "identifier_outside": [(identifier, f'modelIdentifier="../../{EVIL}"')],
+        "no_identifier": [(identifier, 'modelIdentifier=""')],
+        "duplicate_names": [(' name="y"', ' name="x"')],
+        "duplicate_references": [('valueReference="1"', 'valueReference="0"')],
+        "wrong_token": [(options.token, "{00000000-0000-0000-0000-000000000000}")],
+    }
+    if kind == "no_xml":
+        return "This is no XML.\n"
+    xml = description(options)
+    for old, new in replaced.get(kind, []):
+        assert old in xml
+        xml = xml.replace(old, new)
+    if kind == "no_start":
+        xml = re.sub(r'(name="tau_drive"[^\n]*?) start="0"', r"\1", xml)
+    elif kind == "undefined_unit":
+        xml = re.sub(r" *<UnitDefinitions>.*</UnitDefinitions>\n", "", xml, flags=re.DOTALL)
+    return xml
+
+
+def _flip(path: Path, content: dict[str, bytes], entry: str) -> None:
+    """Write an archive in which one bit of an entry is another than its checksum was computed of."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in content.items():
+            archive.writestr(name, data)
+    whole = bytearray(path.read_bytes())
+    whole[whole.index(content[entry]) + len(content[entry]) // 2] ^= 1
+    path.write_bytes(whole)
+
+
+def _set_flag(path: Path, flag: int) -> None:
     """Set a flag of all entries, in both of their headers."""
     data = bytearray(path.read_bytes())
     for signature, offset in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
@@ -174,4 +167,3 @@ def _with_flag(path: Path, flag: int) -> Path:
             data[at + offset] |= flag
             at = data.find(signature, at + 4)
     path.write_bytes(data)
-    return path

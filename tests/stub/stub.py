@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from plants.factory.compile import compile_library, find_compiler
-from plants.factory.platforms import host
+from plants.factory.platforms import Platform, host
 
 HERE = Path(__file__).parent
 
@@ -219,8 +219,8 @@ class Options:
         return "formation-stub " + " ".join(words)
 
 
-def make_fmu(folder: Path, **options: object) -> Path:
-    """Write the FMU `folder`/`name`.fmu and return its path.
+def make_fmu(where: Path, **options: object) -> Path:
+    """Write the FMU `where`/`name`.fmu and return its path.
 
     Parameters
     ----------
@@ -278,13 +278,13 @@ def make_fmu(folder: Path, **options: object) -> Path:
         "modelDescription.xml": description(chosen).encode(),
         binary_path(chosen): binary(chosen.fmi, chosen.name, chosen.macros),
     }
-    return write(folder / f"{chosen.name}.fmu", content)
+    return write(where / f"{chosen.name}.fmu", content)
 
 
 def write(path: Path, content: Mapping[str, bytes]) -> Path:
     """Write a zip archive."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, data in content.items():
             archive.writestr(name, data)
     return path
@@ -292,8 +292,12 @@ def write(path: Path, content: Mapping[str, bytes]) -> Path:
 
 def binary_path(options: Options) -> str:
     """Return where in the FMU its binary for this machine is."""
-    folder = host().fmi3 if options.fmi == "3.0" else host().fmi2
-    return f"binaries/{folder}/{options.name}{host().suffix}"
+    return f"binaries/{folder(host(), options.fmi)}/{options.name}{host().suffix}"
+
+
+def folder(platform: Platform, fmi: str) -> str:
+    """Return the folder of a platform's binaries; FMI 1 has that of FMI 2."""
+    return platform.folder("3.0" if fmi == "3.0" else "2.0")
 
 
 def binary(fmi: str, name: str, macros: tuple[str, ...] = ()) -> bytes:
@@ -308,10 +312,10 @@ def _compile(major: str, name: str, macros: tuple[str, ...]) -> bytes:
     assert spec.origin is not None
     headers = Path(spec.origin).parent / "c-code"
     flags = ("-O1", f"-I{headers}", f"-DMODEL={name}", *(f"-D{macro}" for macro in macros))
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as scratch:
         for source in HERE.glob("*.[ch]"):
-            (Path(folder) / source.name).write_bytes(source.read_bytes())
-        return compile_library(find_compiler(), host(), Path(folder), [f"fmi{major}.c"], name, flags)
+            (Path(scratch) / source.name).write_bytes(source.read_bytes())
+        return compile_library(find_compiler(), host(), Path(scratch), [f"fmi{major}.c"], name, flags)
 
 
 # The model description ------------------------------------------------------------------------------------------
