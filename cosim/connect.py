@@ -50,6 +50,7 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         stop_time=stop_time,
         states=description.numberOfContinuousStates,
         event_indicators=description.numberOfEventIndicators,
+        completed_steps=bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
         **({"solver": source.solver} if source.solver else {}),
         solver_steps=source.solver_steps,
         tolerance=source.tolerance,
@@ -62,7 +63,9 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
             _link(role, None if bound is None else bound.played_by, place, bound_by=most)
             for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
         ),
+        pose=robot.pose,
         isolated=robot.isolated,
+        needs_tool=bool(fmu.about_interface.needsExecutionTool),
         where=robot.where,
     )
 
