@@ -76,7 +76,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
         with _status("building and loading plants"):
             ready = Simulation(scenario)
         with ready as simulation, HeldSignals() as signals:
-            folder = _writable_folder(options.out / scenario.name, "--out")
+            # Absolute, as an FMU may change the working directory.
+            folder = _writable_folder(options.out / scenario.name, "--out").absolute()
             try:
                 with _progress(scenario) as progress:
                     result = simulation.run(progress)
@@ -98,7 +99,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
                 _draw(result, folder)
     timing["total"] += options.imports
 
-    console.print(f"results in {folder}/", markup=False, soft_wrap=True)
+    console.print(f"results in {options.out / scenario.name}/", markup=False, soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:

@@ -178,26 +178,36 @@ class Instance:
 
     def _instantiate(self) -> None:
         spec = self.spec
-        slave = self._co_simulation
         about = {
             "guid": spec.token,
             "unzipDirectory": spec.directory,
             "modelIdentifier": spec.identifier,
             "instanceName": spec.robot,
         }
+        slaves = {1: fmi1.FMU1Slave, 2: fmi2.FMU2Slave, 3: fmi3.FMU3Slave}
+        models = {2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
+        try:
+            self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
+        except Exception as error:
+            raise PlantError(f"its binary cannot be loaded: {self._why_not(error)}") from None
         if self._version == 1:
-            self._fmu = fmi1.FMU1Slave(**about)
             self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=False)
         elif self._version == 2:
-            self._fmu = (fmi2.FMU2Slave if slave else fmi2.FMU2Model)(**about)
             self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=False)
         else:
             # Without Event Mode, early return and intermediate update, which an FMU may offer but not demand
             # (FMI 3.0, section 4.2), it handles its events within a step.
-            self._fmu = (fmi3.FMU3Slave if slave else fmi3.FMU3Model)(**about)
             self._fmu.instantiate(loggingOn=False, logMessage=self.log.log_message)
         if not self._fmu.component:  # FMPy overlooks this in FMI 1.0
             raise PlantError(self.log.take() or "it does not instantiate")
+
+    def _why_not(self, error: Exception) -> str:
+        """Return why the binary cannot be loaded, without the folder that it is unpacked to."""
+        reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before that of the system
+        own = reason.startswith(self.spec.directory)
+        if own and reason.endswith("No such file or directory"):  # the linker's words, though it is there
+            return "it is made for another machine"
+        return reason.replace(f"{self.spec.directory}{os.sep}", "")
 
     def _initialise(self) -> None:
         fmu, stop = self._fmu, self.spec.stop_time
