@@ -226,11 +226,15 @@ def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
     for event in _events_of(scenario, LEADER):
         if leader.trajectory is not None:
             raise InputError("nothing can happen to a leader that moves along a <trajectory>", event.where)
-        start = tick_at(event.time, scenario.step)
         if event.torque is not None:
+            if any(other.stops and other.time <= event.time for other in _events_of(scenario, LEADER)):
+                raise InputError(
+                    "the leader has stopped for good when this torque is to drive it: if it is to go on later, give it "
+                    "torques of zero instead of a <stop>",
+                    event.where,
+                )
+            start = tick_at(event.time, scenario.step)
             torque[start:] = _entries(event.torque, contract, contract.torque, missing=0.0)
-        if event.stops:
-            torque[start:] = 0.0
     return _robot(
         scenario,
         fmus[leader.plant],
@@ -298,6 +302,9 @@ def _robot(
             torque[:, torques.index(source.name)] += samples
         else:
             others.append((bound, samples))
+    for event in _events_of(scenario, name):
+        if event.stops:
+            torque[tick_at(event.time, scenario.step) :] = 0.0
     return RobotSetup(
         name=name,
         where=scenario.plants[plant].where,

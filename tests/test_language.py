@@ -120,6 +120,15 @@ def test_a_robot_that_stops_gets_no_torque(run) -> None:
     assert result["torque"].sel(robot="two")[stopped].all()
 
 
+def test_nothing_drives_a_robot_that_stops(run) -> None:
+    push = '<input name="tau_drive"><constant value="5 N.m"/></input>'
+    torque = '<torque tau_drive="8 N.m"/>'
+    stop = '<event at="1 s" robots="one leader"><stop/></event>'
+    result = run((torque, torque + push), in_follower("one", push), at_end(stop))
+    assert result["leader_torque"].values[[0, 49, 50, 200], 0].tolist() == [13, 13, 0, 0]
+    assert not result["torque"].sel(robot="one")[50:].any()
+
+
 def test_a_leader_manoeuvres(run) -> None:
     event = '<event at="2 s" robots="leader"><torque tau_drive="4 N.m" tau_steer="1 N.m"/></event>'
     torque = run(at_end(event))["leader_torque"]
@@ -238,6 +247,7 @@ def test_what_followers_are_told_of_the_leader_may_be_wrong(run) -> None:
         ([in_follower("one", '<parameter name="a" value="-1 m"/>')], "out of bounds"),
         ([at_end('<event at="1 s" robots="one"><parameter name="solver_step" value="1 ms"/></event>')], "only a tunable one"),
         ([at_end('<event at="1 s" robots="three"><stop/></event>')], "no robot 'three'"),
+        ([at_end('<event at="1 s" robots="leader"><stop/></event>\n<event at="2 s" robots="leader"><torque/></event>')], "the leader has stopped for good"),
         ([at_end('<event at="5 s" robots="one"><stop/></event>')], "after the end of the run"),
         ([at_end('<event at="1 s" robots="one"><torque tau_drive="1 N.m"/></event>')], 'only the torque of robots="leader"'),
         ([('<torque tau_drive="8 N.m"/>', f"<trajectory>{TRAJECTORY}</trajectory>")], "a leader with a <trajectory> has no <pose>"),
