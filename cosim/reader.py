@@ -223,7 +223,22 @@ class _Reader:
     # Sensors, actuators, signals, events
 
     def _effects(self, element: etree._Element, tag: str) -> tuple[Effect, ...]:
-        return tuple(effect for child in element.iterfind(f"{_NS}{tag}/*") for effect in self._effect(child))
+        effects = [effect for child in element.iterfind(f"{_NS}{tag}/*") for effect in self._effect(child)]
+        self._check_delays([effect for effect in effects if effect.kind == "delay"])
+        return tuple(effects)
+
+    def _check_delays(self, delays: list[Effect]) -> None:
+        """Check that the delays of a channel, which add up, are not longer than the run."""
+        total = dict.fromkeys((*_UNITS, *_TORQUES), 0.0)
+        for delay in delays:
+            for channel in delay.channels or total:
+                total[channel] = total.get(channel, 0.0) + delay.amount
+            longest = max(total.values())
+            if longest > self.horizon + 0.5 * self.step:
+                raise InputError(
+                    f"with this delay a channel is {longest:g} s late, longer than the run of {self.horizon:g} s",
+                    delay.where,
+                )
 
     def _effect(self, element: etree._Element) -> list[Effect]:
         kind, where = local_name(element), self.document.where(element)
@@ -345,6 +360,11 @@ class _Reader:
     def _steps(self, element: etree._Element, name: str) -> int:
         """Return how many communication steps a time is."""
         time = self._not_negative(element, name, "s")
+        if time > self.horizon + 0.5 * self.step:
+            raise self._error(
+                element,
+                f'{name}="{element.get(name)}" of <{local_name(element)}> is longer than the run of {self.horizon:g} s',
+            )
         return self._whole(element, f"{name} {time:g} s", time / self.step, 1 if name == "period" else 0)
 
     def _whole(self, element: etree._Element, what: str, steps: float, least: int) -> int:

@@ -114,6 +114,19 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
         ),
         ('seed="1"', 'seed="1" period="0 s"', "11:3", "the period 0 s is not a whole number of communication steps"),
         ("<actuator>", '<actuator><delay time="30 ms"/>', "38:13", "the time 0.03 s is not a whole number of"),
+        (
+            "<actuator>",
+            '<actuator><delay time="1e7 s"/>',
+            "38:13",
+            'time="1e7 s" of <delay> is longer than the run of 100 s',
+        ),
+        ("<sensor>", '<sensor><delay time="1e308 s"/>', "35:11", "is longer than the run of 100 s"),
+        (
+            "<sensor>",
+            '<sensor>\n<delay time="60 s" channels="x"/><delay time="60 s" channels="y"/>\n<delay time="60 s"/>',
+            "37:1",
+            "with this delay a channel is 120 s late, longer than the run of 100 s",
+        ),
         ("<noise ", '<noise from="2 s" to="1 s" ', "36:5", "the window ends at 1 s, before it begins at 2 s"),
         (
             "</scenario>",
