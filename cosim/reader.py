@@ -293,6 +293,9 @@ class _Reader:
         if time > self.horizon:
             raise self._error(element, f"the event at {time:g} s is after the end of the run at {self.horizon:g} s")
         robots = self._robots(element, [LEADER, *followers])
+        for tag in ("torque", "stop"):
+            if len(found := element.findall(_NS + tag)) > 1:
+                raise self._error(found[1], f"an event has one <{tag}>: this is a second one")
         torque = element.find(_NS + "torque")
         stops = element.find(_NS + "stop") is not None
         if torque is not None and robots != (LEADER,):

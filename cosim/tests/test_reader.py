@@ -167,6 +167,18 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "64:37",
             'only the torque of robots="leader"',
         ),
+        (
+            "</scenario>",
+            '<event at="1 s" robots="leader"><torque/>\n<torque tau_drive="1 N.m"/></event></scenario>',
+            "65:1",
+            "an event has one <torque>: this is a second one",
+        ),
+        (
+            "</scenario>",
+            '<event at="1 s" robots="leader"><stop/>\n<stop/></event></scenario>',
+            "65:1",
+            "an event has one <stop>: this is a second one",
+        ),
         # what excludes each other
         (f"{POSE}\n    {LEADING}", "<trajectory/>", "43:5", "needs either waypoints or file"),
         (POSE, "", "42:3", "the <leader> needs a <pose> to start from"),
