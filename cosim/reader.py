@@ -268,7 +268,7 @@ class _Reader:
         kind = local_name(element)
         start, stop = self._span(element) if kind in ("ramp", "pulse") else self._window(element, math.inf)
         if kind == "step":
-            start = self._not_negative(element, "at", "s")
+            start = self._beginning(element, "at")
         cutoff = self._positive(element, "cutoff", "Hz") if kind == "random" else 0.0
         if cutoff >= 0.5 / self.step:
             raise self._error(
@@ -289,9 +289,7 @@ class _Reader:
 
     def _event(self, element: etree._Element, followers: list[str]) -> list[Event]:
         where = self.document.where(element)
-        time = self._not_negative(element, "at", "s")
-        if time > self.horizon:
-            raise self._error(element, f"the event at {time:g} s is after the end of the run at {self.horizon:g} s")
+        time = self._beginning(element, "at")
         robots = self._robots(element, [LEADER, *followers])
         for tag in ("torque", "stop"):
             if len(found := element.findall(_NS + tag)) > 1:
@@ -379,8 +377,18 @@ class _Reader:
             )
         return whole
 
+    def _beginning(self, element: etree._Element, name: str) -> float:
+        """Return when something begins, which is not after the end of the run."""
+        time = self._not_negative(element, name, "s")
+        if time > self.horizon:
+            raise self._error(
+                element,
+                f"the <{local_name(element)}> at {time:g} s is after the end of the run at {self.horizon:g} s",
+            )
+        return time
+
     def _window(self, element: etree._Element, end: float) -> tuple[float, float]:
-        start = self._not_negative(element, "from", "s") if "from" in element.attrib else 0.0
+        start = self._beginning(element, "from") if "from" in element.attrib else 0.0
         stop = self._quantity(element, "to", "s") if "to" in element.attrib else end
         if start > stop:
             raise self._error(element, f"the window ends at {stop:g} s, before it begins at {start:g} s")

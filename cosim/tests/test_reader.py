@@ -135,6 +135,51 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "is after the end of the run at 100",
         ),
         ("</scenario>", '<event at="-1 s" robots="leader"><stop/></event></scenario>', "64:1", "must not be negative"),
+        (
+            "<noise ",
+            '<noise from="101 s" to="102 s" ',
+            "36:5",
+            "the <noise> at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            "<actuator>",
+            '<actuator><effectiveness factor="0" from="2 min"/>',
+            "38:13",
+            "at 120 s is after the end of the run at 100 s",
+        ),
+        *(
+            (
+                "<leader ",
+                f'<input name="tau_d_y">\n<{wave}/></input><leader ',
+                "43:1",
+                "at 101 s is after the end of the run at 100 s",
+            )
+            for wave in (
+                'step value="1 N" at="101 s"',
+                'ramp value="1 N" from="101 s" to="102 s"',
+                'pulse value="1 N" from="101 s" to="102 s"',
+                'sine value="1 N" period="1 s" from="101 s"',
+                'random value="1 N" cutoff="1 Hz" from="101 s"',
+            )
+        ),
+        (
+            END,
+            f'{END[:-2]}><change from="101 s" to="102 s" range="1 m"/></desired>',
+            "49:43",
+            "at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            "</scenario>",
+            '<expect><regular from="101 s"/></expect></scenario>',
+            "64:9",
+            "at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            'seed="1"',
+            'seed="1" period="101 s"',
+            "11:3",
+            'period="101 s" of <simulation> is longer than the run of 100 s',
+        ),
         # changes of places
         (END, f'{END[:-2]}><change from="9 s" to="7 s" range="1 m"/></desired>', "49:43", "ends at 7 s, before"),
         (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "it must last"),
