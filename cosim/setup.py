@@ -138,15 +138,14 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     InputError
         Something does not exist or does not fit, with the place in the scenario.
     """
-    used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
     fmus = {}
-    for source in scenario.plants.values():
-        if source.id in used:
-            with timed(timing, "build"):
-                path = _fmu_path(source)
-            with timed(timing, "load"):
-                fmus[source.id] = open_fmu(path, source.where)
-            cleanup.callback(fmus[source.id].close)
+    for source in scenario.plants.values():  # also one that no robot is: what a file says is right
+        with timed(timing, "build"):
+            path = _fmu_path(source)
+        with timed(timing, "load"):
+            fmus[source.id] = open_fmu(path, source.where)
+        cleanup.callback(fmus[source.id].close)
+        understand(fmus[source.id], source.parameters)
     _check_instances(scenario, fmus)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
@@ -157,8 +156,9 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         followers = _followers(scenario, fmus)
         desired = [desired_samples(follower, _times(scenario)) for follower in scenario.followers]
     with timed(timing, "controllers"):
+        found = {name: find_law(source) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
-        laws = {name: find_law(source) for name, source in scenario.controllers.items() if name in controlling}
+        laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
@@ -169,7 +169,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         followers=followers,
         motion=motion,
         desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
-        fmus=fmus,
+        fmus={name: fmu for name, fmu in fmus.items() if name in _plants_of(scenario)},
         laws=laws,
         gains=gains,
         channels=channels,
@@ -204,8 +204,12 @@ def _fmu_path(source: PlantSource) -> Path:
         raise InputError(str(error), source.where) from None
 
 
+def _plants_of(scenario: Scenario) -> list[str]:
+    return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
+
+
 def _check_instances(scenario: Scenario, fmus: Mapping[str, Fmu]) -> None:
-    robots = [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
+    robots = _plants_of(scenario)
     for name, fmu in fmus.items():
         if fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and robots.count(name) > 1:
             raise InputError(

@@ -2,6 +2,7 @@
 
 # ruff: noqa: E501 (pieces of XML, one case a line)
 
+import json
 import re
 from pathlib import Path
 
@@ -59,6 +60,12 @@ def in_follower(robot: str, what: str) -> tuple[str, str]:
 
 def at_end(what: str) -> tuple[str, str]:
     return "</scenario>", what + "</scenario>"
+
+
+def spare(what: str) -> tuple[str, str]:
+    """Return the change that adds a plant or a controller which no robot uses."""
+    place = '<controller id="pid"' if what.startswith("<plant") else "<sensor>"
+    return place, what + place
 
 
 @pytest.fixture
@@ -228,6 +235,16 @@ def test_what_followers_are_told_of_the_leader_may_be_wrong(run) -> None:
     assert not same_motion(result, run(), "one")
 
 
+def test_what_no_robot_uses_changes_nothing(run) -> None:
+    unused = '<controller id="spare" name="lqg" package="formation-controllers" version="~=0.1.0"/>'
+    plain, more = run(), run(spare(unused))
+    assert same_motion(plain, more, "one")
+    assert list(plain.data_vars) == list(more.data_vars)
+    for result in (plain, more):
+        assert list(json.loads(result.attrs["plants"])) == ["car"]
+        assert [one["name"] for one in json.loads(result.attrs["controllers"])] == ["neural-adaptive-pid"]
+
+
 # Bad input
 
 
@@ -253,6 +270,13 @@ def test_what_followers_are_told_of_the_leader_may_be_wrong(run) -> None:
         ([('<torque tau_drive="8 N.m"/>', f"<trajectory>{TRAJECTORY}</trajectory>")], "a leader with a <trajectory> has no <pose>"),
         ([('<pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>', "")], "needs a <pose>"),
         ([("4 s", "6 s"), ('<pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>', f"<trajectory>{TRAJECTORY}</trajectory>"), ('<torque tau_drive="8 N.m"/>', "")], "must reach from 0 s to the horizon"),
+        ([spare('<plant id="spare" model="car_lke"/>')], "did you mean 'car_like'"),
+        ([spare('<plant id="spare" fmu="spare.fmu"/>')], "spare.fmu cannot be read"),
+        ([spare('<plant id="spare" model="car_like"><parameter name="m_c" value="30 m"/></plant>')], "parameter m_c of car_like.fmu"),
+        ([spare('<controller id="spare" name="lqr" package="formation-controllers" version="~=0.1.0"/>')], "no installed package offers a controller 'lqr'"),
+        ([spare('<controller id="spare" name="lqg" package="other" version="~=0.1.0"/>')], "not from other"),
+        ([spare('<controller id="spare" name="lqg" package="formation-controllers" version="&gt;99"/>')], "needs formation-controllers >99"),
+        ([spare('<controller id="spare" name="lqg" package="formation-controllers" version="~=0.1.0"><gain name="K_q" value="1"/></controller>')], "K_q"),
         ([('step="20 ms"', 'step="20 ms" period="30 ms"')], "is not a whole number of communication steps"),
         ([('step="20 ms"', 'step="20 ms" period="0 ms"')], "is not a whole number of communication steps"),
     ],
