@@ -37,7 +37,7 @@ REST = f"""<scenario xmlns="{NAMESPACE}" name="rest">
 
 
 def test_the_page_on_results_names_every_variable_and_attribute(scenarios: Path) -> None:
-    replacements = ["//simulation/@horizon=1 s", "//rms/@from=0 s"]
+    replacements = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
     result = cosim.run(scenarios / "clmr_line.xml", replacements)
     named = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "results.md").read_text(encoding="utf-8")))
     telemetry = set(re.findall(r"`(\w+)`", (ROOT / "controllers" / "README.md").read_text(encoding="utf-8")))
