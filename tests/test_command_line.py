@@ -11,9 +11,11 @@ from pathlib import Path
 import fmpy
 import pytest
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+from lxml import etree
 
 import plants
 from cosim.cli import main
+from cosim.grammar import NAMESPACE
 from cosim.result import load
 from cosim.simulation import Simulation
 
@@ -145,6 +147,8 @@ def test_list(scenarios: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     printed = capsys.readouterr().out
     for name in ("car_like", "neural-adaptive-pid", "formation-controllers", "clmr_line.xml"):
         assert name in printed
+    (path,) = (line.split(": ", 1)[1] for line in printed.splitlines() if line.startswith("Schema"))
+    assert etree.parse(path).getroot().get("targetNamespace") == NAMESPACE
 
 
 def test_the_command_is_installed() -> None:

@@ -98,6 +98,18 @@ def test_every_example_can_be_run(folder: Path, example: str) -> None:
             assert set_up(scenario, cleanup, {}).followers
 
 
+def test_what_tells_an_editor_where_the_schema_is_can_be_read(tmp_path: Path) -> None:
+    old = f'<scenario xmlns="{NAMESPACE}" name="first">'
+    heads = re.findall(r"^```text\n(.*?)\n```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+    assert len(heads) == 2
+    assert old in EXAMPLES[0]
+    path = tmp_path / "first.xml"
+    for head in heads:
+        path.write_text(EXAMPLES[0].replace(old, head), encoding="utf-8")
+        assert read_scenario(path).name == "first"
+        assert "scenario-1.xsd" in read_scenario(path).text
+
+
 def test_the_page_has_an_example_of_every_element_and_names_every_attribute() -> None:
     assert len(EXAMPLES) > 12
     elements = list(used())

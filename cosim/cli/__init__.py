@@ -98,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
-    about = "list plants, controllers and scenarios"
+    about = "list plants, controllers and scenarios, and say where the schema is"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
 
