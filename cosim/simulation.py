@@ -17,6 +17,7 @@ from cosim.actuating import Actuators
 from cosim.connect import member
 from cosim.errors import InputError, RunInterrupted, SimulationError, nearest
 from cosim.interrupt import HeldSignals
+from cosim.pacing import Pacer
 from cosim.plant.fleet import Fleet
 from cosim.recorder import Recorder
 from cosim.result import dataset
@@ -214,13 +215,15 @@ class Simulation:
         """Whether the sample at the horizon is recorded."""
         return self.tick > self.scenario.ticks
 
-    def run(self, progress: Callable[[int], None] | None = None) -> xr.Dataset:
+    def run(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> xr.Dataset:
         """Run to the horizon and return the result.
 
         Parameters
         ----------
         progress
             Called with the tick before each tick.
+        pacer
+            Waits before each tick, so that the run keeps pace with a clock.
 
         Raises
         ------
@@ -234,6 +237,8 @@ class Simulation:
                 while not self.finished and not signals.received:
                     if progress:
                         progress(self.tick)
+                    if pacer:
+                        pacer.wait(self.tick)
                     with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
                         self.step()
             except KeyboardInterrupt:
