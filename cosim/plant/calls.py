@@ -38,7 +38,8 @@ def compiled(function: F) -> F:
     except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
         fresh = False
     if not fresh:
-        return numba.njit(error_model="numpy")(function)  # type: ignore[no-any-return]
+        dispatcher = numba.njit(error_model="numpy")(function)
+        return dispatcher  # type: ignore[no-any-return]
     # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
     file._source_stamp = _sources()
     return dispatcher  # type: ignore[no-any-return]
