@@ -77,6 +77,32 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     return Document(path, _serialised(root), root, places) if changes else document
 
 
+def read_binding_document(path: Path) -> Document:
+    """Read a file whose root element is a binding, and check it against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    data = _read_bytes(path)
+    root, places = _parse(data, path)
+    _check_names(root, places, "binding")
+    _collapse(root)
+    _validate(root, places)
+    return Document(path, _decode(data, root), root, places)
+
+
+def _check_names(root: etree._Element, places: Mapping[etree._Element, Location], *roots: str) -> None:
+    """Refuse a tree with another root element, or with elements of another namespace."""
+    for element, place in places.items():
+        name = etree.QName(element)
+        if element is root and name.text not in [f"{{{NAMESPACE}}}{expected}" for expected in roots]:
+            raise InputError(f"the root element is {name.text}; expected is <{roots[0]} xmlns={NAMESPACE!r}>", place)
+        if name.namespace != NAMESPACE:
+            raise InputError(f"the element {name.text} is not part of the scenario language", place)
+
+
 def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
     """Read a file; a variant is applied to what it is of. A variant is checked against the schema, a scenario not yet.
 
@@ -89,12 +115,7 @@ def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
     """
     data = _read_bytes(path)
     root, places = _parse(data, path)
-    for element, place in places.items():
-        name = etree.QName(element)
-        if element is root and name.text not in (f"{{{NAMESPACE}}}scenario", f"{{{NAMESPACE}}}variant"):
-            raise InputError(f"the root element is {name.text}; expected is <scenario xmlns={NAMESPACE!r}>", place)
-        if name.namespace != NAMESPACE:
-            raise InputError(f"the element {name.text} is not part of the scenario language", place)
+    _check_names(root, places, "scenario", "variant")
     _collapse(root)
     if local_name(root) == "scenario":
         return Document(path, _decode(data, root), root, places)

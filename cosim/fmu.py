@@ -15,16 +15,21 @@ from xml.parsers import expat
 
 import fmpy
 
-from cosim.contract import Binding, bind
+from cosim.binding import Binding, bind
 from cosim.errors import InputError, Location
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+from cosim.scenario import BindingSource
 
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
 
+_OF_THE_SCHEMA = re.compile(r"[A-Z]+ \(line ")
+"""How FMPy writes that a model description breaks the schema of its version."""
+
 
 @dataclass(frozen=True)
-class Fmu:
-    """An unpacked FMU that satisfies a vehicle contract.
+class Package:
+    """An unpacked FMU.
 
     Attributes
     ----------
@@ -32,8 +37,8 @@ class Fmu:
         The file and its checksum.
     description : fmpy.model_description.ModelDescription
         What it says of itself.
-    binding : Binding
-        Which variable plays which role.
+    problems : tuple of str
+        What FMPy finds wrong with that, beyond the schema: many FMUs in use break a rule or two.
     directory : Path
         Where it is unpacked, until `close`.
     """
@@ -41,7 +46,7 @@ class Fmu:
     path: Path
     sha256: str
     description: Any
-    binding: Binding
+    problems: tuple[str, ...]
     directory: Path
 
     def close(self) -> None:
@@ -49,13 +54,34 @@ class Fmu:
         shutil.rmtree(self.directory, ignore_errors=True)
 
 
-def open_fmu(path: Path, where: Location | None = None) -> Fmu:
-    """Check an FMU, match it with a vehicle contract and unpack it.
+@dataclass(frozen=True)
+class Fmu(Package):
+    """An unpacked FMU that satisfies a vehicle contract.
+
+    Attributes
+    ----------
+    interface : str
+        The one that is used: `CO_SIMULATION` or `MODEL_EXCHANGE`.
+    binding : Binding
+        Which variable plays which role.
+    """
+
+    interface: str
+    binding: Binding
+
+    @property
+    def about_interface(self) -> Any:
+        """What the FMU says of the interface that is used."""
+        return interfaces(self.description)[self.interface]
+
+
+def open_package(path: Path, where: Location | None = None) -> Package:
+    """Check the file of an FMU and unpack it.
 
     Raises
     ------
     InputError
-        The file is not an FMU that can be used here: why, and which file; `where` is the place that asks for it.
+        The file is no FMU: why, and which file; `where` is the place that asks for it.
     """
     try:
         if path.exists() and not path.is_file():  # a pipe or a device may never end
@@ -67,21 +93,63 @@ def open_fmu(path: Path, where: Location | None = None) -> Fmu:
     _check_archive(path, where)
     directory = Path(tempfile.mkdtemp(prefix="formation-fmu-"))
     try:
-        description = _unpack(path, directory, where)
-        _check_interface(path, description, directory, where)
-        return Fmu(path, sha256, description, bind(description, str(path), where), directory)
+        description, problems = _unpack(path, directory, where)
+        return Package(path, sha256, description, problems, directory)
     except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
         raise
 
 
-def _unpack(path: Path, directory: Path, where: Location | None) -> Any:
+def open_fmu(
+    path: Path, where: Location | None = None, declared: BindingSource | None = None, interface: str = ""
+) -> Fmu:
+    """Check an FMU, match it with a vehicle contract and unpack it.
+
+    Parameters
+    ----------
+    path, where
+        The file, and the place in the scenario that asks for it.
+    declared
+        The binding; without it, variables have the names of the roles that they play.
+    interface
+        The one to use; empty for what the FMU offers, Co-Simulation first.
+
+    Raises
+    ------
+    InputError
+        The file is not an FMU that can be used here: why, and which file.
+    """
+    package = open_package(path, where)
+    try:
+        chosen = _choose_interface(package, interface, where)
+        _check_binary(package, where)
+        binding = bind(package.description, str(path), declared, where)
+        return Fmu(**vars(package), interface=chosen, binding=binding)
+    except BaseException:
+        package.close()
+        raise
+
+
+def interfaces(description: Any) -> dict[str, Any]:
+    """Return what an FMU says of each interface that it offers and that can be used here, by its name."""
+    known = {CO_SIMULATION: description.coSimulation}
+    if description.fmiVersion != "1.0":
+        known[MODEL_EXCHANGE] = description.modelExchange
+    return {name: about for name, about in known.items() if about is not None}
+
+
+def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:
     try:
         fmpy.extract(str(path), str(directory))
     except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
     try:
-        return fmpy.read_model_description(str(directory))
+        try:
+            return fmpy.read_model_description(str(directory)), ()
+        except fmpy.model_description.ValidationError as error:
+            if any(_OF_THE_SCHEMA.match(problem) for problem in error.problems):
+                raise
+            return fmpy.read_model_description(str(directory), validate=False), tuple(map(str, error.problems))
     except Exception as error:
         raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
 
@@ -125,28 +193,46 @@ def has_document_type(xml: bytes) -> bool:
     return False
 
 
-def _check_interface(path: Path, description: Any, directory: Path, where: Location | None) -> None:
-    identifier = description.coSimulation.modelIdentifier if description.coSimulation else ""
-    if description.coSimulation and not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier or ""):
-        raise InputError(f"the FMU {path} has the model identifier {identifier!r}, which is no C identifier", where)
-    if description.fmiVersion != "2.0" or description.coSimulation is None:
+def _choose_interface(package: Package, wanted: str, where: Location | None) -> str:
+    description = package.description
+    version = description.fmiVersion
+    offered = interfaces(description)
+    if not version.startswith(("1.", "2.", "3.")) or not offered:
         kinds = [
             name
-            for name, interface in (
+            for name, about in (
                 ("Co-Simulation", description.coSimulation),
                 ("Model Exchange", description.modelExchange),
+                ("Scheduled Execution", description.scheduledExecution),
             )
-            if interface is not None
+            if about is not None
         ]
         raise InputError(
-            f"the FMU {path} is FMI {description.fmiVersion} {' and '.join(kinds) or 'of another kind'}; "
-            "expected is FMI 2.0 Co-Simulation",
+            f"the FMU {package.path} is FMI {version} {' and '.join(kinds) or 'of another kind'}; expected is "
+            "Co-Simulation of FMI 1.0, 2.0 or 3.0, or Model Exchange of FMI 2.0 or 3.0",
             where,
         )
-    platforms = fmpy.supported_platforms(str(directory))
+    if wanted and wanted not in offered:
+        raise InputError(f"the FMU {package.path} does not offer {wanted}, only {', '.join(offered)}", where)
+    chosen = wanted or next(iter(offered))
+    identifier = offered[chosen].modelIdentifier
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier or ""):
+        raise InputError(
+            f"the FMU {package.path} has the model identifier {identifier!r}, which is no C identifier", where
+        )
+    return chosen
+
+
+def _check_binary(package: Package, where: Location | None) -> None:
+    platforms = platforms_of(package)
     if fmpy.platform not in platforms:
         raise InputError(
-            f"the FMU {path} has no binary for this machine ({fmpy.platform}), only for: "
+            f"the FMU {package.path} has no binary for this machine ({fmpy.platform}), only for: "
             f"{', '.join(sorted(platforms)) or 'none'}",
             where,
         )
+
+
+def platforms_of(package: Package) -> list[str]:
+    """Return the platforms for which an FMU has binaries, as FMPy names them."""
+    return list(fmpy.supported_platforms(str(package.directory)))

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.contract import unit_of
+from cosim.binding import REAL_TYPES, start_of, unit_of
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
+from cosim.plant.spec import Value
 from cosim.quantity import quantity
 from cosim.scenario import Setting
 from plants import UnitError
@@ -21,6 +22,11 @@ class ParameterValue:
     variable: Any
     value: float | int | bool | str
     where: Location
+
+    @property
+    def as_value(self) -> Value:
+        """The same as plants know it."""
+        return Value(self.variable.name, self.variable.type, self.variable.valueReference, (self.value,))
 
 
 def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, ...]:
@@ -58,11 +64,21 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
     found: dict[str, Any] = {}
     for field, role in fmu.binding.contract.geometry.items():
         bound = fmu.binding.bound[role.name]
-        variable = bound.variable
-        value = values.get(variable.name, variable.start)
-        if value is None:
+        if bound.played_by is None:
+            found[field] = bound.constant
+            continue
+        variable = bound.played_by.variable
+        if variable.type == "Enumeration":
+            value = values.get(variable.name, variable.start)
+            found[field] = None if value is None else items(variable).get(int(value))
+            continue
+        if variable.name in values:
+            number = float(values[variable.name])
+        elif variable.start is not None:
+            number = start_of(fmu.description, variable)[bound.played_by.element]
+        else:
             raise InputError(f"the parameter {variable.name!r} of {fmu.path.name} has no value: set it", where)
-        found[field] = items(variable).get(int(value)) if variable.type == "Enumeration" else float(value) * bound.scale
+        found[field] = number * bound.played_by.scale + bound.played_by.offset
     return found
 
 
@@ -71,15 +87,21 @@ def items(variable: Any) -> dict[int, str]:
     return {int(item.value): str(item.name) for item in variable.declaredType.items}
 
 
+_INTEGERS = ("Integer", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
+
+
 def _value(fmu: Fmu, variable: Any, text: str) -> float | int | bool | str:
-    if variable.type == "Real":
+    if variable.dimensions:
+        raise ValueError("it is an array, which a scenario cannot set")
+    if variable.type in (*REAL_TYPES, "Float32"):
         has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
         value = quantity(text, unit_of(fmu.description, variable) if has_unit else "1")
         _check_bounds(variable, value, text)
         return value
-    if variable.type == "Integer":
-        if not text.lstrip("+-").isdecimal() or len(text) > 10:
+    if variable.type in _INTEGERS:
+        if not text.lstrip("+-").isdecimal() or len(text) > 20:
             raise ValueError(f"{text!r} is not a whole number")
+        _check_range(variable.type, int(text))
         _check_bounds(variable, int(text), text)
         return int(text)
     if variable.type == "Enumeration":
@@ -91,7 +113,16 @@ def _value(fmu: Fmu, variable: Any, text: str) -> float | int | bool | str:
         if text not in ("true", "false"):
             raise ValueError(f"{text!r} is neither true nor false")
         return text == "true"
+    if variable.type != "String":
+        raise ValueError(f"it is a {variable.type}, which a scenario cannot set")
     return text
+
+
+def _check_range(kind: str, value: int) -> None:
+    bits = int(kind.partition("Int")[2]) if kind != "Integer" else 32
+    least, most = (0, 2**bits - 1) if kind.startswith("U") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    if not least <= value <= most:
+        raise ValueError(f"{value} is out of bounds; a {kind} is from {least} to {most}")
 
 
 def _check_bounds(variable: Any, value: float, text: str) -> None:

@@ -10,12 +10,13 @@ from typing import TypeVar
 from lxml import etree
 
 from cosim.changes import Change, set_value
-from cosim.document import Document, read_document
+from cosim.document import Document, read_binding_document, read_document
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
     LEADER,
+    BindingSource,
     ControllerSource,
     Effect,
     Entries,
@@ -26,6 +27,7 @@ from cosim.scenario import (
     Leader,
     PlaceChange,
     PlantSource,
+    RoleSource,
     Scenario,
     Setting,
     Trajectory,
@@ -33,6 +35,11 @@ from cosim.scenario import (
 )
 
 MAX_TICKS = 10_000_000
+
+DEFAULT_TOLERANCE = 1e-6
+"""Relative tolerance of solvers with variable steps."""
+TIME_LIMIT = 10.0
+"""What a plant in a process of its own may take for a step [s]."""
 
 _NS = "{" + NAMESPACE + "}"
 _T = TypeVar("_T")
@@ -61,6 +68,32 @@ def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Sce
     """
     made = [set_value(change) if isinstance(change, str) else change for change in changes]
     return _Reader(read_document(Path(path), made)).scenario()
+
+
+def read_binding(path: str | Path) -> BindingSource:
+    """Read a file with a binding.
+
+    Raises
+    ------
+    InputError
+        What the file says is not a binding; with file, line and column.
+    """
+    document = read_binding_document(Path(path))
+    return _binding(document.root, document)
+
+
+def _binding(element: etree._Element, document: Document) -> BindingSource:
+    roles: dict[str, RoleSource] = {}
+    for child in element.iterfind(_NS + "role"):
+        where, name = document.where(child), child.get("name", "")
+        if name in roles:
+            raise InputError(f"the role {name!r} is given twice", where)
+        if ("variable" in child.attrib) == ("value" in child.attrib):
+            raise InputError("a <role> needs either a variable or a value", where)
+        if "value" in child.attrib and len(child.attrib) > 2:
+            raise InputError("a <role> with a value has nothing else but its name", where)
+        roles[name] = RoleSource(**{**dict(child.attrib), "where": where})
+    return BindingSource(element.get("vehicle", ""), tuple(roles.values()), document.where(element))
 
 
 class _Reader:
@@ -113,9 +146,45 @@ class _Reader:
             id=element.get("id", ""),
             model=model,
             fmu=None if fmu is None else self._path(element, "fmu"),
+            binding=self._binding(element),
+            interface=element.get("interface", ""),
+            solver=element.get("solver", ""),
+            solver_steps=self._solver_steps(element),
+            tolerance=float(element.get("tolerance", DEFAULT_TOLERANCE)),
+            isolated="isolate" in element.attrib,
+            time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
             parameters=self._settings(element, "parameter"),
             where=self.document.where(element),
         )
+
+    def _binding(self, plant: etree._Element) -> BindingSource | None:
+        element = plant.find(_NS + "binding")
+        if "binding" not in plant.attrib:
+            return None if element is None else _binding(element, self.document)
+        if element is not None:
+            raise self._error(element, 'the <plant> has binding="..." already: it is either there or in a file')
+        try:
+            return read_binding(self._path(plant, "binding"))
+        except InputError as error:
+            if error.where == Location(str(self._path(plant, "binding"))):  # it cannot even be read
+                message = f'binding="{plant.get("binding")}" of <plant>: {error.message}'
+                raise self._error(plant, message) from None
+            raise
+
+    def _solver_steps(self, element: etree._Element) -> int:
+        if not float(element.get("tolerance", DEFAULT_TOLERANCE)) > 0:
+            raise self._error(element, f'tolerance="{element.get("tolerance")}" of <plant> must be greater than zero')
+        if "solver_step" not in element.attrib:
+            return 1
+        if element.get("solver") == "cvode":
+            raise self._error(element, "cvode chooses its steps itself: there is no solver_step of it")
+        length = self._positive(element, "solver_step", "s")
+        steps = round(self.step / length)
+        if steps < 1 or abs(self.step / length - steps) > 1e-9 * steps:
+            raise self._error(
+                element, f"the solver_step {length:g} s does not divide the communication step of {self.step:g} s"
+            )
+        return steps
 
     def _controller(self, element: etree._Element) -> ControllerSource:
         return ControllerSource(

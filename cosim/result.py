@@ -140,7 +140,9 @@ def _provenance(
                     "file": fmu.path.name,
                     "sha256": fmu.sha256,
                     "fmi_version": fmu.description.fmiVersion,
+                    "interface": fmu.interface,
                     "generation_tool": fmu.description.generationTool,
+                    "binding": fmu.binding.described(),
                 }
                 for name, fmu in fmus.items()
             }

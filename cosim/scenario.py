@@ -29,12 +29,78 @@ class Entries:
 
 
 @dataclass(frozen=True)
+class RoleSource:
+    """What a binding says of a role.
+
+    Attributes
+    ----------
+    name : str
+        The role.
+    variable : str
+        The FMU's variable that plays it; empty if `value` is given.
+    unit : str
+        The variable's unit, where the FMU states none.
+    factor, offset : str
+        Quantities: the value is the factor times the variable, plus the offset. Empty for 1 and 0.
+    initial : str
+        The parameter by which the initial value is given; empty if the variable has a start value.
+    value : str
+        A constant value instead of a variable.
+    where : Location or None
+        Its place; None if no binding says it.
+    """
+
+    name: str
+    variable: str = ""
+    unit: str = ""
+    factor: str = ""
+    offset: str = ""
+    initial: str = ""
+    value: str = ""
+    where: Location | None = None
+
+
+@dataclass(frozen=True)
+class BindingSource:
+    """Which variables of an FMU play the roles of a vehicle."""
+
+    vehicle: str
+    roles: tuple[RoleSource, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
 class PlantSource:
-    """A kind of vehicle: a built-in model or an FMU file, with parameters."""
+    """A kind of vehicle: a built-in model or an FMU file, with parameters.
+
+    Attributes
+    ----------
+    binding : BindingSource or None
+        Which variables of the FMU play which role; None if they have the roles' names.
+    interface : str
+        ``co_simulation`` or ``model_exchange``; empty for what the FMU offers, Co-Simulation first.
+    solver : str
+        Of a Model Exchange FMU; empty for the default.
+    solver_steps : int
+        How many of the solver's steps make a communication step.
+    tolerance : float
+        Relative tolerance of a solver with variable steps.
+    isolated : bool
+        Whether each robot's FMU runs in a process of its own.
+    time_limit : float
+        Of such a process [s], for the start, a step and the end.
+    """
 
     id: str
     model: str | None
     fmu: Path | None
+    binding: BindingSource | None
+    interface: str
+    solver: str
+    solver_steps: int
+    tolerance: float
+    isolated: bool
+    time_limit: float
     parameters: tuple[Setting, ...]
     where: Location
 

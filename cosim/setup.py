@@ -14,7 +14,8 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.contract import BoundRole, Contract, Role, labels, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_of
+from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location, nearest
 from cosim.expectation import Recorded, check, recorded
 from cosim.fmu import Fmu, open_fmu
@@ -44,6 +45,10 @@ class RobotSetup:
 
     Attributes
     ----------
+    source : PlantSource
+        How its plant is run.
+    isolated : bool
+        Whether that is in a process of its own.
     parameters : tuple of ParameterValue
         Those of its plant, with its own in their place.
     vehicle : formation_controllers.vehicles.Vehicle
@@ -57,7 +62,7 @@ class RobotSetup:
     inputs : tuple of BoundRole
         Other inputs of the FMU that are given.
     samples : ndarray
-        Their values (ticks + 1, inputs) in the FMU's own units.
+        Their values (ticks + 1, inputs) in the roles' units.
     changes : dict
         Parameters that change, by tick.
     """
@@ -65,6 +70,8 @@ class RobotSetup:
     name: str
     where: Location
     fmu: Fmu
+    source: PlantSource
+    isolated: bool
     parameters: tuple[ParameterValue, ...]
     vehicle: Vehicle
     pose: tuple[float, ...]
@@ -143,10 +150,10 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         with timed(timing, "build"):
             path = _fmu_path(source)
         with timed(timing, "load"):
-            fmus[source.id] = open_fmu(path, source.where)
-        cleanup.callback(fmus[source.id].close)
-        understand(fmus[source.id], source.parameters)
-    _check_instances(scenario, fmus)
+            fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
+        cleanup.callback(fmu.close)
+        understand(fmu, source.parameters)
+        _check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = _leader(scenario, fmus)
@@ -160,6 +167,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
+    _check_velocities(scenario, leader, followers, laws)
     channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
     signals = _recorded(scenario, channels, (leader.contract, *(robot.contract for robot in followers)), laws)
@@ -208,14 +216,18 @@ def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
 
 
-def _check_instances(scenario: Scenario, fmus: Mapping[str, Fmu]) -> None:
-    robots = _plants_of(scenario)
-    for name, fmu in fmus.items():
-        if fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess and robots.count(name) > 1:
-            raise InputError(
-                f"the FMU {fmu.path} can be instantiated only once, but {robots.count(name)} robots are this plant",
-                scenario.plants[name].where,
-            )
+def _check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
+    """Refuse an FMU whose fixed internal step does not fit in the communication step."""
+    internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
+    if not internal:
+        return
+    steps = step / float(internal)
+    if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
+        raise InputError(
+            f"the FMU {fmu.path} has a fixed internal step of {float(internal):g} s, which does not divide the "
+            f"communication step of {step:g} s",
+            source.where,
+        )
 
 
 # Robots -----------------------------------------------------------------------------------------------------
@@ -299,20 +311,23 @@ def _robot(
     check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
     others: list[tuple[BoundRole, NDArray[np.float64]]] = []
     torques = [role.name for role in contract.torque]
-    for source in _joined(inputs):
-        bound, unit = _input(fmu, source)
-        samples = input_samples(source, unit, _times(scenario), scenario.step, scenario.seed, name)
-        if source.name in torques:
-            torque[:, torques.index(source.name)] += samples
+    for added in _joined(inputs):
+        bound, unit = _input(fmu, added)
+        samples = input_samples(added, unit, _times(scenario), scenario.step, scenario.seed, name)
+        if added.name in torques:
+            torque[:, torques.index(added.name)] += samples
         else:
             others.append((bound, samples))
     for event in _events_of(scenario, name):
         if event.stops:
             torque[tick_at(event.time, scenario.step) :] = 0.0
+    source = scenario.plants[plant]
     return RobotSetup(
         name=name,
-        where=scenario.plants[plant].where,
+        where=source.where,
         fmu=fmu,
+        source=source,
+        isolated=source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess),
         parameters=parameters,
         vehicle=vehicle,
         pose=(0.0,) * 4 if pose is None else _entries(pose, contract, contract.pose),
@@ -348,11 +363,13 @@ def _joined(inputs: Sequence[InputSource]) -> Iterable[InputSource]:
 
 
 def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
-    """Return the input of an FMU that a source names, and the unit in which its samples are wanted."""
-    for role in fmu.binding.contract.torque:
-        if role.name == source.name:
-            return fmu.binding.bound[role.name], units.parse(role.unit)
-    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type == "Real"}
+    """Return the input of an FMU that a source names, by its role or its own name, and the unit of its samples."""
+    contract = fmu.binding.contract
+    if source.name in [role.name for role in (*contract.torque, *contract.disturbance)]:
+        bound = fmu.binding.bound.get(source.name)
+        if bound is not None:
+            return bound, units.parse(bound.role.unit)
+    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type in REAL_TYPES}
     if source.name not in known:
         raise InputError(
             f"the FMU {fmu.path.name} has no real input {source.name!r}: {nearest(source.name, list(known))}",
@@ -361,12 +378,35 @@ def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
     variable = known[source.name]
     has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
     try:
+        if variable.dimensions:
+            raise UnitError("it is an array: a binding gives one of its elements a role")
         unit = unit_of(fmu.description, variable) if has_unit else units.parse("1")
     except UnitError as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
         ) from None
-    return BoundRole(Role(source.name, "input", str(unit)), variable, 1.0), unit
+    return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(variable, 0, 1.0, 0.0)), unit
+
+
+def _check_velocities(
+    scenario: Scenario, leader: RobotSetup, followers: Sequence[RobotSetup], laws: Mapping[str, Law]
+) -> None:
+    """Refuse a robot whose velocities are needed and that does not offer them."""
+    if scenario.leader.trajectory is None:
+        _check_velocities_of(leader, "followers are told the leader's velocities")
+    for follower, robot in zip(scenario.followers, followers, strict=True):
+        law = laws[follower.controller]
+        if "velocity" in law.controller_type.needs:
+            _check_velocities_of(robot, f"the controller {law.source.name!r} needs the velocities of its robots")
+
+
+def _check_velocities_of(robot: RobotSetup, why: str) -> None:
+    missing = [role.name for role in robot.contract.velocity if role.name not in robot.fmu.binding.bound]
+    if missing:
+        raise InputError(
+            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: {robot.name} cannot be it",
+            robot.where,
+        )
 
 
 # Events -----------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from types import TracebackType
 from typing import Self
@@ -11,12 +11,14 @@ import formation_controllers as fc
 import numpy as np
 import xarray as xr
 from formation_controllers.vehicles import Vehicle
+from numpy.typing import NDArray
 
 from cosim.actuating import Actuators
-from cosim.errors import InputError, RunInterrupted, SimulationError
-from cosim.fleet import Fleet
+from cosim.connect import member
+from cosim.errors import InputError, RunInterrupted, SimulationError, nearest
 from cosim.interrupt import HeldSignals
-from cosim.plant import Plant
+from cosim.pacing import Pacer
+from cosim.plant.fleet import Fleet
 from cosim.recorder import Recorder
 from cosim.result import dataset
 from cosim.scenario import LEADER, Scenario
@@ -24,13 +26,6 @@ from cosim.sensing import PoseSensor
 from cosim.setup import RobotSetup, set_up
 from cosim.team import Team
 from cosim.timing import timed
-
-DIVERGED_POSE = 1e9
-"""A pose entry beyond this magnitude [m, rad] is taken for divergence."""
-DIVERGED_VELOCITY = 1e6
-"""A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
-
-_BOUNDS = np.array([DIVERGED_POSE] * 4 + [DIVERGED_VELOCITY] * 2)
 
 
 class Simulation:
@@ -43,10 +38,20 @@ class Simulation:
     scenario
         What to run. Built-in plants are built into FMUs here if they are not in the cache.
 
+    Attributes
+    ----------
+    tick : int
+        The number of the next tick.
+    poses, velocities : dict
+        Of every robot, by name: pose (4,) and pseudo-velocities (2,) at the communication point of the next tick, in
+        the order and units of its kind of vehicle; read only. A velocity that its plant does not offer is NaN.
+
     Raises
     ------
     InputError
         The scenario asks for something that does not exist or does not fit.
+    SimulationError
+        A plant returns no finite pose at the start.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -57,23 +62,33 @@ class Simulation:
         robots = [LEADER, *(follower.id for follower in scenario.followers)]
         self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
         self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
-        self._told = np.zeros(6)
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
+        self._override: list[tuple[int, NDArray[np.float64]]] = []  # rows and torques of this tick
+        visible = self._state.view()
+        visible.flags.writeable = False
+        self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
+        self.velocities = {robot: visible[row, 4:] for row, robot in enumerate(robots)}
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing)
-            self._plants = self._start_plants(cleanup)
-            self._fleet = Fleet(self._plants)
-            self._driven_state = self._state[-len(self._plants) :]
-            self._driving_torque = self._torque[-len(self._plants) :]
-            self._samples = np.concatenate([robot.samples for robot in self._driven], axis=1)
-            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in self._driven])
-            self._given = np.zeros(len(self._is_torque))
+            driven = self._driven
+            with timed(self.timing, "load"):
+                members = [member(robot, scenario.horizon) for robot in driven]
+                self._fleet = Fleet(members, self._state[-len(driven) :])
+            cleanup.callback(self._fleet.close)
+            self._samples = np.concatenate([robot.samples for robot in driven], axis=1)
+            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in driven])
+            driving_torque = self._torque[-len(driven) :].reshape(-1)
+            self._given = np.zeros(len(self._is_torque)) if self._samples.size else driving_torque
+            self._driving_torque = driving_torque
             self._changes: dict[int, list[int]] = {}
-            for row, robot in enumerate(self._driven):
+            for row, robot in enumerate(driven):
                 for tick in robot.changes:
                     self._changes.setdefault(tick, []).append(row)
             self._teams = self._gather_teams()
+            self._desired = [
+                [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
+            ]
             setups = (self.setup.leader, *self.setup.followers)
             poses = [[role.name for role in robot.contract.pose] for robot in setups]
             torques = [[role.name for role in robot.contract.torque] for robot in self.setup.followers]
@@ -83,20 +98,30 @@ class Simulation:
             self._disturbed = bool(self._external[:, 1:].any())
             self._recorder = self._start_recorder()
             self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
+            self._move_leader()
             self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
 
-    def step(self) -> None:
+    def step(self, torques: Mapping[str, Sequence[float]] | None = None) -> None:
         """Run one tick: sense, control, actuate, record, and step the plants (but at the horizon, the end).
+
+        Parameters
+        ----------
+        torques
+            For robots by name, the two torques [N.m] that are commanded in this tick in place of their controller's,
+            or of what the scenario gives the leader. A follower's still pass through its actuators.
 
         Raises
         ------
+        InputError
+            There is no such robot, its motion is given, or these are not two finite numbers.
         SimulationError
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
         """
         if self.finished:
             raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
+        self._override = self._understood(torques) if torques else []
         try:
             self._sense()
             self._control()
@@ -112,13 +137,9 @@ class Simulation:
             failure.result = self.result()
             raise failure from error
         self.tick += 1
+        self._move_leader()
 
     def _sense(self) -> None:
-        self._fleet.read(self.time, self._driven_state)
-        if self.setup.motion is not None:
-            self._state[0] = self.setup.motion.state[self.tick]
-        if not (np.abs(self._state) < _BOUNDS).all():  # not finite is not smaller
-            self._report_divergence()
         self._sensor.measure(self.tick, self._state[:, :4], self._measured)
 
     def _control(self) -> None:
@@ -126,26 +147,23 @@ class Simulation:
             return  # the commands are held
         motion = self.setup.motion
         acceleration = None if motion is None else motion.acceleration[self.tick]
-        self._told[:4] = self._measured[0]
-        self._told[4:] = self._state[0, 4:]
-        for team in self._teams:
-            self._command[team.rows] = team.step(
-                self.time,
-                self._measured[1:],
-                self._state[1:, 4:],
-                self._told,
-                acceleration,
-                self._desired,
-                first=self.tick == 0,
-            )
-
-    @property
-    def _desired(self) -> fc.Desired:
-        return fc.Desired(*(samples[self.tick] for samples in self.setup.desired))
+        told = np.empty(6)
+        told[:4] = self._measured[0]
+        told[4:] = self._state[0, 4:]
+        pose, velocity = self._measured[1:], self._state[1:, 4:]
+        for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
+            desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
+            first = self.tick == 0
+            self._command[team.rows] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
 
     def _actuate(self) -> None:
+        command = self._command
         self._torque[0] = self._external[self.tick, 0]
-        self._actuators.apply(self.tick, self._command, self._torque[1:])
+        if self._override:  # of this tick alone: what the controllers have commanded may be held longer
+            command = command.copy()
+            for row, torque in self._override:
+                (self._torque if row == 0 else command)[max(row - 1, 0)] = torque
+        self._actuators.apply(self.tick, command, self._torque[1:])
         if self._disturbed:
             self._torque[1:] += self._external[self.tick, 1:]
 
@@ -159,22 +177,31 @@ class Simulation:
 
     def _step_plants(self) -> None:
         for row in self._changes.get(self.tick, ()):
-            self._plants[row].change(self._driven[row].changes[self.tick], self.time)
-        self._given[self._is_torque] = self._driving_torque.ravel()
+            values = [parameter.as_value for parameter in self._driven[row].changes[self.tick]]
+            self._fleet.change(row, values, self.time)
         if self._samples.size:
+            self._given[self._is_torque] = self._driving_torque
             self._given[~self._is_torque] = self._samples[self.tick]
-        self._fleet.step(self.time, self.scenario.step, self._given)
+        self._fleet.step(self.tick, self.scenario.step, self._given)
 
-    def _report_divergence(self) -> None:
-        row, column = (int(i) for i in np.argwhere(~(np.abs(self._state) < _BOUNDS))[0])
-        robot = (self.setup.leader, *self.setup.followers)[row]
-        role = (*robot.contract.pose, *robot.contract.velocity)[column]
-        value = self._state[row, column]
-        raise SimulationError(
-            robot.name,
-            self.time,
-            f"the motion has diverged: {role.name} = {value:.4g} {role.unit}",
-        )
+    def _move_leader(self) -> None:
+        """Put a leader whose motion is given where it is at the next tick."""
+        if self.setup.motion is not None and not self.finished:
+            self._state[0] = self.setup.motion.state[self.tick]
+
+    def _understood(self, torques: Mapping[str, Sequence[float]]) -> list[tuple[int, NDArray[np.float64]]]:
+        robots = list(self.poses)
+        override = []
+        for robot, torque in torques.items():
+            if robot not in robots:
+                raise InputError(f"the scenario has no robot {robot!r}: {nearest(robot, robots)}")
+            if robot == LEADER and self.setup.motion is not None:
+                raise InputError("the leader's motion is given by its <trajectory>: no torque drives it")
+            values = np.asarray(torque, dtype=np.float64)
+            if values.shape != (2,) or not np.isfinite(values).all():
+                raise InputError(f"the torque of {robot} is {torque!r}; expected are two finite numbers [N.m]")
+            override.append((robots.index(robot), values))
+        return override
 
     # The whole run -----------------------------------------------------------------------------------------
 
@@ -188,13 +215,15 @@ class Simulation:
         """Whether the sample at the horizon is recorded."""
         return self.tick > self.scenario.ticks
 
-    def run(self, progress: Callable[[int], None] | None = None) -> xr.Dataset:
+    def run(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> xr.Dataset:
         """Run to the horizon and return the result.
 
         Parameters
         ----------
         progress
             Called with the tick before each tick.
+        pacer
+            Waits before each tick, so that the run keeps pace with a clock.
 
         Raises
         ------
@@ -208,6 +237,8 @@ class Simulation:
                 while not self.finished and not signals.received:
                     if progress:
                         progress(self.tick)
+                    if pacer:
+                        pacer.wait(self.tick)
                     with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
                         self.step()
             except KeyboardInterrupt:
@@ -219,8 +250,7 @@ class Simulation:
 
     def result(self) -> xr.Dataset:
         """Return everything recorded so far; see `cosim.result.dataset`."""
-        messages = [f"{plant.robot}, {message}" for plant in self._plants for message in plant.messages]
-        return dataset(self.scenario, self.setup, self._recorder, self._teams, messages)
+        return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages)
 
     def close(self) -> None:
         """End all plant instances and remove what was unpacked."""
@@ -237,39 +267,26 @@ class Simulation:
 
     # Setting up --------------------------------------------------------------------------------------------
 
-    def _start_plants(self, cleanup: ExitStack) -> list[Plant]:
-        started = []
-        with timed(self.timing, "load"):
-            for robot in self._driven:
-                plant = Plant(
-                    robot.fmu,
-                    robot.name,
-                    robot.parameters,
-                    robot.pose,
-                    self.scenario.horizon,
-                    robot.where,
-                    robot.inputs,
-                )
-                cleanup.callback(plant.close)
-                started.append(plant)
-        return started
-
     def _start_recorder(self) -> Recorder:
         """Return a recorder that has what is known before the run, and keep where the rest is recorded."""
         recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
         recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
         recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
-        sources = {
-            "leader_pose": self._state[0, :4],
-            "leader_velocity": self._state[0, 4:],
-            "leader_torque": self._torque[0],
-            "pose": self._state[1:, :4],
-            "velocity": self._state[1:, 4:],
-            "measured_pose": self._measured[1:],
-            "measured_leader_pose": self._measured[0],
-            "torque": self._torque[1:],
-        }
-        self._recorded = [(recorder.of(name), source) for name, source in sources.items() if name in recorder.channels]
+        samples, robots = self.scenario.ticks + 1, len(self._state)
+        state, measured, torque = (np.full((samples, robots, width), np.nan) for width in (6, 4, 2))
+        self._recorded = [(state, self._state), (measured, self._measured), (torque, self._torque)]
+        for name, place in {
+            "leader_pose": state[:, 0, :4],
+            "leader_velocity": state[:, 0, 4:],
+            "leader_torque": torque[:, 0],
+            "pose": state[:, 1:, :4],
+            "velocity": state[:, 1:, 4:],
+            "measured_pose": measured[:, 1:],
+            "measured_leader_pose": measured[:, 0],
+            "torque": torque[:, 1:],
+        }.items():
+            if name in recorder.channels:
+                recorder.keep(name, place)
         return recorder
 
     @property

@@ -3,15 +3,12 @@
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import plants
-from cosim.errors import InputError, Location, SimulationError
-from cosim.fleet import Fleet
+from cosim.errors import InputError, Location
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import geometry, understand
-from cosim.plant import Plant
 from cosim.scenario import Setting
 
 HERE = Location("scenario.xml", 3, 5)
@@ -104,19 +101,7 @@ def test_roles_that_are_missing_are_named(car: Path, tmp_path: Path) -> None:
     assert "as a car_like vehicle it lacks the input 'tau_steer' [N.m]" in refused(path)
 
 
-def test_a_wrong_checksum_or_token_is_refused_by_the_fmu(car: Path, tmp_path: Path) -> None:
-    with zipfile.ZipFile(car) as archive:
-        description = archive.read("modelDescription.xml").decode()
-    guid = description.split('guid="')[1].split('"')[0]
-    fmu = open_fmu(repack(car, tmp_path / "a.fmu", guid, "{00000000-0000-0000-0000-000000000000}"))
-    try:
-        with pytest.raises(InputError, match="cannot be started"):
-            Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
-    finally:
-        fmu.close()
-
-
-# Instances --------------------------------------------------------------------------------------------------
+# Parameters -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -131,39 +116,10 @@ def setting(name: str, value: str) -> Setting:
     return Setting(name, value, HERE)
 
 
-def test_start_pose_and_a_step(fmu: Fmu) -> None:
-    parameters = understand(fmu, [setting("m_c", "3e4 g"), setting("drive", "rear_wheel")])
-    plant = Plant(fmu, "robot", parameters, (1.0, 2.0, 0.5, 0.1), 1.0)
-    fleet = Fleet([plant])
-    state = np.empty((1, 6))
-    fleet.read(0.0, state)
-    assert np.array_equal(state[0], [1.0, 2.0, 0.5, 0.1, 0.0, 0.0])
-    assert geometry(fmu, parameters, HERE) == {"wheelbase": 1.2, "drive": "rear_wheel"}
-    fleet.step(0.0, 0.02, np.array([8.0, 1.0]))
-    fleet.step(0.02, 0.02, np.array([8.0, 1.0]))
-    fleet.read(0.04, state)
-    assert (state[0, [0, 4, 5]] > [1.0, 0.0, 0.0]).all()
-    plant.close()
-
-
-def test_units_are_converted(car: Path, tmp_path: Path) -> None:
-    """The same binary, described as if it spoke degrees: what is read is then taken as degrees."""
-    with zipfile.ZipFile(car) as archive:
-        description = archive.read("modelDescription.xml").decode()
-    gamma = description[description.index('name="gamma"') :]
-    old = 'name="gamma"' + gamma[len('name="gamma"') : gamma.index("/>")]
-    assert 'unit="rad"' in old
-    new = old.replace('unit="rad"', 'unit="deg"').replace(' displayUnit="deg"', "")
-    degree = f'<UnitDefinitions><Unit name="deg"><BaseUnit rad="1" factor="{np.pi / 180}"/></Unit>'
-    defined = repack(car, tmp_path / "defined.fmu", "<UnitDefinitions>", degree)
-    fmu = open_fmu(repack(defined, tmp_path / "deg.fmu", old, new))
-    plant = Plant(fmu, "robot", (), (0.0, 0.0, 0.0, np.pi / 180), 1.0)
-    state = np.empty((1, 6))
-    Fleet([plant]).read(0.0, state)
-    assert state[0, 3] == pytest.approx(np.pi / 180, rel=1e-15)
-    assert plant.outputs[3].scale == pytest.approx(np.pi / 180, rel=1e-15)
-    plant.close()
-    fmu.close()
+def test_geometry_is_that_of_the_parameters(fmu: Fmu) -> None:
+    parameters = understand(fmu, [setting("a", "80 cm"), setting("drive", "rear_wheel")])
+    assert geometry(fmu, parameters, HERE) == {"wheelbase": 0.8, "drive": "rear_wheel"}
+    assert geometry(fmu, (), HERE) == {"wheelbase": 1.2, "drive": "as_printed"}
 
 
 @pytest.mark.parametrize(
@@ -184,30 +140,3 @@ def test_bad_parameters(fmu: Fmu, name: str, value: str, sentence: str) -> None:
         understand(fmu, [setting(name, value)])
     assert caught.value.where == HERE
     assert sentence in caught.value.message
-
-
-def test_a_step_that_fails_says_which_robot_and_when(fmu: Fmu) -> None:
-    plant = Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
-    with pytest.raises(SimulationError) as caught:
-        Fleet([plant]).step(0.0, 0.02, np.array([np.nan, 0.0]))
-    assert str(caught.value).startswith("robot at t = 0 s: the plant car_like.fmu did not ")
-    assert "tau_drive" in str(caught.value)
-    plant.close()
-
-
-def test_a_closed_plant_can_be_closed_again(fmu: Fmu) -> None:
-    plant = Plant(fmu, "robot", (), (0, 0, 0, 0), 1.0)
-    plant.close()
-    plant.close()
-
-
-def test_messages_of_two_instances_are_kept_apart(fmu: Fmu) -> None:
-    one, two = (Plant(fmu, name, (), (0, 0, 0, 0), 1.0) for name in ("one", "two"))
-    with pytest.raises(SimulationError, match="tau_drive"):
-        Fleet([one, two]).step(0.0, 0.02, np.array([np.nan, 0.0, 8.0, 0.0]))
-    with pytest.raises(SimulationError) as caught:
-        Fleet([two]).step(0.0, 0.02, np.array([0.0, np.nan]))
-    assert "tau_steer" in str(caught.value)
-    assert "tau_drive" not in str(caught.value)
-    one.close()
-    two.close()

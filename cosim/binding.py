@@ -1,0 +1,343 @@
+"""Bindings: which variables of an FMU play the roles of a vehicle contract, and how their numbers are to be read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.contract import CONTRACTS, Contract, Role
+from cosim.errors import InputError, Location, nearest
+from cosim.quantity import quantity, split
+from cosim.scenario import BindingSource, RoleSource
+from plants import UnitError, units
+
+REAL_TYPES = ("Real", "Float64")
+_TWICE: Any = object()
+"""Stands for variables of the same name, which FMI forbids."""
+_ELEMENT = re.compile(r"(.+)\[([0-9]+(?:,[0-9]+)*)\]")
+
+
+@dataclass(frozen=True)
+class BoundVariable:
+    """A number of an FMU: ``value in the role's unit = scale * number + offset``.
+
+    Attributes
+    ----------
+    variable : fmpy.model_description.ModelVariable
+        The variable that holds it.
+    element : int
+        Which of its elements it is, from 0 in row-major order; 0 of a scalar.
+    """
+
+    variable: Any
+    element: int
+    scale: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class BoundRole:
+    """A role and what plays it.
+
+    Attributes
+    ----------
+    role : Role
+        The role.
+    played_by : BoundVariable or None
+        The number; None of a role that has a constant value.
+    initial : BoundVariable or None
+        Of a pose entry: what its initial value is given to.
+    constant : float, str or None
+        The constant value in the role's unit, or an item.
+    """
+
+    role: Role
+    played_by: BoundVariable | None
+    initial: BoundVariable | None = None
+    constant: float | str | None = None
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A contract that an FMU satisfies, with what plays each role, by the role's name."""
+
+    contract: Contract
+    bound: dict[str, BoundRole]
+
+    def of(self, roles: Iterable[Role]) -> tuple[BoundRole | None, ...]:
+        """Return the bound roles in the order given; None for an optional one that nothing plays."""
+        return tuple(self.bound.get(role.name) for role in roles)
+
+    def described(self) -> dict[str, str]:
+        """Return what plays each role, in words."""
+        return {name: _described(bound) for name, bound in self.bound.items()}
+
+
+def bind(description: Any, file: str, declared: BindingSource | None = None, where: Location | None = None) -> Binding:
+    """Find the contract that an FMU satisfies.
+
+    A role that the binding does not mention is played by the variable of its name.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+        What the FMU says of itself.
+    file, where
+        The FMU and the place in the scenario that asks for it, for the message.
+    declared
+        The binding that a scenario or a file states.
+
+    Raises
+    ------
+    InputError
+        The FMU satisfies no contract, or the binding does not fit it: which roles, and why.
+    """
+    if declared is not None:
+        contract = next(contract for contract in CONTRACTS if contract.vehicle == declared.vehicle)
+        known = [role.name for role in contract.roles]
+        for source in declared.roles:
+            if source.name not in known:
+                raise InputError(
+                    f"a {contract.vehicle} vehicle has no role {source.name!r}: {nearest(source.name, known)}",
+                    source.where,
+                )
+        bound, problems = match(contract, description, declared.roles)
+        for problem in problems:
+            raise InputError(f"the FMU {file} {problem.text}", problem.where or declared.where)
+        return Binding(contract, bound)
+    reasons = []
+    for contract in CONTRACTS:
+        bound, problems = match(contract, description)
+        if not problems:
+            return Binding(contract, bound)
+        reasons.append(f"as a {contract.vehicle} vehicle it {'; it '.join(problem.text for problem in problems)}")
+    raise InputError(
+        f"the FMU {file} is no vehicle that can be driven as it is: {'. '.join(reasons)}. A <binding> says which "
+        'of its variables play these roles; "formation swap" writes one to start from',
+        where,
+    )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Why a role is not played; the FMU is the subject of the text."""
+
+    role: Role
+    text: str
+    where: Location | None = None
+
+
+def match(
+    contract: Contract, description: Any, declared: Iterable[RoleSource] = ()
+) -> tuple[dict[str, BoundRole], list[Problem]]:
+    """Return the roles of a contract that are played, by name, and why each other role is not.
+
+    The contract is satisfied if there are no problems: an optional role of which nothing is said is no problem.
+    """
+    variables: dict[str, Any] = {}
+    for variable in description.modelVariables:
+        variables[variable.name] = _TWICE if variable.name in variables else variable
+    sources = {source.name: source for source in declared}
+    bound, problems = {}, []
+    for role in contract.roles:
+        source = sources.get(role.name)
+        if source is None:
+            if role.optional and not _plays_by_name(role, variables):
+                continue
+            source = RoleSource(name=role.name, variable=role.name)
+        try:
+            bound[role.name] = _bound(contract, role, description, variables, source)
+        except (ValueError, UnitError) as error:
+            if source.where is not None or not role.optional:
+                problems.append(Problem(role, str(error), source.where))
+    return bound, problems
+
+
+def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
+    variable = variables.get(role.name)
+    return variable not in (None, _TWICE) and variable.causality == role.causality
+
+
+def _bound(
+    contract: Contract, role: Role, description: Any, variables: dict[str, Any], source: RoleSource
+) -> BoundRole:
+    if source.value:
+        if role.causality != "parameter":
+            raise ValueError(f"cannot have value={source.value!r} for the role {role.name!r}: only a parameter can")
+        return BoundRole(role, None, constant=quantity(source.value, role.unit) if role.unit else source.value)
+    variable, element = _found(role, description, variables, source.variable, source)
+    if not role.unit:
+        if variable.type != "Enumeration":
+            raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")
+        return BoundRole(role, BoundVariable(variable, 0, 1.0, 0.0))
+    played_by = _read_as(role, description, variable, element, source)
+    if role not in contract.pose:
+        return BoundRole(role, played_by)
+    if source.initial:
+        variable, element = _found(role, description, variables, source.initial, source, parameter=True)
+        return BoundRole(role, played_by, _read_as(role, description, variable, element, source))
+    if not may_be_started(description, variable):
+        raise ValueError(
+            f"has no start value of {variable.name!r} that could be set; if a parameter gives the initial value of "
+            f'{role.name!r}, a binding names it: initial="..."'
+        )
+    return BoundRole(role, played_by, played_by)
+
+
+def _found(
+    role: Role, description: Any, variables: dict[str, Any], name: str, source: RoleSource, parameter: bool = False
+) -> tuple[Any, int]:
+    """Return the variable of a name, which may end in the indices of an element, and the element."""
+    causality = "parameter" if parameter else role.causality
+    variable, element = variables.get(name), 0
+    if variable is None and (indexed := _ELEMENT.fullmatch(name)) and indexed[1] in variables:
+        variable = variables[indexed[1]]
+        element = _element(description, variable, name, [int(index) for index in indexed[2].split(",")])
+    elif variable not in (None, _TWICE) and variable.dimensions:
+        raise ValueError(f"has {name!r} as an array: name one of its elements, such as '{name}[1]'")
+    if variable is _TWICE:
+        raise ValueError(f"has more than one variable {name!r}")
+    if variable is None and source.where is not None:
+        raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(variables))}")
+    if variable is None or variable.causality not in _ALLOWED[causality]:
+        raise ValueError(f"lacks the {causality} {name!r}" + (f" [{role.unit}]" if role.unit else ""))
+    if source.where is None and variable.causality != causality:
+        raise ValueError(f"has {name!r} as {variable.causality}, not as {causality}")
+    if role.unit and variable.type not in REAL_TYPES:
+        raise ValueError(f"has {name!r} as {variable.type}, not as {REAL_TYPES[description.fmiVersion[0] == '3']}")
+    return variable, element
+
+
+_ALLOWED = {
+    "input": ("input",),
+    "output": ("output", "local", "internal"),
+    "parameter": ("parameter", "local", "internal", "input"),
+}
+"""Causalities that a declared role may have; FMI 1.0 has no parameters but internal variables with a start value."""
+
+
+def _element(description: Any, variable: Any, name: str, indices: list[int]) -> int:
+    shape = shape_of(description, variable)
+    if not shape:
+        raise ValueError(f"has {variable.name!r} as a scalar, of which there is no {name!r}")
+    if len(indices) != len(shape) or not all(1 <= i <= n for i, n in zip(indices, shape, strict=True)):
+        raise ValueError(
+            f"has {variable.name!r} with the dimensions {shape}, so that there is no {name!r}; the first index is 1"
+        )
+    element = 0
+    for index, n in zip(indices, shape, strict=True):
+        element = element * n + index - 1
+    return element
+
+
+def _read_as(role: Role, description: Any, variable: Any, element: int, source: RoleSource) -> BoundVariable:
+    own, wanted = _unit(description, variable, source.unit), units.parse(role.unit)
+    number, name = split(source.factor) if source.factor else (1.0, "1")
+    if number == 0 or not math.isfinite(number):
+        raise ValueError(f"cannot play {role.name!r} with factor={source.factor!r}: it must be finite and not zero")
+    read = own * units.parse(name)
+    if read.exponents != wanted.exponents:
+        times = f" times {source.factor}" if source.factor else ""
+        raise UnitError(f"offers a unit that does not fit: {variable.name!r} is in {own}{times}, not in {wanted}")
+    scale = number * read.factor / wanted.factor
+    return BoundVariable(variable, element, scale, quantity(source.offset, role.unit) if source.offset else 0.0)
+
+
+def _unit(description: Any, variable: Any, stated: str) -> units.Unit:
+    """Return the unit of a variable: as the FMU has it, else as a binding states it."""
+    if not stated:
+        return unit_of(description, variable)
+    unit = units.parse(stated)
+    try:
+        own = unit_of(description, variable)
+    except UnitError:  # it has none, or one that nobody knows
+        return unit
+    if own.exponents != unit.exponents or not math.isclose(own.factor, unit.factor, rel_tol=1e-9):
+        name = variable.unit or variable.declaredType.unit
+        raise UnitError(f"has {variable.name!r} in {name}, not in {stated} as the binding states")
+    return own
+
+
+def may_be_started(description: Any, variable: Any) -> bool:
+    """Return whether a variable has a start value that can be set."""
+    if description.fmiVersion == "1.0":
+        return variable.start is not None
+    return variable.initial in ("exact", "approx")
+
+
+def shape_of(description: Any, variable: Any) -> tuple[int, ...]:
+    """Return the dimensions of a variable; none of a scalar.
+
+    Raises
+    ------
+    ValueError
+        A dimension is not known.
+    """
+    shape = []
+    for dimension in variable.dimensions:
+        start = dimension.start if dimension.start is not None else dimension.variable.start
+        if start is None or not 1 <= int(start) <= 1_000_000:
+            raise ValueError(f"has {variable.name!r} with a dimension that is not known")
+        shape.append(int(start))
+    return tuple(shape)
+
+
+def start_of(description: Any, variable: Any) -> tuple[float, ...]:
+    """Return the start value of every element of a real variable; zero where the FMU states none."""
+    size = math.prod(shape_of(description, variable))
+    text = variable.start if isinstance(variable.start, str) else " ".join(map(str, variable.start or ()))
+    try:
+        numbers = tuple(float(number) for number in text.split())
+    except ValueError:
+        raise ValueError(f"has the start value {text[:40]!r} of {variable.name!r}, which is no number") from None
+    if len(numbers) not in (0, 1, size):
+        raise ValueError(f"has {len(numbers)} start values of {variable.name!r}, which has {size} elements")
+    return numbers if len(numbers) == size else (numbers or (0.0,)) * size
+
+
+def unit_of(description: Any, variable: Any) -> units.Unit:
+    """Return the unit of a variable: as the FMU defines it, or by its name where it is not defined.
+
+    Raises
+    ------
+    plants.UnitError
+        The variable has no unit, or one that is not known.
+    """
+    name = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    if not name:
+        raise UnitError(f'has {variable.name!r} without a unit: a binding states it, unit="..."')
+    for definition in description.unitDefinitions:
+        if definition.name == name and definition.baseUnit is not None:
+            base = definition.baseUnit
+            if base.offset != 0 or not 0.0 < base.factor < math.inf:
+                raise UnitError(f"has {variable.name!r} in {name}, with an offset or a factor that is not positive")
+            return units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
+    try:
+        return units.parse(name)
+    except UnitError as error:
+        raise UnitError(f"has {variable.name!r} in a unit that it does not define: {error}") from None
+
+
+def _described(bound: BoundRole) -> str:
+    if bound.played_by is None:
+        return f"{bound.constant} {bound.role.unit}".rstrip()
+    text = "".join(_parts(bound.role, bound.played_by))
+    if bound.initial is not None and bound.initial != bound.played_by:
+        text += f", started by {number_name(bound.initial)}"
+    return text
+
+
+def _parts(role: Role, bound: BoundVariable) -> Iterator[str]:
+    if bound.scale != 1:
+        yield f"{bound.scale:.6g} * "
+    yield number_name(bound)
+    if bound.offset != 0:
+        yield f" {bound.offset:+.6g} {role.unit}"
+
+
+def number_name(bound: BoundVariable) -> str:
+    """Return the name of a number: that of its variable, with the element of an array counted from 1."""
+    return f"{bound.variable.name}[{bound.element + 1}]" if bound.variable.dimensions else str(bound.variable.name)

@@ -1,0 +1,103 @@
+"""From a robot as a scenario has it to a plant of a fleet: which numbers are exchanged, and from where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.binding import BoundRole, BoundVariable, start_of
+from cosim.contract import Role
+from cosim.plant.fleet import Link, Member
+from cosim.plant.spec import Block, PlantSpec, Value
+from cosim.setup import RobotSetup
+
+DIVERGED_POSE = 1e9
+"""A pose entry beyond this magnitude [m, rad] is taken for divergence."""
+DIVERGED_VELOCITY = 1e6
+"""A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
+
+
+def member(robot: RobotSetup, stop_time: float) -> Member:
+    """Return the plant of a robot.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    stop_time
+        End of the run [s].
+    """
+    fmu, source, contract = robot.fmu, robot.source, robot.contract
+    description, binding = fmu.description, fmu.binding
+    states = (*contract.pose, *contract.velocity)
+    bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
+    inputs = (*(binding.bound[role.name] for role in contract.torque), *robot.inputs)
+    input_block, input_places = _block(description, inputs)
+    output_block, output_places = _block(description, binding.of(states))
+    spec = PlantSpec(
+        robot=robot.name,
+        file=fmu.path.name,
+        directory=str(fmu.directory),
+        fmi=description.fmiVersion,
+        interface=fmu.interface,
+        identifier=fmu.about_interface.modelIdentifier,
+        token=description.guid or "",
+        values=(*(parameter.as_value for parameter in robot.parameters), *_initial_values(robot)),
+        inputs=input_block,
+        outputs=output_block,
+        stop_time=stop_time,
+        states=description.numberOfContinuousStates,
+        event_indicators=description.numberOfEventIndicators,
+        **({"solver": source.solver} if source.solver else {}),
+        solver_steps=source.solver_steps,
+        tolerance=source.tolerance,
+        time_limit=source.time_limit,
+    )
+    return Member(
+        spec=spec,
+        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(inputs, input_places, strict=True)),
+        outputs=tuple(
+            _link(role, None if bound is None else bound.played_by, place, bound_by=most)
+            for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
+        ),
+        isolated=robot.isolated,
+        where=robot.where,
+    )
+
+
+def _block(description: Any, roles: Sequence[BoundRole | None]) -> tuple[Block, list[int]]:
+    """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it."""
+    first: dict[int, int] = {}  # by value reference
+    start: list[float] = []
+    places = []
+    for bound in roles:
+        if bound is None or bound.played_by is None:
+            places.append(-1)
+            continue
+        variable = bound.played_by.variable
+        if variable.valueReference not in first:
+            first[variable.valueReference] = len(start)
+            start += start_of(description, variable)
+        places.append(first[variable.valueReference] + bound.played_by.element)
+    return Block(tuple(first), tuple(start)), places
+
+
+def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: float = np.inf) -> Link:
+    scale, offset = (1.0, 0.0) if bound is None else (bound.scale, bound.offset)
+    return Link(role.name, role.unit, place, scale, offset, bound_by)
+
+
+def _initial_values(robot: RobotSetup) -> Iterable[Value]:
+    """Return the start values that put a robot at its initial pose; of an array, all of its elements."""
+    values: dict[int, tuple[Any, list[float]]] = {}
+    for bound, entry in zip(robot.fmu.binding.of(robot.contract.pose), robot.pose, strict=True):
+        assert bound is not None
+        assert bound.initial is not None
+        variable = bound.initial.variable
+        start = list(start_of(robot.fmu.description, variable))
+        _, elements = values.setdefault(variable.valueReference, (variable, start))
+        elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
+    for variable, elements in values.values():
+        yield Value(variable.name, variable.type, variable.valueReference, tuple(elements))

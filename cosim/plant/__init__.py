@@ -1,0 +1,5 @@
+"""Plants as the master sees them: a fleet of vehicles with poses and torques, whatever kind of FMU each of them is.
+
+`fleet` steps them all; `instance` starts one through FMPy; `stepping` and `model_exchange` call its functions from
+compiled code; `cvode` integrates it by FMPy's CVODE; `process` and `worker` keep it in a process of its own.
+"""

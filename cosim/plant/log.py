@@ -1,0 +1,108 @@
+"""What FMUs log, instance by instance."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+from collections import deque
+from typing import Any, ClassVar
+
+import fmpy
+from fmpy import fmi1, fmi2
+
+from cosim.errors import printable
+
+KEPT_MESSAGES = 20
+"""How many of the messages between two communication points are kept, the last ones."""
+MAX_LENGTH = 2000
+"""Of a message."""
+
+
+class Log:
+    """The last messages of one instance.
+
+    FMPy's proxy, which formats the variadic arguments of a message, knows a single Python function for the whole
+    process; the component environment tells instances of FMI 2.0 apart, the instance name those of FMI 1.0.
+
+    Parameters
+    ----------
+    instance_name
+        The name by which the FMU knows itself.
+    """
+
+    _handles = itertools.count(1)
+    _open: ClassVar[dict[int, Log]] = {}
+    pending: ClassVar[int] = 0
+    """How many messages were received in this process and not taken."""
+
+    def __init__(self, instance_name: str) -> None:
+        self._handle = next(self._handles)
+        self._name = instance_name.encode()
+        self._messages: deque[str] = deque(maxlen=KEPT_MESSAGES)
+        self._received = 0
+        self._open[self._handle] = self
+
+    @property
+    def callbacks_1(self) -> Any:
+        """The callback functions of FMI 1.0."""
+        callbacks = fmi1.fmi1CallbackFunctions()
+        callbacks.logger = _logger_1
+        callbacks.allocateMemory = fmi1.fmi1CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmi1.fmi1CallbackFreeMemoryTYPE(fmpy.free)
+        fmpy.logging.addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    @property
+    def callbacks_2(self) -> Any:
+        """The callback functions of FMI 2.0."""
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = _logger_2
+        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        callbacks.componentEnvironment = self._handle
+        fmpy.logging.addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    def log_message(self, _: int | None, status: int, category: bytes, message: bytes) -> None:
+        """Take a message of an FMI 3.0 instance."""
+        self._keep(message)
+
+    @classmethod
+    def receive(cls, handle: int | None, instance: bytes, status: int, category: bytes, message: bytes) -> None:
+        """Take a message that has come through FMPy's proxy."""
+        log = cls._open.get(handle or 0)
+        if log is None:
+            log = next((log for log in cls._open.values() if log._name == instance), None)
+        if log is not None:
+            log._keep(message)
+        else:  # an instance that something else in this process made through FMPy
+            fmi1.printLogMessage(handle, instance, status, category, message)
+
+    def _keep(self, message: bytes | None) -> None:
+        self._received += 1
+        Log.pending += 1
+        self._messages.append((message or b"")[:MAX_LENGTH].decode("utf-8", "replace"))
+
+    def take(self) -> str:
+        """Return the messages since the last time, printable, as one text."""
+        if not self._received:
+            return ""
+        text = printable(" ".join("; ".join(self._messages).split()))
+        if self._received > KEPT_MESSAGES:
+            text = f"{self._received} messages, the last of them: {text}"
+        self._forget()
+        return text
+
+    def close(self) -> None:
+        """Forget the instance."""
+        self._forget()
+        self._open.pop(self._handle, None)
+
+    def _forget(self) -> None:
+        self._messages.clear()
+        Log.pending -= self._received
+        self._received = 0
+
+
+_logger_1 = fmi1.fmi1CallbackLoggerTYPE(Log.receive)
+_logger_2 = fmi2.fmi2CallbackLoggerTYPE(Log.receive)

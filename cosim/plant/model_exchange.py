@@ -1,0 +1,175 @@
+"""A Model Exchange FMU integrated with a fixed step: FMI 2.0 (section 3.2) and FMI 3.0 (section 3.2), by address.
+
+Time events are hit exactly. A state event, a change of sign of an event indicator, is handled at the end of the solver
+step in which it happens: the error is of the order of that step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.calls import c_function, compiled
+from cosim.plant.outcome import COMPLETE, DERIVE, END, EVENT, FINE, ITERATE, WARNING
+
+FUNCTIONS = {
+    "set_time": ("SetTime", "SetTime"),
+    "set_states": ("SetContinuousStates", "SetContinuousStates"),
+    "get_states": ("GetContinuousStates", "GetContinuousStates"),
+    "get_derivatives": ("GetDerivatives", "GetContinuousStateDerivatives"),
+    "get_indicators": ("GetEventIndicators", "GetEventIndicators"),
+    "completed": ("CompletedIntegratorStep", "CompletedIntegratorStep"),
+    "enter_event": ("EnterEventMode", "EnterEventMode"),
+    "update": ("NewDiscreteStates", "UpdateDiscreteStates"),
+    "enter_continuous": ("EnterContinuousTimeMode", "EnterContinuousTimeMode"),
+}
+"""What is called, with its name in FMI 2.0 and in FMI 3.0."""
+
+SCRATCH = 8
+"""Doubles per plant for what FMI functions return through pointers."""
+
+_EULER, _RUNGE_KUTTA_4 = 0, 1
+_MAX_ITERATIONS = 100
+_SMALLEST_PART = 1e-9
+"""Of a solver step: a time event nearer than this counts as reached."""
+
+_STAGE_TIME = (0.0, 0.5, 0.5, 1.0)
+_STAGE_WEIGHT = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+
+_plain = c_function("pointer")
+_at_time = c_function("pointer", "double")
+_vector = c_function("pointer", "pointer", "size")
+_completed = c_function("pointer", "int", "pointer", "pointer")
+_update_3 = c_function("pointer", "pointer", "pointer", "pointer", "pointer", "pointer", "pointer")
+_update_2 = c_function("pointer", "pointer")
+
+
+def work_size(states: int, indicators: int) -> int:
+    """Return how many doubles of work space a plant needs."""
+    return 4 * states + 2 * indicators
+
+
+@compiled
+def integrate(
+    row: np.void, scratch: NDArray[np.float64], work: NDArray[np.float64], time: float, step: float
+) -> tuple[int, int]:
+    """Advance one plant by a communication step; see `cosim.plant.stepping.advance`.
+
+    The work space holds the states, those of a stage, its derivatives, their weighted sum, the event indicators before
+    and after a solver step.
+    """
+    nx, nz, place = row["states"], row["indicators"], row["work"]
+    status = _vector(row["get_states"], (row["component"], place, nx)) if nx > 0 else 0
+    if status > WARNING:
+        return DERIVE, status
+    if nz > 0:
+        status = _vector(row["get_indicators"], (row["component"], place + 8 * 4 * nx, nz))
+        if status > WARNING:
+            return EVENT, status
+    solver_step = step / row["steps"]
+    for part in range(row["steps"]):
+        now = time + part * solver_step
+        end = time + step if part + 1 == row["steps"] else time + (part + 1) * solver_step
+        while now < end:
+            until = end
+            if row["next_event"] < end - _SMALLEST_PART * solver_step:
+                until = max(row["next_event"], now)
+            if until > now:
+                status = _solver_step(row, work, now, until - now)
+                if status > WARNING:
+                    return DERIVE, status
+            now = until
+            what, status = _after_step(row, scratch, work, now)
+            if what != FINE:
+                return what, status
+            if row["next_event"] <= now:  # a time event that is not in the future would never be left behind
+                return ITERATE, status
+    return FINE, 0
+
+
+@compiled
+def _solver_step(row: np.void, work: NDArray[np.float64], now: float, step: float) -> int:
+    """Take a step of the method and leave the plant at its end."""
+    nx, first, place = row["states"], row["first"], row["work"]
+    stage, slope, total = first + nx, first + 2 * nx, first + 3 * nx
+    stages = 1 if row["method"] == _EULER else 4
+    for s in range(stages):
+        if s > 0:
+            status = _at_time(row["set_time"], (row["component"], now + _STAGE_TIME[s] * step))
+            if status > WARNING:
+                return status
+            for i in range(nx):
+                work[stage + i] = work[first + i] + _STAGE_TIME[s] * step * work[slope + i]
+            status = _vector(row["set_states"], (row["component"], place + 8 * nx, nx)) if nx > 0 else 0
+            if status > WARNING:
+                return status
+        if nx > 0:
+            status = _vector(row["get_derivatives"], (row["component"], place + 8 * 2 * nx, nx))
+            if status > WARNING:
+                return status
+        for i in range(nx):
+            weighted = work[slope + i] if stages == 1 else _STAGE_WEIGHT[s] * work[slope + i]
+            work[total + i] = weighted if s == 0 else work[total + i] + weighted
+    for i in range(nx):
+        work[first + i] += step * work[total + i]
+    status = _at_time(row["set_time"], (row["component"], now + step))
+    if status > WARNING or nx == 0:
+        return status
+    return _vector(row["set_states"], (row["component"], place, nx))
+
+
+@compiled
+def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.float64], now: float) -> tuple[int, int]:
+    """Complete a solver step and handle the events that it has brought."""
+    nx, nz, place = row["states"], row["indicators"], row["scratch"]
+    before, flags = row["first"] + 4 * nx, scratch.view(np.int32)
+    scratch[:] = 0.0
+    status = _completed(row["completed"], (row["component"], np.int32(1), place, place + 8))
+    if status > WARNING:
+        return COMPLETE, status
+    if flags[2] != 0:  # terminateSimulation
+        return END, status
+    event = flags[0] != 0 or now >= row["next_event"]
+    if nz > 0:
+        status = _vector(row["get_indicators"], (row["component"], row["work"] + 8 * (4 * nx + nz), nz))
+        if status > WARNING:
+            return EVENT, status
+        for i in range(nz):
+            event = event or (work[before + i] > 0) != (work[before + nz + i] > 0)
+            work[before + i] = work[before + nz + i]
+    if not event:
+        return FINE, status
+    what, status = _handle_event(row, scratch)
+    if what != FINE:
+        return what, status
+    if nx > 0:
+        status = _vector(row["get_states"], (row["component"], row["work"], nx))
+    if nz > 0 and status <= WARNING:
+        status = _vector(row["get_indicators"], (row["component"], row["work"] + 8 * 4 * nx, nz))
+    return (EVENT if status > WARNING else FINE), status
+
+
+@compiled
+def _handle_event(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int]:
+    """Go through Event Mode and back."""
+    flags, place = scratch.view(np.int32), row["scratch"]
+    status = _plain(row["enter_event"], (row["component"],))
+    if status > WARNING:
+        return EVENT, status
+    for _ in range(_MAX_ITERATIONS):
+        scratch[:] = 0.0
+        # Both versions return five flags and a time; in FMI 2.0 they are one structure.
+        if row["version"] == 3:
+            places = (row["component"], place, place + 4, place + 8, place + 12, place + 16, place + 24)
+            status = _update_3(row["update"], places)
+        else:
+            status = _update_2(row["update"], (row["component"], place))
+        if status > WARNING:
+            return EVENT, status
+        if flags[1] != 0:
+            return END, status
+        if flags[0] == 0:
+            row["next_event"] = scratch[3] if flags[4] != 0 else np.inf
+            status = _plain(row["enter_continuous"], (row["component"],))
+            return (EVENT if status > WARNING else FINE), status
+    return ITERATE, status

@@ -1,0 +1,32 @@
+"""What can become of a plant, and how it is told."""
+
+from __future__ import annotations
+
+FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = range(9)
+
+FAILURES = {
+    ACCEPT: "did not accept its inputs",
+    COMPLETE: "did not complete the step",
+    RETURN: "did not return its outputs",
+    END: "asks to end the simulation",
+    EARLY: "returned early from the step without having advanced",
+    DERIVE: "did not return the derivatives of its states",
+    EVENT: "did not process an event",
+    ITERATE: "iterates over its discrete states without end",
+}
+"""What a plant did, by what failed."""
+
+STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+WARNING, ERROR, FATAL = 1, 3, 4
+"""The largest status with which a run goes on; those after which an instance is of no more use."""
+
+
+class PlantError(Exception):
+    """A plant failed or refused something; the text, of which the plant is the subject, says what."""
+
+
+def failure(what: int, status: int, said: str) -> str:
+    """Return what a plant did, with the status of the FMI call and what the FMU has logged."""
+    name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+    text = FAILURES[what] + (f" (status {name})" if status > WARNING else "")
+    return f"{text}: {said}" if said else text

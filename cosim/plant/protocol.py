@@ -1,0 +1,36 @@
+"""What the harness and a plant's own process say to each other, through a pipe each way.
+
+A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. What comes from
+the plant's process is numbers and text, never anything that is executed: the FMU may have written it.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+
+HEADER = struct.Struct("<BI")
+START, STEP, CHANGE, END = range(4)
+"""Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
+DONE, FAILED = range(2)
+"""Kinds of replies: the outputs as doubles, if any, and what was logged; a text on what failed."""
+MAX_TEXT = 65536
+"""Bytes of text in a reply."""
+
+
+def send(pipe: int, kind: int, body: bytes) -> None:
+    """Write a frame."""
+    data = HEADER.pack(kind, len(body)) + body
+    while data:
+        data = data[os.write(pipe, data) :]
+
+
+def exactly(pipe: int, length: int) -> bytes | None:
+    """Read so many bytes; None if the pipe ends before."""
+    data = b""
+    while len(data) < length:
+        part = os.read(pipe, length - len(data))
+        if not part:
+            return None
+        data += part
+    return data

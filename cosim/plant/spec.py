@@ -1,0 +1,107 @@
+"""What is needed to start a plant, as plain data: it is the same in this process and in one of the plant's own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+CO_SIMULATION = "co_simulation"
+MODEL_EXCHANGE = "model_exchange"
+SOLVERS = ("euler", "runge_kutta_4", "cvode")
+"""What integrates a Model Exchange FMU."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value of a variable of an FMU; an array has all of its elements, in row-major order."""
+
+    name: str
+    type: str
+    reference: int
+    values: tuple[float | int | bool | str, ...]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Real variables that are exchanged together.
+
+    Attributes
+    ----------
+    references : tuple of int
+        Their value references.
+    start : tuple of float
+        A value of every element of every variable, in this order.
+    """
+
+    references: tuple[int, ...]
+    start: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PlantSpec:
+    """One plant.
+
+    Attributes
+    ----------
+    robot : str
+        Which robot it is; the FMU's instance name.
+    file : str
+        The FMU as messages name it.
+    directory : str
+        Where the FMU is unpacked.
+    fmi, interface, identifier, token : str
+        Version of FMI (``1.0``, ``2.0``, ``3.0``), `CO_SIMULATION` or `MODEL_EXCHANGE`, model identifier, and GUID or
+        instantiation token.
+    values : tuple of Value
+        Start values and parameters.
+    inputs, outputs : Block
+        What it is given and what it returns at every communication point.
+    stop_time : float
+        End of the run [s].
+    states, event_indicators : int
+        How many a Model Exchange FMU of FMI 2.0 has; one of FMI 3.0 is asked.
+    solver : str
+        Of a Model Exchange FMU: one of `SOLVERS`.
+    solver_steps : int
+        How many steps of the solver make a communication step.
+    tolerance : float
+        Relative tolerance of a solver with variable steps.
+    time_limit : float
+        Of a process of its own: how long [s] the plant may take to start, for a step, and to end.
+    """
+
+    robot: str
+    file: str
+    directory: str
+    fmi: str
+    interface: str
+    identifier: str
+    token: str
+    values: tuple[Value, ...]
+    inputs: Block
+    outputs: Block
+    stop_time: float
+    states: int = 0
+    event_indicators: int = 0
+    solver: str = "runge_kutta_4"
+    solver_steps: int = 1
+    tolerance: float = 1e-6
+    time_limit: float = 10.0
+
+    def to_json(self) -> bytes:
+        """Return a text from which `from_json` makes the same again, to the bit."""
+        return json.dumps(asdict(self)).encode()
+
+    @classmethod
+    def from_json(cls, text: bytes) -> PlantSpec:
+        """Return what `to_json` has written."""
+        data = json.loads(text)
+        data["values"] = tuple(values_from(data["values"]))
+        for block in ("inputs", "outputs"):
+            data[block] = Block(**{name: tuple(values) for name, values in data[block].items()})
+        return cls(**data)
+
+
+def values_from(data: list[dict[str, object]]) -> tuple[Value, ...]:
+    """Return values as `dataclasses.asdict` and JSON have left them."""
+    return tuple(Value(**{**value, "values": tuple(value["values"])}) for value in data)  # type: ignore[arg-type]

@@ -1,0 +1,194 @@
+"""Giving inputs to a plant, advancing it by one communication step, and reading its outputs.
+
+The functions that FMPy has loaded are called by address with arguments prepared once: FMI 1.0 for Co-Simulation
+(section 3.4), FMI 2.0 (section 4.2) and FMI 3.0 (section 4.2). Those of Model Exchange are in `model_exchange`.
+Everything a call needs is in one record of `ROW`; what it writes is in arrays that the records point into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.calls import c_function, compiled
+from cosim.plant.instance import Instance
+from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, integrate, work_size
+from cosim.plant.outcome import ACCEPT, COMPLETE, EARLY, END, FINE, RETURN, WARNING
+from cosim.plant.spec import CO_SIMULATION, SOLVERS
+
+EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
+"""Kinds of plants: stepped elsewhere; Co-Simulation of FMI 1.0 and 2.0; of FMI 3.0; Model Exchange."""
+
+ROW = np.dtype(
+    [("next_event", np.float64)]
+    + [
+        (name, np.int64)
+        for name in (
+            *("kind", "version", "component", "set", "get", "step"),
+            *("in_names", "in_count", "in_values", "in_size"),
+            *("out_names", "out_count", "out_values", "out_size"),
+            *("scratch", "method", "steps", "states", "indicators", "work", "first"),
+            *FUNCTIONS,
+            *("what", "status"),
+        )
+    ]
+)
+
+_exchange = c_function("pointer", "pointer", "size", "pointer")
+_exchange_3 = c_function("pointer", "pointer", "size", "pointer", "size")
+_do_step = c_function("pointer", "double", "double", "int")
+_do_step_3 = c_function("pointer", "double", "double", "int", "pointer", "pointer", "pointer", "pointer")
+
+_SMALLEST_PART = 1e-9
+"""Of a communication step: what is left after an early return counts as done below it."""
+
+
+class Rows:
+    """What the calls of several plants need, and where they leave what they return.
+
+    Parameters
+    ----------
+    instances
+        The plants; None for one that is stepped elsewhere, such as in a process of its own.
+    sizes
+        How many numbers each plant is given and returns.
+
+    Attributes
+    ----------
+    rows : ndarray of ROW
+        A record a plant; ``next_event`` is the time [s] of its next time event, ``what`` and ``status`` what became of
+        its last step.
+    inputs, outputs : ndarray
+        What is given and returned, one plant after the other, in the FMUs' own units.
+    first_input, first_output : ndarray of int
+        Where in these each plant begins; the last entry is the end.
+    scratch, work
+        Space for what functions return through pointers, and for solvers.
+    """
+
+    def __init__(self, instances: Sequence[Instance | None], sizes: Sequence[tuple[int, int]]) -> None:
+        n = len(instances)
+        self.first_input, self.first_output = (
+            np.cumsum([0, *column], dtype=np.int64) for column in (zip(*sizes, strict=True) if n else ((), ()))
+        )
+        self.inputs = np.zeros(self.first_input[-1])
+        self.outputs = np.zeros(self.first_output[-1])
+        self.rows = np.zeros(n, ROW)
+        self.scratch = np.zeros((n, SCRATCH))
+        self.work = np.zeros(sum(work_size(i.states, i.event_indicators) for i in instances if i is not None))
+        self._names: list[NDArray[np.uint32]] = []  # keeps alive what the records point to
+        first = 0
+        for index, instance in enumerate(instances):
+            if instance is not None:
+                self._fill(index, instance, first)
+                first += work_size(instance.states, instance.event_indicators)
+
+    def _fill(self, index: int, instance: Instance, first: int) -> None:
+        spec, row = instance.spec, self.rows[index]
+        slave = spec.interface == CO_SIMULATION
+        row["version"] = int(spec.fmi[0])
+        row["kind"] = MODEL if not slave else (SLAVE_3 if row["version"] == 3 else SLAVE)
+        row["component"] = instance.component
+        real = "Float64" if row["version"] == 3 else "Real"
+        row["set"], row["get"] = instance.address(f"Set{real}"), instance.address(f"Get{real}")
+        for which, block, values, starts in (
+            ("in", spec.inputs, self.inputs, self.first_input),
+            ("out", spec.outputs, self.outputs, self.first_output),
+        ):
+            names = np.array(block.references, dtype=np.uint32)
+            self._names.append(names)
+            row[f"{which}_names"], row[f"{which}_count"] = names.ctypes.data, len(names)
+            row[f"{which}_values"] = values.ctypes.data + 8 * starts[index]
+            row[f"{which}_size"] = len(block.start)
+            values[starts[index] : starts[index + 1]] = block.start
+        row["scratch"] = self.scratch[index].ctypes.data
+        if slave:
+            row["step"] = instance.address("DoStep")
+            return
+        row["method"], row["steps"] = SOLVERS.index(spec.solver), spec.solver_steps
+        row["states"], row["indicators"] = instance.states, instance.event_indicators
+        row["first"], row["work"] = first, self.work.ctypes.data + 8 * first
+        for field, functions in FUNCTIONS.items():
+            row[field] = instance.address(functions[row["version"] - 2])
+        row["next_event"] = instance.next_event
+
+
+@compiled
+def read_outputs(row: np.void) -> tuple[int, int]:
+    """Read the outputs of one plant; return what failed and the status."""
+    if row["version"] == 3:
+        arguments = (row["component"], row["out_names"], row["out_count"], row["out_values"], row["out_size"])
+        status = _exchange_3(row["get"], arguments)
+    else:
+        status = _exchange(row["get"], (row["component"], row["out_names"], row["out_count"], row["out_values"]))
+    return (RETURN if status > WARNING else FINE), status
+
+
+@compiled
+def advance(
+    row: np.void,
+    scratch: NDArray[np.float64],
+    work: NDArray[np.float64],
+    time: float,
+    step: float,
+) -> tuple[int, int]:
+    """Give one plant its inputs, advance it by a communication step and read its outputs.
+
+    Parameters
+    ----------
+    row
+        The plant's record.
+    scratch, work
+        Those of `Rows`, of the former the plant's own.
+    time, step
+        The communication point and the step [s].
+
+    Returns
+    -------
+    tuple of int
+        What failed, of `cosim.plant.outcome`, and the status of the FMI call.
+    """
+    status = 0
+    if row["in_count"] > 0:
+        if row["version"] == 3:
+            arguments = (row["component"], row["in_names"], row["in_count"], row["in_values"], row["in_size"])
+            status = _exchange_3(row["set"], arguments)
+        else:
+            status = _exchange(row["set"], (row["component"], row["in_names"], row["in_count"], row["in_values"]))
+        if status > WARNING:
+            return ACCEPT, status
+    what = FINE
+    if row["kind"] == SLAVE:
+        status = _do_step(row["step"], (row["component"], time, step, np.int32(1)))
+        what = COMPLETE if status > WARNING else FINE
+    elif row["kind"] == SLAVE_3:
+        what, status = _step_3(row, scratch, time, step)
+    else:
+        what, status = integrate(row, scratch, work, time, step)
+    if what != FINE:
+        return what, status
+    return read_outputs(row)
+
+
+@compiled
+def _step_3(row: np.void, scratch: NDArray[np.float64], time: float, step: float) -> tuple[int, int]:
+    """Take a step of FMI 3.0; where the FMU returns early though nobody allowed it, take the rest as well."""
+    flags = scratch.view(np.int32)
+    start, end = time, time + step
+    while True:
+        scratch[:] = 0.0
+        place = row["scratch"]
+        rest = step if start == time else end - start
+        arguments = (row["component"], start, rest, np.int32(1), place, place + 8, place + 16, place + 24)
+        status = _do_step_3(row["step"], arguments)
+        if status > WARNING:
+            return COMPLETE, status
+        if flags[2] != 0:  # terminateSimulation
+            return END, status
+        if flags[4] == 0 or end - scratch[3] <= _SMALLEST_PART * step:  # earlyReturn
+            return FINE, status
+        if not scratch[3] > start:
+            return EARLY, status
+        start = scratch[3]

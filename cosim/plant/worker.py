@@ -1,0 +1,171 @@
+"""The process of its own in which a plant runs: ``python -m cosim.plant.worker``, started by `cosim.plant.process`.
+
+Requests come through standard input and replies go out through standard output, both moved out of the FMU's reach
+first: what the FMU prints goes to standard error.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+import traceback
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.cvode import CvodePlant, uses_cvode
+from cosim.plant.instance import Instance
+from cosim.plant.outcome import FINE, PlantError, failure
+from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_TEXT, START, STEP, exactly, send
+from cosim.plant.spec import PlantSpec, Value, values_from
+from cosim.plant.stepping import Rows, advance, read_outputs
+
+_ORPHAN_CHECK = 1.0
+"""How often [s] it is checked whether the harness is still there."""
+
+
+class StepwisePlant(Protocol):
+    """A plant that is stepped one call at a time.
+
+    Legal call order: `begin` and `finish` by turns, `change` and `take_messages` in between, `close` once.
+    """
+
+    first_outputs: list[float]
+
+    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
+        """Begin a communication step."""
+
+    def finish(self, outputs: NDArray[np.float64]) -> None:
+        """Wait for its end and write the outputs, or raise PlantError."""
+
+    def change(self, values: tuple[Value, ...]) -> None:
+        """Change parameters, or raise PlantError."""
+
+    def take_messages(self) -> str:
+        """Return what was logged since the last time."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class LocalPlant:
+    """A plant that is not CVODE's, stepped here.
+
+    Raises
+    ------
+    PlantError
+        See `cosim.plant.instance.Instance`.
+    """
+
+    def __init__(self, spec: PlantSpec) -> None:
+        self._instance = Instance(spec)
+        try:
+            self._rows = Rows([self._instance], [(len(spec.inputs.start), len(spec.outputs.start))])
+            self._check(*read_outputs(self._rows.rows[0]))
+        except PlantError:
+            self.close()
+            raise
+        self.first_outputs = self._rows.outputs.tolist()
+
+    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
+        """Give the inputs."""
+        self._rows.inputs[:] = inputs
+        self._pending = (time, step)
+
+    def finish(self, outputs: NDArray[np.float64]) -> None:
+        """Take the step and write the outputs.
+
+        Raises
+        ------
+        PlantError
+            The FMU failed.
+        """
+        rows = self._rows
+        self._check(*advance(rows.rows[0], rows.scratch[0], rows.work, *self._pending))
+        outputs[:] = rows.outputs
+
+    def change(self, values: tuple[Value, ...]) -> None:
+        """See `Instance.change`."""
+        self._instance.change(values)
+        self._rows.rows["next_event"] = self._instance.next_event
+
+    def take_messages(self) -> str:
+        """Return what the FMU has logged since the last time."""
+        return self._instance.log.take()
+
+    def close(self) -> None:
+        """End the plant."""
+        self._instance.close()
+
+    def _check(self, what: int, status: int) -> None:
+        if what != FINE:
+            self._instance.status = status
+            raise PlantError(failure(what, status, self.take_messages()))
+
+
+def main() -> None:
+    """Serve one plant until the harness says that it ends, or is gone."""
+    requests, replies = os.dup(0), os.dup(1)
+    os.dup2(os.open(os.devnull, os.O_RDWR), 0)
+    os.dup2(2, 1)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    status = 0
+    try:
+        _serve(requests, replies)
+    except BaseException:
+        traceback.print_exc()
+        status = 1
+    os._exit(status)  # an FMU's exit handlers are no concern of ours
+
+
+def _serve(requests: int, replies: int) -> None:
+    plant: StepwisePlant | None = None
+    while (request := _receive(requests)) is not None:
+        kind, body = request
+        numbers = b""
+        try:
+            if kind == START:
+                spec = PlantSpec.from_json(body)
+                plant = (CvodePlant if uses_cvode(spec) else LocalPlant)(spec)
+                outputs = np.array(plant.first_outputs, dtype=np.float64)
+                numbers = outputs.tobytes()
+            elif plant is None:
+                return
+            elif kind == STEP:
+                given = np.frombuffer(body, dtype=np.float64)
+                plant.begin(float(given[0]), float(given[1]), given[2:])
+                plant.finish(outputs)
+                numbers = outputs.tobytes()
+            elif kind == CHANGE:
+                plant.change(values_from(json.loads(body)))
+            elif kind == END:
+                plant.close()
+        except PlantError as error:
+            send(replies, FAILED, str(error).encode()[:MAX_TEXT])
+        else:
+            assert plant is not None
+            send(replies, DONE, numbers + plant.take_messages().encode()[:MAX_TEXT])
+
+
+def _receive(pipe: int) -> tuple[int, bytes] | None:
+    """Return the next request, None at the end."""
+    header = exactly(pipe, HEADER.size)
+    if header is None:
+        return None
+    kind, length = HEADER.unpack(header)
+    body = exactly(pipe, length)
+    return None if body is None else (kind, body)
+
+
+def _end_with(parent: int) -> None:
+    """End this process, whatever the FMU is doing, when the harness has gone."""
+    while os.getppid() == parent:
+        time.sleep(_ORPHAN_CHECK)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

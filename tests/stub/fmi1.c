@@ -1,0 +1,193 @@
+/* FMI 1.0 for Co-Simulation. MODEL is the model identifier, with which all names begin. */
+#include "stub_model.h"
+
+#include "fmi1Functions.h"
+
+#define JOIN(model, name) model##_##name
+#define NAMED(model, name) JOIN(model, name)
+#define FMI(name) NAMED(MODEL, name)
+#define REQUIRE(name, modes) do { if (!allowed(c, name, (unsigned)(modes))) return fmi1Error; } while (0)
+
+enum { ANY = ~0, BEFORE = 1 << CREATED, READABLE = 1 << CREATED | 1 << STEP_MODE | 1 << TERMINATED,
+       SETTABLE = 1 << CREATED | 1 << STEP_MODE };
+
+static void log_message(Stub *s, Status status, const char *category, const char *text, bool as_format)
+{
+    const fmi1CallbackLogger logger = (fmi1CallbackLogger)s->logger;
+    if (logger == NULL) return;
+    if (as_format) logger(s->environment, s->name, (fmi1Status)status, category, text);
+    else logger(s->environment, s->name, (fmi1Status)status, category, "%s", text);
+}
+
+#pragma GCC visibility push(default) /* all that is not static, to the end */
+
+const char *FMI(fmiGetTypesPlatform)(void) { return "standard32"; }
+const char *FMI(fmiGetVersion)(void) { return "1.0"; }
+
+fmi1Status FMI(fmiSetDebugLogging)(fmi1Component c, fmi1Boolean on)
+{
+    REQUIRE("fmiSetDebugLogging", ANY);
+    (void)on;
+    return fmi1OK;
+}
+
+fmi1Component FMI(fmiInstantiateSlave)(fmi1String name, fmi1String guid, fmi1String location, fmi1String mime_type,
+                                       fmi1Real timeout, fmi1Boolean visible, fmi1Boolean interactive,
+                                       fmi1CallbackFunctions functions, fmi1Boolean logging)
+{
+    (void)location, (void)mime_type, (void)timeout, (void)visible, (void)interactive, (void)logging;
+    const Stub made = {.log = log_message, .logger = (void (*)(void))functions.logger};
+    Stub *const s = create(made, name, guid, false);
+    if (s != NULL) s->environment = s; /* the logger of FMI 1 is given the component */
+    return s;
+}
+
+fmi1Status FMI(fmiInitializeSlave)(fmi1Component c, fmi1Real start, fmi1Boolean has_stop, fmi1Real stop)
+{
+    REQUIRE("fmiInitializeSlave", BEFORE);
+    (void)has_stop, (void)stop;
+    ((Stub *)c)->car.time = start;
+    return (fmi1Status)finish_initialization(c, STEP_MODE);
+}
+
+fmi1Status FMI(fmiTerminateSlave)(fmi1Component c)
+{
+    REQUIRE("fmiTerminateSlave", 1 << STEP_MODE);
+    return (fmi1Status)finish(c);
+}
+
+fmi1Status FMI(fmiResetSlave)(fmi1Component c)
+{
+    REQUIRE("fmiResetSlave", ANY);
+    reset(c, ((Stub *)c)->car.when);
+    return fmi1OK;
+}
+
+void FMI(fmiFreeSlaveInstance)(fmi1Component c) { destroy(c); }
+
+#define EACH(name, modes, call) \
+    REQUIRE(name, modes); \
+    Status worst = OK; \
+    for (size_t i = 0; i < n; i++) { \
+        const Status status = call; \
+        if (status > worst) worst = status; \
+    } \
+    return (fmi1Status)worst;
+
+fmi1Status FMI(fmiGetReal)(fmi1Component c, const fmi1ValueReference reference[], size_t n, fmi1Real value[])
+{
+    EACH("fmiGetReal", READABLE, get_real(c, reference[i], &value[i]))
+}
+
+fmi1Status FMI(fmiSetReal)(fmi1Component c, const fmi1ValueReference reference[], size_t n, const fmi1Real value[])
+{
+    EACH("fmiSetReal", SETTABLE, set_real(c, reference[i], &value[i]))
+}
+
+fmi1Status FMI(fmiGetInteger)(fmi1Component c, const fmi1ValueReference reference[], size_t n, fmi1Integer value[])
+{
+    EACH("fmiGetInteger", READABLE, get_whole(c, reference[i], &value[i]))
+}
+
+fmi1Status FMI(fmiSetInteger)(fmi1Component c, const fmi1ValueReference reference[], size_t n, const fmi1Integer value[])
+{
+    EACH("fmiSetInteger", SETTABLE, set_whole(c, reference[i], value[i]))
+}
+
+static fmi1Status none(Stub *s, const char *function, size_t n)
+{
+    if (n == 0) return fmi1OK;
+    say(s, ERROR, "%s is not supported", function);
+    return fmi1Error;
+}
+
+fmi1Status FMI(fmiGetBoolean)(fmi1Component c, const fmi1ValueReference r[], size_t n, fmi1Boolean value[])
+{
+    (void)r, (void)value;
+    return none(c, "fmiGetBoolean", n);
+}
+
+fmi1Status FMI(fmiGetString)(fmi1Component c, const fmi1ValueReference r[], size_t n, fmi1String value[])
+{
+    (void)r, (void)value;
+    return none(c, "fmiGetString", n);
+}
+
+fmi1Status FMI(fmiSetBoolean)(fmi1Component c, const fmi1ValueReference r[], size_t n, const fmi1Boolean value[])
+{
+    (void)r, (void)value;
+    return none(c, "fmiSetBoolean", n);
+}
+
+fmi1Status FMI(fmiSetString)(fmi1Component c, const fmi1ValueReference r[], size_t n, const fmi1String value[])
+{
+    (void)r, (void)value;
+    return none(c, "fmiSetString", n);
+}
+
+fmi1Status FMI(fmiSetRealInputDerivatives)(fmi1Component c, const fmi1ValueReference r[], size_t n,
+                                           const fmi1Integer order[], const fmi1Real value[])
+{
+    (void)r, (void)order, (void)value;
+    return none(c, "fmiSetRealInputDerivatives", n);
+}
+
+fmi1Status FMI(fmiGetRealOutputDerivatives)(fmi1Component c, const fmi1ValueReference r[], size_t n,
+                                            const fmi1Integer order[], fmi1Real value[])
+{
+    (void)r, (void)order, (void)value;
+    return none(c, "fmiGetRealOutputDerivatives", n);
+}
+
+#ifndef WITHOUT_DO_STEP
+fmi1Status FMI(fmiDoStep)(fmi1Component c, fmi1Real time, fmi1Real h, fmi1Boolean new_step)
+{
+    Stub *const s = c;
+    if (s->nothing) return fmi1OK;
+    REQUIRE("fmiDoStep", 1 << STEP_MODE);
+    (void)new_step;
+    const Status status = begin_step(s, time, h);
+    if (status >= DISCARD) return (fmi1Status)status;
+    if (s->car.terminated) {
+        say(s, DISCARD, "it asks for the end of the simulation at t = %g s", time);
+        return fmi1Discard;
+    }
+    advance(s, time + h);
+    s->car.last_successful_time = s->car.time;
+    return (fmi1Status)status;
+}
+#endif
+
+fmi1Status FMI(fmiCancelStep)(fmi1Component c) { return none(c, "fmiCancelStep", 1); }
+
+fmi1Status FMI(fmiGetStatus)(fmi1Component c, const fmi1StatusKind kind, fmi1Status *value)
+{
+    (void)c;
+    *value = fmi1OK;
+    return kind == fmi1DoStepStatus ? fmi1OK : fmi1Discard;
+}
+
+fmi1Status FMI(fmiGetRealStatus)(fmi1Component c, const fmi1StatusKind kind, fmi1Real *value)
+{
+    *value = ((Stub *)c)->car.last_successful_time;
+    return kind == fmi1LastSuccessfulTime ? fmi1OK : fmi1Discard;
+}
+
+fmi1Status FMI(fmiGetIntegerStatus)(fmi1Component c, const fmi1StatusKind kind, fmi1Integer *value)
+{
+    (void)c, (void)kind, (void)value;
+    return fmi1Discard;
+}
+
+fmi1Status FMI(fmiGetBooleanStatus)(fmi1Component c, const fmi1StatusKind kind, fmi1Boolean *value)
+{
+    (void)c, (void)kind, (void)value;
+    return fmi1Discard;
+}
+
+fmi1Status FMI(fmiGetStringStatus)(fmi1Component c, const fmi1StatusKind kind, fmi1String *value)
+{
+    (void)c;
+    *value = "";
+    return kind == fmi1PendingStatus ? fmi1OK : fmi1Discard;
+}

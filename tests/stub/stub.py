@@ -1,0 +1,574 @@
+"""FMUs for tests that behave well, unusually or badly, made of C written for that: see stub_model.h.
+
+The token (guid) in a model description tells the binary what to do: one binary serves all FMUs of a version of FMI.
+"""
+
+import functools
+import importlib.util
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from plants.factory.compile import compile_library, find_compiler
+from plants.factory.platforms import Platform, host
+
+HERE = Path(__file__).parent
+
+BEHAVIOURS = {
+    "good": "does all right",
+    "nothing": "every call returns OK, a step does nothing, the outputs stay",
+    "segfault": "writes to an address that is not its own",
+    "exit": "calls exit(7)",
+    "abort": "calls abort()",
+    "hang": "sleeps for ever",
+    "hang_stubborn": "sleeps for ever, and ignores SIGTERM and SIGINT",
+    "spin": "computes for ever",
+    "slow": "sleeps for `seconds`",
+    "warning": "returns Warning, having logged why",
+    "discard": "returns Discard, having logged why",
+    "error": "returns Error, having logged why",
+    "fatal": "returns Fatal, having logged why",
+    "fatal_strict": "returns Fatal, and aborts in any later call",
+    "pending": "returns Pending, which FMI 2 alone has, though it is not asynchronous",
+    "illegal": "returns the status 17, which does not exist",
+    "terminate": "asks for the end of the simulation",
+    "log_million": "logs `lines` lines, once",
+    "log_odd": "logs percent signs, bytes that are not UTF-8 and control characters, once",
+    "log_percent": "logs a text with a bare percent sign; in FMI 1 and 2, where it is a format, that is a fault",
+    "log_long": "logs one line of a million characters, once",
+    "nan": "has x = NaN; `place` does not matter",
+    "infinity": "has v = infinity; `place` does not matter",
+    "print": "prints a line to stdout",
+    "close_descriptors": "closes the file descriptors 0, 1 and 2",
+    "rounding": "lets floating-point numbers be rounded upward",
+    "trap": "lets invalid floating-point operations raise SIGFPE (glibc)",
+    "chdir": "changes the working directory to /",
+    "signals": "ignores SIGINT",
+}
+"""What a stub can be made to do at its `place`. Before what ends or hangs the process it logs a line."""
+
+PLACES = {
+    "instantiate": "where an error gives no instance",
+    "initialization": "on leaving the initialization mode",
+    "set": "on setting an input, from the time `when`",
+    "get": "on getting an output that is a state, from the time `when`",
+    "step": "in a step (Model Exchange: on getting derivatives) that begins at the time `when` or later",
+    "terminate": "on terminating",
+    "free": "on freeing the instance",
+}
+"""In which function a stub does what it is made to do."""
+
+_PLACE = dict.fromkeys(("rounding", "trap", "chdir", "signals"), "instantiate")
+_ROLES = ("x", "y", "psi", "gamma", "v", "omega")
+
+# Unit of each state, of the torques, of the wheelbase, of the time.
+_UNITS: dict[str, tuple[str, ...]] = {
+    "si": ("m", "m", "rad", "rad", "m/s", "rad/s", "N.m", "m", "s"),
+    "deg": ("m", "m", "deg", "deg", "km/h", "deg/s", "N.m", "m", "s"),
+    "names": (
+        "metre",
+        "metre",
+        "radian",
+        "radian",
+        "metre per second",
+        "radian per second",
+        "newton metre",
+        "metre",
+        "second",
+    ),
+    "none": ("",) * 9,
+}
+_DEGREE = repr(3.141592653589793 / 180)
+_BASE = {
+    "m": 'm="1"',
+    "rad": 'rad="1"',
+    "m/s": 'm="1" s="-1"',
+    "rad/s": 'rad="1" s="-1"',
+    "m/s2": 'm="1" s="-2"',
+    "rad/s2": 'rad="1" s="-2"',
+    "N.m": 'kg="1" m="2" s="-2"',
+    "s": 's="1"',
+    "W": 'kg="1" m="2" s="-3"',
+    "deg": f'rad="1" factor="{_DEGREE}"',
+    "deg/s": f'rad="1" s="-1" factor="{_DEGREE}"',
+    "deg/s2": f'rad="1" s="-2" factor="{_DEGREE}"',
+    "km/h": f'm="1" s="-1" factor="{1 / 3.6!r}"',
+    "km/h/s": f'm="1" s="-2" factor="{1 / 3.6!r}"',
+    "metre": 'm="1"',
+    "radian": 'rad="1"',
+    "metre per second": 'm="1" s="-1"',
+    "radian per second": 'rad="1" s="-1"',
+    "metre per second squared": 'm="1" s="-2"',
+    "radian per second squared": 'rad="1" s="-2"',
+    "newton metre": 'kg="1" m="2" s="-2"',
+    "second": 's="1"',
+    "watt": 'kg="1" m="2" s="-3"',
+}
+_RATE = {
+    "m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2", "deg": "deg/s", "deg/s": "deg/s2", "km/h": "km/h/s",
+    "metre": "metre per second", "radian": "radian per second", "metre per second": "metre per second squared",
+    "radian per second": "radian per second squared", "": "",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a stub: what the model description says of it, in the words of FMI 2 and 3."""
+
+    name: str
+    reference: int
+    causality: str
+    variability: str = "continuous"
+    initial: str = ""
+    unit: str = ""
+    start: str = ""
+    derivative: int | None = None
+    size: int | None = None
+    kind: str = "real"
+    dependencies: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a stub is described, and what it does: see `make_fmu`."""
+
+    fmi: str = "2.0"
+    interface: str = "co_simulation"
+    behaviour: str = "good"
+    name: str = "stub"
+    place: str = ""
+    when: float = 1.0
+    lines: int = 1_000_000
+    seconds: float = 0.1
+    once: bool = False
+    variable_step: bool = True
+    fixed_step: float | None = None
+    save: bool = False
+    event_mode: bool = False
+    early_return: str = ""
+    intermediate_update: bool = False
+    arrays: bool = False
+    end_stop: float | None = None
+    time_event: bool = False
+    step_event: bool = False
+    feedthrough: bool = False
+    units: str = "si"
+    initial: str = "exact"
+    velocities: bool = True
+    drive: bool = True
+    fillers: int = 0
+    names: Mapping[str, str] | None = None
+    execution_tool: bool = False
+    macros: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        three = self.fmi == "3.0"
+        wrong = (
+            self.fmi not in ("1.0", "2.0", "3.0")
+            or self.interface not in ("co_simulation", "model_exchange", "both")
+            or (self.fmi == "1.0" and self.interface != "co_simulation")
+            or self.behaviour not in BEHAVIOURS
+            or self.place not in ("", *PLACES)
+            or self.early_return not in ("", "allowed", "always")
+            or self.units not in _UNITS
+            or self.initial not in ("exact", "parameters")
+            or (not three and (self.event_mode or self.early_return or self.intermediate_update or self.arrays))
+            or (self.fixed_step is not None and bool(self.early_return or self.intermediate_update))
+        )
+        if wrong:
+            raise ValueError(f"no stub can be made of {self}")
+
+    @property
+    def model_exchange(self) -> bool:
+        return self.interface != "co_simulation"
+
+    @property
+    def completed_steps(self) -> bool:
+        return self.step_event or self.behaviour == "terminate"
+
+    @property
+    def token(self) -> str:
+        """The token that tells the binary what to do."""
+        said = {
+            "behaviour": self.behaviour,
+            "place": self.place or _PLACE.get(self.behaviour, "step"),
+            "when": repr(float(self.when)),
+            "units": self.units,
+            "lines": self.lines,
+            "seconds": self.seconds,
+            "end_stop": self.end_stop,
+            "fixed_step": self.fixed_step,
+            "once": self.once,
+            "time_event": self.time_event or self.event_mode,
+            "step_event": self.step_event,
+            "start_parameters": self.initial == "parameters",
+            "event_mode": self.event_mode,
+            "early_return": bool(self.early_return),
+            "early_always": self.early_return == "always",
+            "intermediate_update": self.intermediate_update,
+            "save": self.save,
+        }
+        words = (
+            f"{key}={int(value) if isinstance(value, bool) else value}"
+            for key, value in said.items()
+            if value is not None
+        )
+        return "formation-stub " + " ".join(words)
+
+
+def make_fmu(where: Path, **options: object) -> Path:
+    """Write the FMU `where`/`name`.fmu and return its path.
+
+    Parameters
+    ----------
+    fmi : {"2.0", "3.0", "1.0"}
+        Version; 1.0 is Co-Simulation only.
+    interface : {"co_simulation", "model_exchange", "both"}
+    behaviour, place : str
+        What it does, and where: BEHAVIOURS and PLACES. The place is "step" by default, or "instantiate" where the
+        behaviour changes something for the whole process.
+    name : str
+        Of the file and the model.
+    when : float
+        Time [s] from which it misbehaves in steps, in set and in get, and of the time event. It is a parameter too.
+    lines, seconds
+        For log_million and slow.
+    once : bool
+        canBeInstantiatedOnlyOncePerProcess; a second instance is refused, even from a copy of the library.
+    variable_step : bool
+        canHandleVariableCommunicationStepSize.
+    fixed_step : float
+        Internal step [s]; a communication step must be a multiple. Announced in FMI 3, which has an attribute for it.
+    save : bool
+        The state can be saved, restored and serialized.
+    event_mode, intermediate_update : bool
+        hasEventMode, with a time event; providesIntermediateUpdate, at half of a step. FMI 3.
+    early_return : {"", "allowed", "always"}
+        mightReturnEarlyFromDoStep: at an event and at half of every other step, if allowed, or even if not. FMI 3.
+    arrays : bool
+        ``pose`` of 4 and ``torque`` of 2 instead of scalars. FMI 3.
+    end_stop : float
+        Largest steering angle [rad]; in Model Exchange with two event indicators.
+    time_event : bool
+        At the time `when` it brakes to standstill.
+    step_event : bool
+        The heading is brought back to at most half a turn; in Model Exchange by events after integrator steps.
+    feedthrough : bool
+        The output ``power`` = tau_drive v.
+    units : {"si", "deg", "names", "none"}
+        "deg" has deg, deg/s and km/h; "names" has words, with their definition in base units.
+    initial : {"exact", "parameters"}
+        The initial pose: start values of the outputs, or parameters x0, y0, psi0 and gamma0.
+    velocities, drive : bool
+        Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
+    fillers : int
+        Number of further parameters, which do nothing.
+    names : dict
+        Other names of variables.
+    execution_tool : bool
+        needsExecutionTool.
+    macros : tuple of str
+        C macros; WITHOUT_DO_STEP leaves the function out.
+    """
+    chosen = Options(**options)  # type: ignore[arg-type]
+    content = {
+        "modelDescription.xml": description(chosen).encode(),
+        binary_path(chosen): binary(chosen.fmi, chosen.name, chosen.macros),
+    }
+    return write(where / f"{chosen.name}.fmu", content)
+
+
+def write(path: Path, content: Mapping[str, bytes]) -> Path:
+    """Write a zip archive."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, data in content.items():
+            archive.writestr(name, data)
+    return path
+
+
+def binary_path(options: Options) -> str:
+    """Return where in the FMU its binary for this machine is."""
+    return f"binaries/{folder(host(), options.fmi)}/{options.name}{host().suffix}"
+
+
+def folder(platform: Platform, fmi: str) -> str:
+    """Return the folder of a platform's binaries; FMI 1 has that of FMI 2."""
+    return platform.folder("3.0" if fmi == "3.0" else "2.0")
+
+
+def binary(fmi: str, name: str, macros: tuple[str, ...] = ()) -> bytes:
+    """Return the shared library of all stubs of a version of FMI; in FMI 1 the name is part of it."""
+    return _compile(fmi[0], name if fmi == "1.0" else "stub", macros)
+
+
+@functools.cache
+def _compile(major: str, name: str, macros: tuple[str, ...]) -> bytes:
+    spec = importlib.util.find_spec("fmpy")
+    assert spec is not None
+    assert spec.origin is not None
+    headers = Path(spec.origin).parent / "c-code"
+    flags = ("-O1", f"-I{headers}", f"-DMODEL={name}", *(f"-D{macro}" for macro in macros))
+    with tempfile.TemporaryDirectory() as scratch:
+        for source in HERE.glob("*.[ch]"):
+            (Path(scratch) / source.name).write_bytes(source.read_bytes())
+        return compile_library(find_compiler(), host(), Path(scratch), [f"fmi{major}.c"], name, flags)
+
+
+# The model description ------------------------------------------------------------------------------------------
+
+
+def variables(options: Options) -> list[Variable]:
+    """Return the variables of a stub."""
+    names = options.names or {}
+    return [replace(variable, name=names.get(variable.name, variable.name)) for variable in _variables(options)]
+
+
+def _variables(options: Options) -> Iterator[Variable]:
+    units = _UNITS[options.units]
+    *state_units, torque, length, second = units
+    exact = options.initial == "exact"
+    calculated = {"initial": "calculated"}
+    for i, (name, unit) in enumerate(zip(_ROLES, state_units, strict=True)):
+        if options.arrays and i < 4:
+            continue
+        shown = i < 4 or options.velocities
+        begin = {"initial": "exact", "start": "0"} if exact or i >= 4 else calculated
+        known = (i,) if options.model_exchange else ()
+        kind = {"causality": "output", "dependencies": known} if shown else {"causality": "local"}
+        yield Variable(name if shown else f"s{i + 1}", i, unit=unit, **kind, **begin)
+    if options.arrays:
+        begin = {"initial": "exact", "start": "0 0 0 0"} if exact else calculated
+        yield Variable("pose", 30, "output", size=4, dependencies=(30,) if options.model_exchange else (), **begin)
+    if options.model_exchange:
+        for i, (name, unit) in enumerate(zip(_ROLES, state_units, strict=True)):
+            if not (options.arrays and i < 4):
+                state = name if i < 4 or options.velocities else f"s{i + 1}"
+                yield Variable(f"der({state})", 6 + i, "local", unit=_RATE[unit], derivative=i, **calculated)
+        if options.arrays:
+            yield Variable("der(pose)", 32, "local", size=4, derivative=30, **calculated)
+    if options.arrays:
+        yield Variable("torque", 31, "input", size=2, unit=torque, start="0 0")
+    else:
+        yield Variable("tau_drive", 12, "input", unit=torque, start="0")
+        yield Variable("tau_steer", 13, "input", unit=torque, start="0")
+    fixed = {"causality": "parameter", "variability": "fixed", "initial": "exact"}
+    tunable = {"causality": "parameter", "variability": "tunable", "initial": "exact"}
+    yield Variable("a", 14, unit=length, start="1.2", **tunable)
+    yield Variable("when", 15, unit=second, start=repr(float(options.when)), **tunable)
+    if not exact:
+        for i, (name, unit) in enumerate(zip(_ROLES[:4], state_units, strict=False)):
+            yield Variable(f"{name}0", 16 + i, unit=unit, start="0", **fixed)
+    if options.feedthrough:
+        watt = {"": "", "metre": "watt"}.get(length, "W")
+        drive = 31 if options.arrays else 12
+        yield Variable(
+            "power",
+            20,
+            "output",
+            unit=watt,
+            dependencies=(drive, 4) if options.model_exchange else (drive,),
+            **calculated,
+        )
+    if options.drive:
+        yield Variable("drive", 21, kind="enumeration", start="3", **fixed)
+    if options.end_stop is not None or options.time_event or options.event_mode or options.step_event:
+        yield Variable("events", 22, "output", "discrete", kind="integer", **calculated)
+    if options.end_stop is not None and options.fmi == "3.0" and options.model_exchange:
+        yield Variable("stop_left", 23, "local", **calculated)
+        yield Variable("stop_right", 24, "local", **calculated)
+    for i in range(options.fillers):
+        yield Variable(f"filler_{i + 1}", 1000 + i, start="0", **fixed)
+    if options.fmi == "3.0":
+        yield Variable("time", 40, "independent", unit=second)
+
+
+def description(options: Options) -> str:
+    """Return the model description of a stub."""
+    return {"1.0": _description1, "2.0": _description2, "3.0": _description3}[options.fmi](options)
+
+
+def _attributes(**values: object) -> str:
+    texts = {key: str(value).lower() if isinstance(value, bool) else str(value) for key, value in values.items()}
+    return " ".join(f"{key.rstrip('_')}={quoteattr(text)}" for key, text in texts.items() if text not in ("", "None"))
+
+
+def _units(options: Options, found: list[Variable]) -> str:
+    used = sorted({variable.unit for variable in found} - {""})
+    lines = "".join(f"    <Unit name={quoteattr(unit)}><BaseUnit {_BASE[unit]}/></Unit>\n" for unit in used)
+    return f"  <UnitDefinitions>\n{lines}  </UnitDefinitions>\n" if used else ""
+
+
+def _items(indent: str) -> str:
+    return "".join(f'{indent}<Item name="{name}" value="{value}"/>\n' for value, name in enumerate(_ITEMS, 1))
+
+
+def _said(variable: Variable) -> dict[str, object]:
+    return {
+        "name": variable.name,
+        "valueReference": variable.reference,
+        "causality": variable.causality,
+        "variability": variable.variability,
+        "initial": variable.initial,
+    }
+
+
+def _experiment(options: Options) -> str:
+    return f'  <DefaultExperiment startTime="0" stopTime="2" stepSize="{options.fixed_step or 0.02}"/>\n'
+
+
+_ITEMS = ("as_printed", "front_wheel", "rear_wheel")
+_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+
+
+def _description2(options: Options) -> str:
+    found = variables(options)
+    index = {variable.reference: i for i, variable in enumerate(found, 1)}
+    indicators = 2 if options.end_stop is not None and options.model_exchange else 0
+    common = {
+        "modelIdentifier": options.name,
+        "needsExecutionTool": options.execution_tool,
+        "canBeInstantiatedOnlyOncePerProcess": options.once,
+        "canNotUseMemoryManagementFunctions": True,
+        "canGetAndSetFMUstate": options.save,
+        "canSerializeFMUstate": options.save,
+    }
+    text = _HEAD + "<fmiModelDescription " + _attributes(
+        fmiVersion="2.0",
+        modelName=options.name,
+        guid=options.token,
+        generationTool="formation tests",
+        numberOfEventIndicators=indicators or "",
+    ) + ">\n"  # fmt: skip
+    if options.model_exchange:
+        needless = not options.completed_steps
+        text += f"  <ModelExchange {_attributes(**common, completedIntegratorStepNotNeeded=needless)}/>\n"
+    if options.interface != "model_exchange":
+        varies = options.variable_step and options.fixed_step is None
+        text += f"  <CoSimulation {_attributes(**common, canHandleVariableCommunicationStepSize=varies)}/>\n"
+    text += _units(options, found)
+    if options.drive:
+        items = _items("        ")
+        text += f'  <TypeDefinitions>\n    <SimpleType name="Drive">\n      <Enumeration>\n{items}'
+        text += "      </Enumeration>\n    </SimpleType>\n  </TypeDefinitions>\n"
+    text += _experiment(options) + "  <ModelVariables>\n"
+    for v in found:
+        outer = _attributes(**_said(v))
+        if v.kind == "real":
+            derivative = index[v.derivative] if v.derivative is not None else ""
+            inner = f"Real {_attributes(unit=v.unit, start=v.start, derivative=derivative)}"
+        elif v.kind == "enumeration":
+            inner = f"Enumeration {_attributes(declaredType='Drive', start=v.start)}"
+        else:
+            inner = f"Integer {_attributes(start=v.start)}"
+        text += f"    <ScalarVariable {outer}><{inner}/></ScalarVariable>\n"
+    text += "  </ModelVariables>\n  <ModelStructure>\n"
+    for name, unknowns in _structure(found).items():
+        if unknowns:
+            lines = "".join(f"      <Unknown {_unknown('index', v, index)}/>\n" for v in unknowns)
+            text += f"    <{name}s>\n{lines}    </{name}s>\n"
+    return text + "  </ModelStructure>\n</fmiModelDescription>\n"
+
+
+def _structure(found: list[Variable]) -> dict[str, list[Variable]]:
+    outputs = [v for v in found if v.causality == "output"]
+    derivatives = [v for v in found if v.derivative is not None]
+    initial = [v for v in found if v.initial == "calculated" and (v in outputs or v in derivatives)]
+    return {"Output": outputs, "Derivative": derivatives, "InitialUnknown": initial}
+
+
+def _unknown(attribute: str, variable: Variable, number: Mapping[int, int]) -> str:
+    text = f'{attribute}="{number[variable.reference]}"'
+    if variable.dependencies is None or variable.derivative is not None:
+        return text
+    return f'{text} dependencies="{" ".join(str(number[reference]) for reference in variable.dependencies)}"'
+
+
+def _description3(options: Options) -> str:
+    found = variables(options)
+    number = {variable.reference: variable.reference for variable in found}
+    common = {
+        "modelIdentifier": options.name,
+        "needsExecutionTool": options.execution_tool,
+        "canBeInstantiatedOnlyOncePerProcess": options.once,
+        "canGetAndSetFMUState": options.save,
+        "canSerializeFMUState": options.save,
+    }
+    head = _attributes(
+        fmiVersion="3.0", modelName=options.name, instantiationToken=options.token, generationTool="formation tests"
+    )
+    text = f"{_HEAD}<fmiModelDescription {head}>\n"
+    if options.model_exchange:
+        text += f"  <ModelExchange {_attributes(**common, needsCompletedIntegratorStep=options.completed_steps)}/>\n"
+    if options.interface != "model_exchange":
+        more = _attributes(
+            canHandleVariableCommunicationStepSize=options.variable_step and options.fixed_step is None,
+            fixedInternalStepSize=options.fixed_step,
+            providesIntermediateUpdate=options.intermediate_update,
+            mightReturnEarlyFromDoStep=bool(options.early_return),
+            canReturnEarlyAfterIntermediateUpdate=bool(options.early_return and options.intermediate_update),
+            hasEventMode=options.event_mode,
+        )
+        text += f"  <CoSimulation {_attributes(**common)} {more}/>\n"
+    text += _units(options, found)
+    if options.drive:
+        text += f'  <TypeDefinitions>\n    <EnumerationType name="Drive">\n{_items("      ")}'
+        text += "    </EnumerationType>\n  </TypeDefinitions>\n"
+    text += _experiment(options) + "  <ModelVariables>\n"
+    tags = {"real": "Float64", "enumeration": "Enumeration", "integer": "Int32"}
+    for v in found:
+        inner = _attributes(**_said(v), declaredType="Drive" if v.kind == "enumeration" else "")
+        inner += " " + _attributes(unit=v.unit, start=v.start, derivative=v.derivative)
+        size = f'><Dimension start="{v.size}"/></{tags[v.kind]}>' if v.size else "/>"
+        text += f"    <{tags[v.kind]} {inner.rstrip()}{size}\n"
+    text += "  </ModelVariables>\n  <ModelStructure>\n"
+    for name, unknowns in _structure(found).items():
+        tag = "ContinuousStateDerivative" if name == "Derivative" else name
+        text += "".join(f"    <{tag} {_unknown('valueReference', v, number)}/>\n" for v in unknowns)
+    text += "".join(f'    <EventIndicator valueReference="{v.reference}"/>\n' for v in found if v.reference in (23, 24))
+    return text + "  </ModelStructure>\n</fmiModelDescription>\n"
+
+
+def _description1(options: Options) -> str:
+    found = variables(options)
+    head = _attributes(
+        fmiVersion="1.0",
+        modelName=options.name,
+        modelIdentifier=options.name,
+        guid=options.token,
+        generationTool="formation tests",
+        numberOfContinuousStates=0,
+        numberOfEventIndicators=0,
+    )
+    text = f"{_HEAD}<fmiModelDescription {head}>\n"
+    used = sorted({variable.unit for variable in found} - {""})
+    if used:
+        lines = "".join(f"    <BaseUnit unit={quoteattr(unit)}/>\n" for unit in used)
+        text += f"  <UnitDefinitions>\n{lines}  </UnitDefinitions>\n"
+    if options.drive:
+        items = "".join(f'        <Item name="{name}"/>\n' for name in _ITEMS)
+        text += f'  <TypeDefinitions>\n    <Type name="Drive">\n      <EnumerationType>\n{items}'
+        text += "      </EnumerationType>\n    </Type>\n  </TypeDefinitions>\n"
+    text += '  <DefaultExperiment startTime="0" stopTime="2"/>\n  <ModelVariables>\n'
+    tags = {"real": "Real", "enumeration": "Enumeration", "integer": "Integer"}
+    for v in found:
+        parameter = v.causality == "parameter"
+        outer = _attributes(
+            name=v.name,
+            valueReference=v.reference,
+            causality="internal" if parameter else v.causality.replace("local", "internal"),
+            variability="parameter" if parameter else v.variability,
+        )
+        start = _attributes(start=v.start, fixed=True if v.start and v.causality != "input" else "")
+        declared = _attributes(declaredType="Drive" if v.kind == "enumeration" else "", unit=v.unit)
+        text += f"    <ScalarVariable {outer}><{tags[v.kind]} {declared} {start}/></ScalarVariable>\n"
+    text += "  </ModelVariables>\n  <Implementation>\n    <CoSimulation_StandAlone>\n      <Capabilities "
+    text += _attributes(
+        canHandleVariableCommunicationStepSize=options.variable_step and options.fixed_step is None,
+        canBeInstantiatedOnlyOncePerProcess=options.once,
+        canNotUseMemoryManagementFunctions=True,
+    )
+    return text + "/>\n    </CoSimulation_StandAlone>\n  </Implementation>\n</fmiModelDescription>\n"

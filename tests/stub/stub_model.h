@@ -1,0 +1,522 @@
+/* A simple car for tests, and all that it can be made to do wrong. The token in the model description tells it what.
+ *
+ *     dx/dt = v cos(psi), dy/dt = v sin(psi), dpsi/dt = v tan(gamma)/a, dgamma/dt = omega,
+ *     dv/dt = tau_drive/10, domega/dt = tau_steer/10
+ *
+ * fmi1.c, fmi2.c and fmi3.c are thin layers over it. In Co-Simulation one explicit Euler step is taken per
+ * communication step. */
+#define _GNU_SOURCE
+#include <fenv.h>
+#include <math.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define TOKEN "formation-stub "
+#define EPSILON 1e-9 /* of times [s] */
+
+enum { X, Y, PSI, GAMMA, V, OMEGA, STATES };
+
+/* Value references. */
+enum {
+    DER = 6,         /* derivatives of the states */
+    TAU_DRIVE = 12,
+    TAU_STEER,
+    WHEELBASE,
+    WHEN,
+    START = 16,      /* x0, y0, psi0, gamma0 */
+    POWER = 20,
+    DRIVE,           /* enumeration */
+    EVENTS,          /* integer */
+    INDICATOR,       /* two */
+    POSE = 30,       /* arrays of 4, 2 and 4 */
+    TORQUE,
+    DER_POSE,
+    TIME = 40,
+    FILLER = 1000    /* and all above: parameters that do nothing */
+};
+
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING, ILLEGAL = 17 } Status;
+
+typedef enum { CREATED, INITIALIZATION, STEP_MODE, EVENT_MODE, CONTINUOUS_TIME, TERMINATED } Mode;
+
+typedef struct Stub Stub;
+
+/* What can be saved and restored. */
+typedef struct {
+    double time, state[STATES], input[2], a, when, start[4], last_successful_time;
+    int drive, events, contact[2]; /* contact: with the end stops of the steering, at +limit and -limit */
+    long steps;
+    bool braked, terminated, logged, event_pending;
+    Mode mode;
+} Car;
+
+struct Stub {
+    Car car;
+    char behaviour[32], place[32]; /* what goes wrong, and in which function */
+    double scale[STATES];          /* of the states' units, relative to SI */
+    double end_stop, fixed_step, seconds;
+    long lines;
+    bool once, time_event, step_event, start_parameters, model_exchange, fatal, nothing, event_mode, early_always;
+    bool early_return, intermediate_update, save;
+    bool event_mode_used, early_allowed; /* as the importer says, FMI 3 */
+    void (*log)(Stub *, Status, const char *category, const char *text, bool as_format);
+    void *environment;
+    void (*logger)(void);
+    void (*update)(void);
+    char name[128];
+};
+
+static inline void say(Stub *s, Status status, const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    s->log(s, status, status >= ERROR ? "logStatusError" : status == OK ? "logEvents" : "logStatusWarning", text, false);
+}
+
+/* ---- what the token says ---- */
+
+static inline void text_option(const char *token, const char *name, char *value, size_t size, const char *otherwise)
+{
+    char key[64];
+    snprintf(key, sizeof key, " %s=", name);
+    const char *at = strstr(token, key);
+    snprintf(value, size, "%s", otherwise);
+    if (at == NULL) return;
+    at += strlen(key);
+    const size_t length = strcspn(at, " ");
+    snprintf(value, size, "%.*s", (int)length, at);
+}
+
+static inline double option(const char *token, const char *name, double otherwise)
+{
+    char value[64];
+    text_option(token, name, value, sizeof value, "");
+    return value[0] == '\0' ? otherwise : strtod(value, NULL);
+}
+
+/* ---- misbehaviour ---- */
+
+static inline bool is(const Stub *s, const char *behaviour)
+{
+    return strcmp(s->behaviour, behaviour) == 0;
+}
+
+static inline void segfault(void)
+{
+    static volatile size_t nowhere = 8;
+    *(volatile int *)nowhere = 1;
+}
+
+static inline void hang(void)
+{
+    for (;;) pause();
+}
+
+/* Do what this stub does in a function of the importer's interface: mostly nothing. */
+static inline Status act(Stub *s, const char *place)
+{
+    static const struct { const char *name; Status status; } returned[] = {
+        {"warning", WARNING}, {"discard", DISCARD}, {"error", ERROR}, {"fatal", FATAL}, {"fatal_strict", FATAL},
+        {"pending", PENDING}, {"illegal", ILLEGAL},
+    };
+    Car *const car = &s->car;
+    if (s->nothing || strcmp(s->place, place) != 0) return OK;
+    const bool timed = strcmp(place, "step") == 0 || strcmp(place, "set") == 0 || strcmp(place, "get") == 0;
+    if (timed && car->time < car->when - EPSILON) return OK;
+    static const char *const deadly[] = {"segfault", "exit", "abort", "hang", "hang_stubborn", "spin"};
+    for (size_t i = 0; i < sizeof deadly / sizeof deadly[0]; i++) {
+        if (is(s, deadly[i])) say(s, OK, "%s goes into %s at t = %g s, as it was made to", place, s->behaviour, car->time);
+    }
+    if (is(s, "segfault")) segfault();
+    if (is(s, "exit")) exit(7);
+    if (is(s, "abort")) abort();
+    if (is(s, "hang")) hang();
+    if (is(s, "hang_stubborn")) {
+        signal(SIGTERM, SIG_IGN);
+        signal(SIGINT, SIG_IGN);
+        hang();
+    }
+    if (is(s, "spin")) {
+        for (volatile long i = 0;; i++) {}
+    }
+    if (is(s, "slow")) usleep((useconds_t)(s->seconds * 1e6));
+    if (is(s, "print")) {
+        printf("%s prints at t = %g s\n", s->name, car->time);
+        fflush(stdout);
+    }
+    if (is(s, "close_descriptors")) {
+        for (int descriptor = 0; descriptor < 3; descriptor++) close(descriptor);
+    }
+    if (is(s, "rounding")) fesetround(FE_UPWARD);
+#ifdef __GLIBC__
+    if (is(s, "trap")) feenableexcept(FE_DIVBYZERO | FE_INVALID | FE_OVERFLOW);
+#endif
+    if (is(s, "chdir") && chdir("/") != 0) return ERROR;
+    if (is(s, "signals")) signal(SIGINT, SIG_IGN);
+    if (is(s, "terminate")) car->terminated = true;
+    if (strncmp(s->behaviour, "log_", 4) == 0 && !car->logged) {
+        car->logged = true;
+        if (is(s, "log_million")) {
+            for (long i = 1; i <= s->lines; i++) say(s, OK, "line %ld of %ld", i, s->lines);
+        } else if (is(s, "log_odd")) {
+            s->log(s, WARNING, "logStatusWarning",
+                   "100 % sure of %s and %d: \xff\xfe not UTF-8, \x1b[31mred\x1b[0m, bell \a, tab \t, two\r\nlines", false);
+        } else if (is(s, "log_percent")) { /* where the text is a format (FMI 1 and 2) this is a fault of the FMU's */
+            s->log(s, WARNING, "logStatusWarning", "100 % of it", true);
+        } else if (is(s, "log_long")) {
+            const size_t length = 1000000;
+            char *const text = malloc(length + 1);
+            memset(text, 'x', length);
+            text[length] = '\0';
+            s->log(s, OK, "logEvents", text, false);
+            free(text);
+        }
+    }
+    for (size_t i = 0; i < sizeof returned / sizeof returned[0]; i++) {
+        if (!is(s, returned[i].name)) continue;
+        say(s, returned[i].status, "%s returns %s at t = %g s, as it was made to", place, s->behaviour, car->time);
+        s->fatal = is(s, "fatal_strict");
+        return returned[i].status;
+    }
+    return OK;
+}
+
+/* Whether a function may be called now; if not, say so. After a strict Fatal nothing may be called at all. */
+static inline bool allowed(Stub *s, const char *function, unsigned modes)
+{
+    if (s->fatal) abort();
+    if (s->nothing || (modes >> s->car.mode & 1) != 0) return true;
+    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "event mode",
+                                        "continuous-time mode", "terminated"};
+    say(s, ERROR, "%s was called in the wrong mode: %s", function, names[s->car.mode]);
+    return false;
+}
+
+/* ---- life ---- */
+
+/* The instance that exists, if one only is allowed, is known by the process's environment: so that not even a copy of
+ * the library can have a second one. */
+static inline bool claim(Stub *s)
+{
+    char process[32];
+    snprintf(process, sizeof process, "%ld", (long)getpid());
+    const char *const owner = getenv("FORMATION_STUB_INSTANCE");
+    if (owner != NULL && strcmp(owner, process) == 0) {
+        say(s, ERROR, "it can be instantiated only once per process, and there is an instance already");
+        return false;
+    }
+    setenv("FORMATION_STUB_INSTANCE", process, 1);
+    return true;
+}
+
+static inline void reset(Stub *s, double when)
+{
+    s->car = (Car){.a = 1.2, .drive = 3, .when = when};
+}
+
+/* Make of `made`, in which only what concerns the log is set, an instance on the heap; or NULL, having logged why. */
+static inline Stub *create(Stub made, const char *name, const char *token, bool model_exchange)
+{
+    Stub *s = &made;
+    snprintf(s->name, sizeof s->name, "%s", name == NULL ? "?" : name);
+    if (token == NULL || strncmp(token, TOKEN, strlen(TOKEN)) != 0) {
+        say(s, ERROR, "the token %s is not that of this binary", token == NULL ? "NULL" : token);
+        return NULL;
+    }
+    char units[32];
+    text_option(token, "behaviour", s->behaviour, sizeof s->behaviour, "good");
+    text_option(token, "place", s->place, sizeof s->place, "step");
+    text_option(token, "units", units, sizeof units, "si");
+    for (int i = 0; i < STATES; i++) s->scale[i] = 1.0;
+    if (strcmp(units, "deg") == 0) {
+        s->scale[PSI] = s->scale[GAMMA] = s->scale[OMEGA] = 180.0 / 3.14159265358979323846;
+        s->scale[V] = 3.6;
+    }
+    s->end_stop = option(token, "end_stop", INFINITY);
+    s->fixed_step = option(token, "fixed_step", 0.0);
+    s->seconds = option(token, "seconds", 0.1);
+    s->lines = (long)option(token, "lines", 1e6);
+    s->once = option(token, "once", 0) != 0;
+    s->time_event = option(token, "time_event", 0) != 0;
+    s->step_event = option(token, "step_event", 0) != 0;
+    s->start_parameters = option(token, "start_parameters", 0) != 0;
+    s->event_mode = option(token, "event_mode", 0) != 0;
+    s->early_return = option(token, "early_return", 0) != 0;
+    s->early_always = option(token, "early_always", 0) != 0;
+    s->intermediate_update = option(token, "intermediate_update", 0) != 0;
+    s->save = option(token, "save", 0) != 0;
+    s->nothing = is(s, "nothing");
+    s->model_exchange = model_exchange;
+    reset(s, option(token, "when", 1.0));
+    if (act(s, "instantiate") >= DISCARD) return NULL;
+    if (s->once && !claim(s)) return NULL;
+    Stub *const kept = malloc(sizeof *kept);
+    if (kept != NULL) *kept = made;
+    return kept;
+}
+
+static inline void destroy(Stub *s)
+{
+    if (s == NULL) return;
+    if (s->fatal) abort();
+    act(s, "free");
+    if (s->once) unsetenv("FORMATION_STUB_INSTANCE");
+    free(s);
+}
+
+static inline Status finish_initialization(Stub *s, Mode next)
+{
+    Car *const car = &s->car;
+    const Status status = act(s, "initialization");
+    if (status >= DISCARD) return status;
+    if (s->start_parameters) memcpy(car->state, car->start, sizeof car->start);
+    car->mode = next;
+    car->last_successful_time = car->time;
+    return status;
+}
+
+static inline Status finish(Stub *s)
+{
+    const Status status = act(s, "terminate");
+    if (status < DISCARD) s->car.mode = TERMINATED;
+    return status;
+}
+
+/* ---- the model ---- */
+
+static inline void derivatives(const Stub *s, double rate[STATES])
+{
+    const Car *const car = &s->car;
+    const double *const z = car->state;
+    const bool held = car->contact[0] || car->contact[1];
+    rate[X] = z[V] * cos(z[PSI]);
+    rate[Y] = z[V] * sin(z[PSI]);
+    rate[PSI] = z[V] * tan(z[GAMMA]) / car->a;
+    rate[GAMMA] = held ? 0.0 : z[OMEGA];
+    rate[V] = car->input[0] / 10.0;
+    rate[OMEGA] = held ? 0.0 : car->input[1] / 10.0;
+    if (is(s, "nan") && car->time >= car->when - EPSILON) rate[X] = NAN;
+    if (is(s, "infinity") && car->time >= car->when - EPSILON) rate[V] = INFINITY;
+}
+
+/* Positive, until the steering reaches an end stop; then positive as long as the torque presses it there. */
+static inline void indicators(const Stub *s, double value[2])
+{
+    for (int i = 0; i < 2; i++) {
+        const double sign = i == 0 ? 1.0 : -1.0;
+        value[i] = s->car.contact[i] ? sign * s->car.input[1] + 1e-6 : s->end_stop - sign * s->car.state[GAMMA] + 1e-9;
+    }
+}
+
+static inline bool time_event_due(const Stub *s)
+{
+    return s->time_event && !s->car.braked && s->car.time >= s->car.when - EPSILON;
+}
+
+static inline bool step_event_due(const Stub *s)
+{
+    return s->step_event && fabs(s->car.state[PSI]) > 3.14159265358979323846;
+}
+
+/* Handle all events that are due: the time event brakes to standstill, the end stops hold the steering, and the step
+ * event brings the heading back to at most half a turn. Return whether states were changed. */
+static inline bool handle_events(Stub *s)
+{
+    Car *const car = &s->car;
+    const int before = car->events;
+    if (time_event_due(s)) {
+        car->state[V] = 0.0;
+        car->braked = true;
+        car->events++;
+    }
+    if (step_event_due(s)) {
+        car->state[PSI] -= copysign(2 * 3.14159265358979323846, car->state[PSI]);
+        car->events++;
+    }
+    double value[2];
+    indicators(s, value);
+    for (int i = 0; i < 2; i++) {
+        if (value[i] > 0.0) continue;
+        car->contact[i] = !car->contact[i];
+        car->state[GAMMA] = (i == 0 ? 1.0 : -1.0) * s->end_stop;
+        car->state[OMEGA] = 0.0;
+        car->events++;
+    }
+    return car->events != before;
+}
+
+static inline void euler(Stub *s, double h)
+{
+    double rate[STATES];
+    derivatives(s, rate);
+    for (int i = 0; i < STATES; i++) s->car.state[i] += h * rate[i];
+    s->car.time += h;
+}
+
+/* Go on to a time, with events as they come, unless the importer handles them. */
+static inline void advance(Stub *s, double end)
+{
+    Car *const car = &s->car;
+    const double h = s->fixed_step > 0.0 ? s->fixed_step : end - car->time;
+    const long n = s->fixed_step > 0.0 ? lround((end - car->time) / h) : 1;
+    const double begin = car->time;
+    for (long i = 1; i <= n; i++) {
+        const double next = i == n ? end : begin + i * h;
+        if (s->time_event && !car->braked && car->when < next - EPSILON && car->when > car->time && !s->event_mode_used) {
+            euler(s, car->when - car->time);
+            car->time = car->when;
+            handle_events(s);
+        }
+        euler(s, next - car->time);
+        car->time = next;
+        if (!s->event_mode_used) handle_events(s);
+    }
+    car->steps++;
+}
+
+/* Begin a communication step: whether it can be taken. */
+static inline Status begin_step(Stub *s, double time, double h)
+{
+    Car *const car = &s->car;
+    if (fabs(time - car->time) > 1e-6 * (1.0 + fabs(time))) {
+        say(s, ERROR, "a step was asked for at t = %.9g s, but it is t = %.9g s", time, car->time);
+        return ERROR;
+    }
+    if (!(h > 0.0)) {
+        say(s, ERROR, "the step size %g s is not positive", h);
+        return ERROR;
+    }
+    if (s->fixed_step > 0.0) {
+        const double ratio = h / s->fixed_step;
+        if (ratio < 0.5 || fabs(ratio - round(ratio)) > 1e-6) {
+            say(s, ERROR, "the step size %.9g s is no multiple of the fixed internal step %.9g s", h, s->fixed_step);
+            return ERROR;
+        }
+    }
+    car->last_successful_time = time;
+    car->time = time;
+    return act(s, "step");
+}
+
+/* ---- variables ---- */
+
+static inline size_t length(unsigned reference)
+{
+    return reference == POSE || reference == DER_POSE ? 4 : reference == TORQUE ? 2 : 1;
+}
+
+static inline double output(const Stub *s, int i)
+{
+    const bool now = s->car.time >= s->car.when - EPSILON;
+    if (now && i == X && is(s, "nan")) return NAN;
+    if (now && i == V && is(s, "infinity")) return INFINITY;
+    return s->car.state[i] * s->scale[i];
+}
+
+static inline Status get_real(Stub *s, unsigned reference, double *value)
+{
+    const Car *const car = &s->car;
+    double rate[STATES];
+    if (s->start_parameters && car->mode < STEP_MODE) memcpy(s->car.state, car->start, sizeof car->start);
+    if (reference < STATES) {
+        *value = output(s, (int)reference);
+    } else if (reference < DER + STATES) {
+        derivatives(s, rate);
+        *value = rate[reference - DER] * s->scale[reference - DER];
+    } else if (reference == TAU_DRIVE || reference == TAU_STEER) {
+        *value = car->input[reference - TAU_DRIVE];
+    } else if (reference == WHEELBASE) {
+        *value = car->a;
+    } else if (reference == WHEN) {
+        *value = car->when;
+    } else if (reference >= START && reference < START + 4) {
+        *value = car->start[reference - START] * s->scale[reference - START];
+    } else if (reference == POWER) {
+        *value = car->input[0] * car->state[V];
+    } else if (reference == INDICATOR || reference == INDICATOR + 1) {
+        double both[2];
+        indicators(s, both);
+        *value = both[reference - INDICATOR];
+    } else if (reference == POSE) {
+        for (int i = 0; i < 4; i++) value[i] = output(s, i);
+    } else if (reference == DER_POSE) {
+        derivatives(s, rate);
+        for (int i = 0; i < 4; i++) value[i] = rate[i] * s->scale[i];
+    } else if (reference == TORQUE) {
+        memcpy(value, car->input, sizeof car->input);
+    } else if (reference == TIME) {
+        *value = car->time;
+    } else if (reference >= FILLER) {
+        *value = 0.0;
+    } else {
+        say(s, ERROR, "there is no real variable with the value reference %u", reference);
+        return ERROR;
+    }
+    const bool is_output = reference < STATES || reference == POSE;
+    return is_output ? act(s, "get") : OK;
+}
+
+static inline Status set_real(Stub *s, unsigned reference, const double *value)
+{
+    Car *const car = &s->car;
+    const bool before = car->mode < STEP_MODE;
+    if (reference == TAU_DRIVE || reference == TAU_STEER) {
+        const Status status = act(s, "set");
+        if (status < DISCARD) car->input[reference - TAU_DRIVE] = *value;
+        return status;
+    }
+    if (reference == TORQUE) {
+        const Status status = act(s, "set");
+        if (status < DISCARD) memcpy(car->input, value, sizeof car->input);
+        return status;
+    }
+    if (reference == WHEELBASE) {
+        if (!(*value > 0.0)) {
+            say(s, ERROR, "the wheelbase a = %g m is not positive", *value);
+            return ERROR;
+        }
+        car->a = *value;
+    } else if (reference == WHEN) {
+        car->when = *value;
+    } else if (before && reference < STATES && (!s->start_parameters || reference >= V)) {
+        car->state[reference] = *value / s->scale[reference];
+    } else if (before && reference == POSE && !s->start_parameters) {
+        for (int i = 0; i < 4; i++) car->state[i] = value[i] / s->scale[i];
+    } else if (before && s->start_parameters && reference >= START && reference < START + 4) {
+        car->start[reference - START] = *value / s->scale[reference - START];
+    } else if (reference >= FILLER) {
+        return OK;
+    } else {
+        say(s, ERROR, "the variable with the value reference %u cannot be set now", reference);
+        return ERROR;
+    }
+    return OK;
+}
+
+static inline Status get_whole(Stub *s, unsigned reference, int *value)
+{
+    if (reference != DRIVE && reference != EVENTS) {
+        say(s, ERROR, "there is no integer or enumeration with the value reference %u", reference);
+        return ERROR;
+    }
+    *value = reference == DRIVE ? s->car.drive : s->car.events;
+    return OK;
+}
+
+static inline Status set_whole(Stub *s, unsigned reference, int value)
+{
+    if (reference != DRIVE || value < 1 || value > 3) {
+        say(s, ERROR, "the variable with the value reference %u cannot be set to %d", reference, value);
+        return ERROR;
+    }
+    s->car.drive = value;
+    return OK;
+}
