@@ -231,7 +231,7 @@ def test_a_disk_that_fills_up_loses_nothing(
     out = tmp_path / "runs"
     original = Simulation.run
 
-    def run_and_take_the_folder_away(self: Simulation, progress: object = None) -> object:
+    def run_and_take_the_folder_away(self: Simulation, *_: object) -> object:
         (out / "clmr_line").rmdir()
         (out / "clmr_line").touch()
         return original(self)
