@@ -84,6 +84,16 @@ LOOP_ENTRIES = (
 )
 PART_ENTRIES = (Entry(LAWS, "simulation", {"controllers": True}), Entry(STEPS, "c_loop", {"step_only": True}))
 
+COLOURS = {
+    OURS: "C0",
+    HARNESS: "black",
+    FLOOR.partition(",")[0]: "C7",
+    "FMPy": "C1",
+    "ecos": "C2",
+    "libcosim": "C3",
+    "CoFmuPy": "C4",
+}
+
 Costs = dict[int, dict[str, float]]  # by number of robots and by master
 
 
@@ -284,9 +294,8 @@ def loop_costs(
         costs = field.take_turns(rounds, measure)
         motions = field.each(lambda worker: None if worker.entry.name == STEPS else worker.record(total)["recorded"])
     apart = {name: float(np.abs(own - motions[HARNESS]).max()) for name, own in motions.items() if own is not None}
-    most = max(apart.values())
     print(
-        f"{followers} followers, {total} ticks: motions under all masters apart from the harness's by at most {most:.1g}"
+        f"{followers} followers, {total} ticks: motions apart from the harness's by at most {max(apart.values()):.1g}"
     )
     for name, distance in apart.items():
         if not distance <= 1e-9:
@@ -355,7 +364,6 @@ def draw(panels: Mapping[str, Costs], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     names = list(dict.fromkeys(n for costs in panels.values() for own in costs.values() for n in own))
-    colours = {name: f"C{i}" for i, name in enumerate(dict.fromkeys(name.partition(",")[0] for name in names))}
     figure, axes = plt.subplots(1, len(panels), figsize=(5.2 * len(panels), 5.6), squeeze=False, layout="constrained")
     for ax, (title, costs) in zip(axes[0], panels.items(), strict=True):
         for name in names:
@@ -365,7 +373,7 @@ def draw(panels: Mapping[str, Costs], path: Path) -> None:
             base, _, variant = name.partition(",")
             style = {"": "-", " CSV": ":", " all cores": "--"}.get(variant, "-.")
             width = 2.6 if name in (OURS, HARNESS) else 1.5
-            ax.loglog(*zip(*points, strict=True), style, marker="o", ms=4, lw=width, color=colours[base], label=name)
+            ax.loglog(*zip(*points, strict=True), style, marker="o", ms=4, lw=width, color=COLOURS[base], label=name)
         ax.set_title(title, fontsize=11)
         ax.set_xticks(list(costs), [f"{n:,}" for n in costs])
         ax.minorticks_off()
@@ -373,7 +381,7 @@ def draw(panels: Mapping[str, Costs], path: Path) -> None:
         ax.set_ylabel("cost per robot and step [µs]")
         ax.set_xlabel("followers, and a leader" if "loop" in title else "robots")
     handles = {label: handle for ax in axes[0] for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=5, fontsize=9)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2 + len(panels), fontsize=9)
     figure.savefig(path, dpi=150)
 
 

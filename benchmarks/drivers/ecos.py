@@ -5,12 +5,18 @@ itself. ecos fetches the outputs at every step, since they have been asked for o
 alone, into a text file, which is all that it offers.
 """
 
+import contextlib
+import ctypes
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 from serve import OUTPUTS, TORQUES, Floats, Job, Master, serve
+
+with contextlib.suppress(OSError):  # TBB from the package tbb; else the system's
+    ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
+from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 
 
 class Ecos:
