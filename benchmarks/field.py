@@ -69,15 +69,16 @@ class Worker:
     def __init__(self, entry: Entry, python: str) -> None:
         self.entry = entry
         preload = {} if entry.all_cores else {"LD_PRELOAD": one_core()}
-        self.log = tempfile.TemporaryFile("w+")  # noqa: SIM115 -- closed in `end`
+        self.scratch = tempfile.TemporaryDirectory()  # of all that it unpacks
+        self.log = Path(self.scratch.name, "log").open("w+")  # noqa: SIM115
         self.process = subprocess.Popen(
             [python, DRIVERS / f"{entry.driver}.py"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
-            env={**os.environ, **preload},
-            preexec_fn=None if entry.all_cores else _stay_on_one_core,
+            env={**os.environ, "TMPDIR": self.scratch.name, **preload},
+            preexec_fn=None if entry.all_cores or not hasattr(os, "sched_setaffinity") else _stay_on_one_core,
         )
 
     def ask(self, what: str, **details: Any) -> dict[str, Any]:
@@ -114,6 +115,7 @@ class Worker:
         with self.process:  # closes its pipes
             pass
         self.log.close()
+        self.scratch.cleanup()
 
     def _last_words(self) -> str:
         self.log.seek(0)
@@ -134,8 +136,7 @@ def one_core() -> str:
 
 
 def _stay_on_one_core() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 
 class Field:

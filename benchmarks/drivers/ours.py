@@ -1,4 +1,7 @@
-"""Our master: plants and fleet of `cosim`, without what else a simulation does."""
+"""Our master: plants and fleet of `cosim`, without what else a simulation does.
+
+With the option `by_tick`, `run` calls the master once a tick from Python, as a closed loop must.
+"""
 
 from pathlib import Path
 
@@ -28,14 +31,18 @@ class Ours:
     def __init__(self, job: Job) -> None:
         self.step = job.step
         self.fleet = make_fleet(job)
+        self.by_tick = job.options.get("by_tick", False)
         self.now = 0
         self.given = np.tile(np.ravel(job.torque), (job.samples, 1))
         self.out = np.full((job.samples, len(job.start), len(OUTPUTS)), np.nan)
 
     def run(self, ticks: int) -> None:
         assert ticks <= len(self.out)
-        advance(self.fleet, self.now, self.step, self.given[:ticks], self.out[:ticks])
-        self.now += ticks
+        at_once = 1 if self.by_tick else ticks
+        for first in range(0, ticks, at_once):
+            some = slice(first, first + at_once)
+            advance(self.fleet, self.now, self.step, self.given[some], self.out[some])
+            self.now += at_once
 
     def tick(self, torque: Floats) -> Floats:
         advance(self.fleet, self.now, self.step, torque.reshape(1, -1), self.out[:1])
