@@ -137,8 +137,9 @@ def cofmupy_python() -> str:
     ):
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         if result.returncode != 0:
-            last = (result.stderr.strip().splitlines() or ["no message"])[-1]
-            print(f"CoFmuPy is left out: {' '.join(command[:4])} ... failed: {last}")
+            lines = result.stderr.strip().splitlines() or ["no message"]
+            why = next((line for line in lines if line.strip().startswith("ERROR")), lines[-1]).strip()
+            print(f"CoFmuPy is left out: {' '.join(command[:4])} ... failed: {why}")
             return ""
     return str(python)
 
