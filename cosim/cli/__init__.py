@@ -75,6 +75,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
     run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
     run.add_argument("--junit", type=Path, metavar="FILE.xml", help="write all verdicts as JUnit XML")
+    run.add_argument(
+        "--pace",
+        type=float,
+        metavar="FACTOR",
+        help="run at FACTOR times real time (1: as fast as the robots would drive), and tell how well that went",
+    )
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
 
     about = "read and validate scenarios, show what is in them, and run nothing"
@@ -98,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
-    about = "list plants, controllers and scenarios"
+    about = "list plants, controllers and scenarios, and say where the schema is"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
 

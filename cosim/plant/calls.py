@@ -40,20 +40,21 @@ def compiled(function: F) -> F:
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
-        # Numba renews a function only when its own file changes, not when one changes that it calls functions of.
         file = dispatcher._cache._cache_file
         fresh = hasattr(file, "_source_stamp")
-        file._source_stamp = _sources()
     except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
         fresh = False
     if not fresh:
         dispatcher = numba.njit(**options)(function)
+        return dispatcher  # type: ignore[no-any-return]
+    # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
+    file._source_stamp = _sources()
     return dispatcher  # type: ignore[no-any-return]
 
 
 @cache
 def _sources() -> str:
-    """Hash all sources of this package."""
+    """Return a checksum of all sources of this package."""
     files = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
