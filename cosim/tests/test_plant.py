@@ -146,7 +146,9 @@ def test_tick_by_tick_is_as_at_once(make: Make, reference: Floats) -> None:
 
 def test_many_kinds_in_one_fleet(make: Make, reference: Floats) -> None:
     """Of all versions and interfaces, in this process and in others."""
-    fmus = [make(**options) for options in ({"fmi": "1.0"}, {"fmi": "2.0"}, {"fmi": "3.0", **MODEL}, {"fmi": "3.0"})] * 2
+    fmus = [
+        make(**options) for options in ({"fmi": "1.0"}, {"fmi": "2.0"}, {"fmi": "3.0", **MODEL}, {"fmi": "3.0"})
+    ] * 2
     isolated = [True, False] * 3 + [False, True]
     with fleet(*fmus, pose=POSE, solver="euler", isolated=isolated) as (started, state):
         for tick, torque in enumerate(TORQUES):
