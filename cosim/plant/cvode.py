@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.sundials import CVodeSolver
-from fmpy.sundials.libraries import sundials_core
+from fmpy.sundials import CVodeSolver, libraries
+from fmpy.sundials.cvode import CV_NORMAL, CV_ROOT_RETURN, CVode
+from fmpy.sundials.nvector_serial import NV_DATA_S
 from numpy.typing import NDArray
 
 from cosim.plant.instance import Instance
@@ -24,7 +25,8 @@ _CLOSE = 1e-9
 """Part of a communication step below which two times are the same."""
 _MAX_PARTS = 100_000
 """Into how many parts events may cut a communication step."""
-_MAX_STEPS = 100_000
+_TRY_A_SHORTER_STEP, _STOP = 1, -1
+_MAX_STEPS = 10_000
 """How many steps CVODE may take for a part."""
 
 
@@ -144,7 +146,6 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
     def __init__(self, instance: Instance, tolerance: float) -> None:
         fmu = self._fmu = instance.fmu
         self._failure: FMICallException | None = None
-        self.error_info: tuple[Any, ...] | None = None
         super().__init__(
             nx=instance.states,
             nz=instance.event_indicators,
@@ -159,24 +160,30 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
             relativeTolerance=tolerance,
             maxNumSteps=_MAX_STEPS,
         )
-        _silence(self.sunctx)
+        if hasattr(libraries, "sundials_core"):  # from SUNDIALS 6 on
+            _silence(self.sunctx)
 
     def advance(self, time: float, until: float) -> tuple[bool, float]:
-        """Integrate; return whether there is a state event, and the time [s] that was reached."""
+        """Integrate, and never look beyond; return whether there is a state event, and the time that was reached."""
         self._failure = None
-        try:
-            event, _, reached = self.step(time, until)
-        except RuntimeError as error:  # CVODE's
-            reason = str(self.error_info[-1]) if self.error_info else str(error)
-            raise self._failure or PlantError(failure(COMPLETE, 0, f"CVODE: {reason}")) from None
-        return bool(event), float(reached)
+        reached = ctypes.c_double(time)
+        libraries.sundials_cvode.CVodeSetStopTime(ctypes.c_void_p(self.cvode_mem), ctypes.c_double(until))
+        flag = CVode(self.cvode_mem, until, self.x, ctypes.byref(reached), CV_NORMAL)
+        if flag < 0:
+            reason = self.error_info[-1] if self.error_info else f"error {flag}"
+            raise self._failure or PlantError(failure(COMPLETE, 0, f"CVODE: {reason}"))
+        if not self.discrete:
+            self.set_x(self.px, self.nx)
+        return flag == CV_ROOT_RETURN, reached.value
 
     def f(self, *arguments: Any) -> int:
         """Return the derivatives; called by CVODE, which an exception would not stop."""
         try:
-            return int(super().f(*arguments))
+            super().f(*arguments)
         except FMICallException as error:
             return self._failed(error)
+        derivatives = np.ctypeslib.as_array(NV_DATA_S(arguments[2]), (self.nx,))
+        return 0 if np.isfinite(derivatives).all() else _TRY_A_SHORTER_STEP
 
     def g(self, *arguments: Any) -> int:
         """Return the event indicators; called by CVODE, which an exception would not stop."""
@@ -188,7 +195,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
     def _failed(self, error: FMICallException) -> int:
         """Return what lets CVODE try a shorter step, where the FMU discards the states, or stop."""
         self._failure = error
-        return 1 if error.status == DISCARD else -1
+        return _TRY_A_SHORTER_STEP if error.status == DISCARD else _STOP
 
     def _nominals(self, place: Any, n: int) -> None:
         self._fmu.getNominalsOfContinuousStates(place, n)
@@ -198,10 +205,10 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
 
 def _silence(context: Any) -> None:
     """Keep SUNDIALS from writing to the terminal what FMPy is told as well."""
-    logger = ctypes.c_void_p()
-    sundials_core.SUNContext_GetLogger(context, ctypes.byref(logger))
+    logger, core = ctypes.c_void_p(), libraries.sundials_core
+    core.SUNContext_GetLogger(context, ctypes.byref(logger))
     for kind in ("Error", "Warning"):
-        getattr(sundials_core, f"SUNLogger_Set{kind}Filename")(logger, os.devnull.encode())
+        getattr(core, f"SUNLogger_Set{kind}Filename")(logger, os.devnull.encode())
 
 
 class _HeldInput:

@@ -12,7 +12,7 @@ from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
 from cosim.plant.log import Log
-from cosim.plant.outcome import COMPLETE, DISCARD, END, ERROR, FATAL, WARNING, PlantError, failure
+from cosim.plant.outcome import COMPLETE, DISCARD, END, ERROR, EVENT, FATAL, WARNING, PlantError, failure
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 
 _MAX_EVENT_ITERATIONS = 100
@@ -60,10 +60,12 @@ class Instance:
         self.status = 0
         self._fmu: Any = None
         self._initialised = False
+        self._it = "it "  # the subject of what is said, until the plant is started
         folder = os.getcwd()
         try:
             with kept_arithmetic():
                 self._start()
+            self._it = ""
         except BaseException as error:
             self._note(error)
             said = self.log.take() or str(error)
@@ -133,8 +135,7 @@ class Instance:
             self._update()
             self._fmu.enterContinuousTimeMode()
         except FMICallException as error:
-            self._note(error)
-            raise PlantError(self.log.take() or str(error)) from None
+            raise PlantError(self.failure(EVENT, error.status)) from None
 
     def failure(self, what: int, status: int) -> str:
         """Return in words what failed, a number of `cosim.plant.outcome`, with the status of the FMI call."""
@@ -242,11 +243,11 @@ class Instance:
             more, terminate, _, _, next_event_defined, next_event = update()
             if terminate:
                 said = self.log.take()
-                raise PlantError("it asks to end the simulation" + (f": {said}" if said else ""))
+                raise PlantError(f"{self._it}asks to end the simulation" + (f": {said}" if said else ""))
             if not more:
                 self.next_event = float(next_event) if next_event_defined else float("inf")
                 return
-        raise PlantError(f"its discrete states do not settle in {_MAX_EVENT_ITERATIONS} iterations")
+        raise PlantError(f"{self._it}does not settle its discrete states in {_MAX_EVENT_ITERATIONS} iterations")
 
     def _counted(self) -> tuple[int, int]:
         numbers = (self.spec.states, self.spec.event_indicators)
@@ -268,4 +269,4 @@ class Instance:
         except FMICallException as error:
             self._note(error)
             shown = " ".join(str(v) for v in values)
-            raise PlantError(f"it refuses {value.name} = {shown}: {self.log.take() or error}") from None
+            raise PlantError(f"{self._it}refuses {value.name} = {shown}: {self.log.take() or error}") from None

@@ -14,7 +14,7 @@ from fmpy import fmi1, fmi2
 from cosim.errors import printable
 
 KEPT_MESSAGES = 20
-"""How many of the messages between two communication points are kept, the last ones."""
+"""How many of the messages between two communication points are kept: the last ones, but no two alike in succession."""
 MAX_LENGTH = 2000
 """Of a message."""
 
@@ -85,7 +85,8 @@ class Log:
         self._received += 1
         Log.pending += 1
         text = (message or b"")[:MAX_LENGTH].decode("utf-8", "replace")
-        self._messages.append(text)
+        if not self._messages or self._messages[-1] != text:
+            self._messages.append(text)
         if Log.listener is not None:
             Log.listener(text)
 
@@ -94,7 +95,7 @@ class Log:
         if not self._received:
             return ""
         text = printable(" ".join("; ".join(self._messages).split()))
-        if self._received > KEPT_MESSAGES:
+        if self._received > len(self._messages):
             text = f"{self._received} messages, the last of them: {text}"
         self._forget()
         return text

@@ -64,6 +64,7 @@ class ProcessPlant:
         self._messages = ""
         self._last_words: deque[str] = deque(maxlen=MAX_SAID)
         self._waiting = False  # whether the process waits for a request
+        self._ending = self._closed = False
         self._limit = _LAUNCH_LIMIT
         self._process = _launched()
         try:
@@ -129,6 +130,9 @@ class ProcessPlant:
 
     def close(self) -> None:
         """End the plant, within its time limit if it waits and at once if not, and its process."""
+        if self._closed:
+            return
+        self._closed = True
         try:
             if not self._ending:
                 self.begin_to_end()
@@ -138,8 +142,6 @@ class ProcessPlant:
         finally:
             self._watchdog.stop()
             _kill(self._process)
-
-    _ending = False
 
     def _request(self, kind: int, body: bytes) -> None:
         self._watchdog.allow(self._limit)

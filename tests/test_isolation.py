@@ -1,0 +1,691 @@
+"""No plant takes the harness down: whatever an FMU does has its clear outcome, here or in a process of its own.
+
+In the harness an FMU that crashes, exits or hangs does so to the harness, as is documented.
+"""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import cosim.plant.process
+from cosim.cli import main
+from cosim.errors import InputError
+from cosim.plant.outcome import PlantError
+from cosim.plant.process import ProcessPlant
+from cosim.plant.protocol import DONE, FAILED, HEADER, SAID
+from cosim.plant.spec import Block, PlantSpec
+from cosim.result import load
+from cosim.tests.driving import scenario
+
+from .stub.stub import make_fmu
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and signals")
+
+FMI = ("1.0", "2.0", "3.0")
+MODES = ["", 'isolate="process"']
+WHEN = 0.5
+"""When the stubs do what they are made to [s]."""
+BEFORE = 26
+"""Samples up to then: one each 20 ms, and that at 0."""
+ALL = 31
+LIMIT = 0.3
+"""What a plant that hangs may take [s]."""
+
+Make = Callable[..., Path]
+Run = Callable[..., tuple[int, str, xr.Dataset | None]]
+
+
+@pytest.fixture(scope="module")
+def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
+    """Return a function that makes stubs, each once."""
+
+    @cache
+    def made(**options: Any) -> Path:
+        return make_fmu(tmp_path_factory.mktemp("fmu"), **{"when": WHEN, "name": "bad", **options})
+
+    return made
+
+
+@pytest.fixture
+def nothing_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Check that a test leaves no process and no folder behind."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    folder = Path.cwd()
+    yield
+    assert Path.cwd() == folder
+    assert list(temporary.iterdir()) == []
+    assert workers(os.getpid()) == []
+
+
+def workers(harness: int) -> list[str]:
+    """Return the processes of plants that a harness has started and that are still there, zombies included."""
+    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
+    ours = (line for line in listed.splitlines() if f"cosim.plant.worker {harness}" in line)
+    defunct = (line for line in listed.splitlines() if f" {harness} " in line and "<defunct>" in line)
+    return [*ours, *defunct]
+
+
+@pytest.fixture
+def run(make: Make, tmp_path: Path, nothing_left: None, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Return a function that runs a scenario with a bad follower: exit status, what was printed, and the result."""
+
+    def made(mode: str = "", limit: float = 30.0, followers: tuple[str, ...] = ("bad",), **options: Any) -> Any:
+        path = write(tmp_path / "bad.xml", make, mode, limit, followers, **options)
+        status = main(["run", str(path), "--out", str(tmp_path), "--no-figure"])
+        printed = capfd.readouterr().err
+        assert "Traceback" not in printed
+        saved = tmp_path / "bad" / "result.nc"
+        return status, " ".join(printed.split()), load(saved) if saved.exists() else None
+
+    return made
+
+
+def write(path: Path, make: Make, mode: str, limit: float, followers: tuple[str, ...], **options: Any) -> Path:
+    attributes = f'{mode} time_limit="{limit} s"'
+    solver = 'solver="euler"' if options.get("interface") == "model_exchange" else ""
+    plants = f'<plant id="good" fmu="{make(name="good")}"/>'
+    plants += f'<plant id="bad" fmu="{make(**options)}" {attributes} {solver}/>'
+    return scenario(path, plants, leader="good", followers=followers, horizon="0.6 s")
+
+
+@pytest.fixture(scope="module")
+def reference(make: Make, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Return the result with a good follower."""
+    plant = f'<plant id="good" fmu="{make(name="good")}"/>'
+    path = tmp_path_factory.mktemp("reference") / "good.xml"
+    return cosim.run(scenario(path, plant, leader="good", followers=["good"], horizon="0.6 s"))
+
+
+def recorded(result: xr.Dataset | None, reference: xr.Dataset, samples: int) -> bool:
+    """Return whether just so many samples are recorded, and those of the same run with a good plant."""
+    assert result is not None
+    assert result.attrs["status"] == ("completed" if samples == ALL else "incomplete")
+    return result.sizes["time"] == samples and bool((result.pose == reference.pose[:samples]).all())
+
+
+# What fails in a step ---------------------------------------------------------------------------------------
+
+FAILS = {
+    "discard": "Discard",
+    "error": "Error",
+    "fatal": "Fatal",
+    "fatal_strict": "Fatal",
+    "pending": "Pending",
+    "illegal": "17",
+}
+"""Behaviours, and how the status is told."""
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize(
+    ("behaviour", "fmi"),
+    [(b, "2.0") for b in FAILS] + [(b, fmi) for b in ("error", "fatal_strict") for fmi in ("1.0", "3.0")],
+)
+def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)
+    assert status == 3
+    sentence = f"the plant bad.fmu did not complete the step (status {FAILS[behaviour]}): step returns {behaviour} at"
+    assert f"error: follower_1 at t = 0.5 s: {sentence} t = 0.5 s, as it was made to" in printed
+    assert "the run ended early, at 0.5 s of 0.6 s; what was recorded is saved" in printed
+    assert recorded(result, reference, BEFORE)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", FMI)
+def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour="terminate", fmi=fmi)
+    assert status == 3
+    how = {"1.0": "did not complete the step", "2.0": "asks to end the simulation", "3.0": "asks to end the simulation"}
+    assert f"follower_1 at t = 0.5 s: the plant bad.fmu {how[fmi]}" in printed
+    assert recorded(result, reference, BEFORE)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("behaviour", ["error", "discard", "terminate", "nan"])
+def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour=behaviour, fmi=fmi, interface="model_exchange")
+    assert status == 3
+    assert {
+        "error": "bad.fmu did not return the derivatives of its states (status Error): step returns error",
+        "discard": "did not return the derivatives of its states (status Discard): step returns discard",
+        "terminate": "follower_1 at t = 0.5 s: the plant bad.fmu asks to end the simulation",
+        "nan": "follower_1 at t = 0.5 s: the motion has diverged: x = nan m",
+    }[behaviour] in printed
+    assert result is not None
+    assert result.sizes["time"] == (BEFORE if behaviour != "nan" else BEFORE - 1)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("behaviour", "what"), [("nan", "x = nan m"), ("infinity", "v = inf m/s")])
+def test_numbers_that_are_none(run: Run, reference: xr.Dataset, behaviour: str, what: str, fmi: str, mode: str) -> None:
+    """They are caught at the communication point where they first appear, before anyone computes with them."""
+    status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)
+    assert status == 3
+    assert f"follower_1 at t = 0.5 s: the motion has diverged: {what}" in printed
+    assert recorded(result, reference, BEFORE - 1)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("place", ["set", "get"])
+def test_inputs_and_outputs(run: Run, place: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour="error", place=place, fmi="3.0")
+    assert status == 3
+    how = {"set": "t = 0.5 s: the plant bad.fmu did not accept its inputs", "get": "did not return its outputs"}
+    assert f"{how[place]} (status Error): {place} returns error" in printed
+    assert result is not None
+    assert result.sizes["time"] == (BEFORE if place == "set" else BEFORE - 1)
+
+
+def test_all_failures_of_a_step_are_told(run: Run, make: Make) -> None:
+    for mode in MODES:
+        status, printed, _ = run(mode, behaviour="error", followers=("good", "bad", "bad"))
+        assert status == 3
+        assert "error: follower_2 at t = 0.5 s: the plant bad.fmu did not complete the step (status Error)" in printed
+        assert "; follower_3: the plant bad.fmu did not complete the step (status Error): step returns error" in printed
+
+
+def test_failures_here_and_there_are_told_together(make: Make, tmp_path: Path, nothing_left: None) -> None:
+    plants = f'<plant id="good" fmu="{make(name="good")}"/><plant id="here" fmu="{make(behaviour="error")}"/>'
+    plants += f'<plant id="there" fmu="{make(behaviour="segfault")}" isolate="process"/>'
+    path = scenario(tmp_path / "s.xml", plants, leader="good", followers=["there", "good", "here"])
+    with pytest.raises(cosim.SimulationError) as caught:
+        cosim.run(path)
+    assert "follower_1 at t = 0.5 s: the plant bad.fmu did not complete the step: its process crashed (SIGSEGV)" in str(
+        caught.value
+    )
+    assert "; follower_3: the plant bad.fmu did not complete the step (status Error)" in str(caught.value)
+    assert caught.value.result.sizes["time"] == BEFORE
+
+
+def test_a_failure_within_cvode(make: Make, tmp_path: Path, nothing_left: None) -> None:
+    """CVODE stops where the FMU fails, and tries shorter steps where it discards the states."""
+    for behaviour, sentence in {
+        "error": r"did not complete the step \(status Error\): step returns error at t = 0\.5",
+        "discard": r"did not complete the step \(status Discard\): .*step returns discard at t = 0\.5",
+        "nan": "did not complete the step: CVODE: ",
+    }.items():
+        for mode in MODES:
+            fmu = make(behaviour=behaviour, interface="model_exchange")
+            plant = f'<plant id="bad" fmu="{fmu}" solver="cvode" {mode} time_limit="30 s"/>'
+            path = scenario(tmp_path / "s.xml", plant, leader="bad", followers=["bad"])
+            with pytest.raises(cosim.SimulationError, match=f"leader at t = 0.[45].* s: the plant bad.fmu {sentence}"):
+                cosim.run(path)
+
+
+# What kills or hangs a process ------------------------------------------------------------------------------
+
+DEADLY = {
+    "segfault": ": its process crashed (SIGSEGV)",
+    "abort": ": its process crashed (SIGABRT)",
+    "exit": ": its process exited with status 7",
+    "hang": " within 0.3 s; its process was ended",
+    "hang_stubborn": " within 0.3 s; its process was ended",
+    "spin": " within 0.3 s; its process was ended",
+}
+"""Behaviours, and how the end of the process is told."""
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "fmi"), [(b, "2.0") for b in DEADLY] + [("segfault", "1.0"), ("segfault", "3.0")]
+)
+def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, fmi: str) -> None:
+    limit = LIMIT if "within" in DEADLY[behaviour] else 30.0
+    status, printed, result = run(MODES[1], limit, behaviour=behaviour, fmi=fmi)
+    assert status == 3
+    said = f"it had logged: step goes into {behaviour} at t = 0.5 s, as it was made to"
+    sentence = f"the plant bad.fmu did not complete the step{DEADLY[behaviour]}; {said}"
+    assert f"error: follower_1 at t = 0.5 s: {sentence}" in printed
+    assert recorded(result, reference, BEFORE)
+
+
+@pytest.mark.parametrize("place", ["set", "get"])
+def test_it_survives_wherever_that_happens(run: Run, place: str) -> None:
+    status, printed, _ = run(MODES[1], behaviour="segfault", place=place)
+    assert status == 3
+    assert f"its process crashed (SIGSEGV); it had logged: {place} goes into segfault" in printed
+
+
+@pytest.mark.parametrize("place", ["instantiate", "initialization"])
+@pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang", "error", "fatal"])
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str) -> None:
+    if mode == "" and behaviour in DEADLY:
+        return  # see below
+    status, printed, result = run(
+        mode, LIMIT if behaviour == "hang" else 30.0, behaviour=behaviour, place=place, fmi="3.0"
+    )
+    assert status == 2
+    how = {
+        "segfault": "it did not start: its process crashed (SIGSEGV); it had logged:",
+        "exit": "it did not start: its process exited with status 7; it had logged:",
+        "hang": "it did not start within 0.3 s; its process was ended; it had logged:",
+    }
+    said = f"{how.get(behaviour, '')} {place} {'goes into' if behaviour in how else 'returns'} {behaviour}".strip()
+    assert "bad.xml:4:" in printed
+    assert f"the FMU bad.fmu cannot be started as follower_1: {said}" in printed
+    assert result is None
+
+
+@pytest.mark.parametrize("place", ["terminate", "free"])
+@pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang"])
+def test_what_does_not_end_well_has_run_all_the_same(
+    run: Run, reference: xr.Dataset, behaviour: str, place: str
+) -> None:
+    begin = time.monotonic()
+    status, printed, result = run(
+        MODES[1], LIMIT, behaviour=behaviour, place=place, fmi="3.0", followers=("bad", "bad")
+    )
+    assert (status, printed) == (0, "")
+    assert result is not None
+    assert result.sizes["time"] == ALL
+    assert time.monotonic() - begin < 20.0
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("behaviour", ["error", "fatal_strict"])
+def test_a_status_on_terminating(run: Run, reference: xr.Dataset, behaviour: str, mode: str) -> None:
+    """After Fatal nothing is called any more: this one would abort."""
+    status, _, result = run(mode, behaviour=behaviour, place="terminate")
+    assert status == 0
+    assert recorded(result, reference, ALL)
+
+
+def test_other_scenarios_go_on(
+    make: Make, tmp_path: Path, nothing_left: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = scenario(tmp_path / "good.xml", f'<plant id="car" fmu="{make(name="good")}"/>', horizon="0.6 s")
+    one, two = (
+        write(tmp_path / f"{behaviour}.xml", make, MODES[1], 30.0, ("bad",), behaviour=behaviour)
+        for behaviour in ("exit", "segfault")
+    )
+    assert main(["run", str(one), str(good), str(two), "--out", str(tmp_path), "--no-figure"]) == 3
+    printed = capsys.readouterr().err
+    assert "exited with status 7" in printed
+    assert "SIGSEGV" in printed
+    samples = {name: load(tmp_path / name / "result.nc").sizes["time"] for name in ("exit", "good", "segfault")}
+    assert samples == {"exit": BEFORE, "good": ALL, "segfault": BEFORE}
+
+
+def command(path: Path, out: Path) -> list[str]:
+    program = "import sys; from cosim.cli import main; sys.exit(main(sys.argv[1:]))"
+    return [sys.executable, "-c", program, "run", str(path), "--out", str(out), "--no-figure"]
+
+
+@pytest.mark.parametrize(("behaviour", "ends"), [("segfault", -11), ("exit", 7), ("abort", -6), ("hang", None)])
+def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, behaviour: str, ends: int | None) -> None:
+    """As documented: a crash or an exit ends the harness and nothing is saved, and a hang is that of the harness."""
+    path = write(tmp_path / "bad.xml", make, "", 30.0, ("bad",), behaviour=behaviour)
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    harness = subprocess.Popen(
+        command(path, tmp_path), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        if ends is not None:
+            assert harness.wait(60.0) == ends
+        else:
+            with pytest.raises(subprocess.TimeoutExpired):
+                harness.wait(5.0)
+    finally:
+        harness.kill()
+        harness.wait()
+    assert not (tmp_path / "bad" / "result.nc").exists()
+
+
+# What can be borne ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", FMI)
+def test_a_flood_of_messages(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour="log_million", lines=50_000, fmi=fmi)
+    assert (status, printed) == (0, "")
+    assert recorded(result, reference, ALL)
+    [message] = json.loads(result.attrs["plant_messages"])  # type: ignore[union-attr]
+    last = "; ".join(f"line {i} of 50000" for i in range(49_981, 50_001))
+    assert message == f"follower_1, t = 0.5 s: 50000 messages, the last of them: {last}"
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize("behaviour", ["log_odd", "log_percent", "log_long"])
+def test_odd_messages(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
+    status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)
+    assert (status, printed) == (0, "")
+    assert recorded(result, reference, ALL)
+    [message] = json.loads(result.attrs["plant_messages"])  # type: ignore[union-attr]
+    assert message.startswith("follower_1, t = 0.5 s: ")
+    assert len(message) < 2100
+    if behaviour == "log_odd":
+        assert message.endswith(
+            "100 % sure of %s and %d: \ufffd\ufffd not UTF-8, ?[31mred?[0m, bell ?, tab , two lines"
+        )
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+def test_what_is_printed(run: Run, reference: xr.Dataset, mode: str) -> None:
+    """In a process of its own it goes to standard error, as the pipe to the harness is out of reach."""
+    status, printed, result = run(mode, behaviour="print")
+    assert status == 0
+    assert recorded(result, reference, ALL)
+    assert printed == (
+        "" if not mode else " ".join(f"follower_1 prints at t = {t} s" for t in (0.5, 0.52, 0.54, 0.56, 0.58))
+    )
+
+
+@pytest.mark.parametrize("behaviour", ["rounding", "trap", "chdir", "signals"])
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+def test_what_changes_the_process(make: Make, run: Run, reference: xr.Dataset, behaviour: str, mode: str) -> None:
+    """The harness goes on as it was: what an FMU does when it is started is undone."""
+    status, printed, result = run(mode, behaviour=behaviour)
+    assert (status, printed) == (0, "")
+    assert recorded(result, reference, ALL)
+    assert 1.0 + 1e-17 == 1.0
+    with np.errstate(all="ignore"):
+        assert math.isnan((np.ones(1) / np.zeros(1) - np.ones(1) / np.zeros(1))[0])
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+def test_a_change_of_the_directory_in_a_step(
+    make: Make, tmp_path: Path, nothing_left: None, monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    """Relative paths of the command line mean what they meant, of this scenario and of the next."""
+    for name in ("one", "two"):
+        write(tmp_path / f"{name}.xml", make, mode, 30.0, ("bad",), behaviour="chdir", place="step")
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "one.xml", "two.xml", "--out", "results", "--junit", "results/all.xml"]) == 0
+    assert {path.name for path in (tmp_path / "results").rglob("*.*")} == {
+        "result.nc",
+        "summary.json",
+        "figure.png",
+        "all.xml",
+    }
+    monkeypatch.undo()
+
+
+def test_descriptors_that_are_closed(make: Make, tmp_path: Path) -> None:
+    """In a process of its own the FMU can close its standard streams and nothing else."""
+    path = write(tmp_path / "bad.xml", make, MODES[1], 30.0, ("bad",), behaviour="close_descriptors")
+    done = subprocess.run(command(path, tmp_path), capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0
+    assert load(tmp_path / "bad" / "result.nc").sizes["time"] == ALL
+    path = write(tmp_path / "bad.xml", make, "", 30.0, ("bad",), behaviour="close_descriptors")
+    done = subprocess.run(command(path, tmp_path), capture_output=True, text=True, check=False, timeout=300)
+    assert load(tmp_path / "bad" / "result.nc").sizes["time"] == ALL, "in the harness, only what it prints is lost"
+
+
+def test_without_standard_error(make: Make, tmp_path: Path) -> None:
+    path = write(tmp_path / "bad.xml", make, MODES[1], 30.0, ("bad",), behaviour="print")
+    shell = " ".join(f"'{argument}'" for argument in command(path, tmp_path)) + " 2>&- >/dev/null"
+    assert subprocess.run(["bash", "-c", shell], check=False, timeout=300).returncode == 0
+    assert load(tmp_path / "bad" / "result.nc").sizes["time"] == ALL
+
+
+def test_slow_within_its_limit(run: Run, reference: xr.Dataset) -> None:
+    status, _, result = run(MODES[1], 2.0, behaviour="slow", seconds=0.1)
+    assert status == 0
+    assert recorded(result, reference, ALL)
+
+
+def test_a_parameter_that_is_refused_in_the_course_of_a_run(make: Make, tmp_path: Path, nothing_left: None) -> None:
+    event = '<event at="0.2 s" robots="follower_1"><parameter name="a" value="-1 m"/></event>'
+    for mode in MODES:
+        for interface in ("co_simulation", "model_exchange"):
+            plant = f'<plant id="car" fmu="{make(interface=interface)}" {mode} time_limit="30 s"/>'
+            path = scenario(tmp_path / "s.xml", plant, more=event)
+            sentence = r"the plant bad\.fmu refuses a = -1\.0: the wheelbase a = -1 m is not positive"
+            with pytest.raises(cosim.SimulationError, match=rf"follower_1 at t = 0\.2 s: {sentence}"):
+                cosim.run(path)
+
+
+# Who stops --------------------------------------------------------------------------------------------------
+
+
+class Harness:
+    """A harness in a process group of its own, as one that a shell starts."""
+
+    def __init__(self, path: Path, out: Path) -> None:
+        self.log = out / "log"
+        environment = {**os.environ, "TMPDIR": str(out / "temporary")}
+        (out / "temporary").mkdir(exist_ok=True)
+        with self.log.open("w") as log:
+            self.process = subprocess.Popen(
+                command(path, out), env=environment, stdout=log, stderr=log, process_group=0
+            )
+
+    def wait_for(self, condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 60.0
+        while not condition():
+            assert self.process.poll() is None, self.log.read_text()
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+
+    def workers(self) -> list[str]:
+        return workers(self.process.pid)
+
+    def gone(self) -> bool:
+        """Return whether its plants' processes go within a few seconds."""
+        deadline = time.monotonic() + 10.0
+        while self.workers() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return self.workers() == []
+
+
+@pytest.fixture
+def harness(make: Make, tmp_path: Path) -> Iterator[Callable[..., Harness]]:
+    started = []
+
+    def start(limit: float = 60.0, horizon: str = "10000 s", **options: Any) -> Harness:
+        path = write(tmp_path / "bad.xml", make, MODES[1], limit, ("bad", "bad"), **options)
+        path.write_text(path.read_text("utf-8").replace('horizon="0.6 s"', f'horizon="{horizon}"'), "utf-8")
+        started.append(Harness(path, tmp_path))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.process.kill()
+        one.process.wait()
+        assert one.gone()
+
+
+def slow(harness: Callable[..., Harness], tmp_path: Path) -> Harness:
+    """Return a harness in the midst of a run that takes long."""
+    one = harness(behaviour="slow", seconds=0.01, when=0.0)
+    one.wait_for(lambda: len(one.workers()) == 2 and (tmp_path / "bad").is_dir())
+    time.sleep(0.5)
+    return one
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("group", [False, True], ids=["process", "group"])
+def test_a_signal_in_the_course_of_a_run(
+    harness: Callable[..., Harness], tmp_path: Path, number: signal.Signals, group: bool
+) -> None:
+    """Ctrl-C goes to all processes of the terminal, of which those of plants are none."""
+    one = slow(harness, tmp_path)
+    (os.killpg if group else os.kill)(one.process.pid, number)
+    assert one.process.wait(60.0) == 130
+    assert one.workers() == []
+    assert list((tmp_path / "temporary").iterdir()) == []
+    result = load(tmp_path / "bad" / "result.nc")
+    assert result.attrs["status"] == "incomplete"
+    assert result.sizes["time"] > 1
+
+
+@pytest.mark.parametrize("behaviour", ["slow", "hang"])
+def test_a_harness_that_is_killed_leaves_no_process(
+    harness: Callable[..., Harness], tmp_path: Path, behaviour: str
+) -> None:
+    one = slow(harness, tmp_path) if behaviour == "slow" else harness(behaviour="hang")
+    one.wait_for(lambda: len(one.workers()) == 2)
+    time.sleep(1.0)
+    one.process.kill()
+    one.process.wait()
+    assert one.gone()
+
+
+def test_ctrl_c_while_plants_start(harness: Callable[..., Harness], tmp_path: Path) -> None:
+    one = harness(behaviour="hang", place="instantiate")
+    one.wait_for(lambda: len(one.workers()) == 2)
+    time.sleep(0.5)
+    begin = time.monotonic()
+    one.process.send_signal(signal.SIGINT)
+    assert one.process.wait(60.0) == 130
+    assert time.monotonic() - begin < 10.0, "the plant's time limit is not waited for"
+    assert one.workers() == []
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
+def test_ctrl_c_twice_in_a_step_that_does_not_end(harness: Callable[..., Harness], tmp_path: Path) -> None:
+    one = harness(behaviour="hang")
+    one.wait_for(lambda: len(one.workers()) == 2 and (tmp_path / "bad").is_dir())
+    time.sleep(1.0)
+    begin = time.monotonic()
+    one.process.send_signal(signal.SIGINT)
+    time.sleep(0.3)
+    assert one.process.poll() is None, "the first one waits for the end of the tick"
+    one.process.send_signal(signal.SIGINT)
+    assert one.process.wait(60.0) == 130
+    assert time.monotonic() - begin < 20.0, "the plant's time limit is not waited for"
+    assert one.workers() == []
+    assert load(tmp_path / "bad" / "result.nc").sizes["time"] == BEFORE
+
+
+# What a plant's process answers -----------------------------------------------------------------------------
+
+SPEC = PlantSpec(
+    "robot", "a.fmu", "", "2.0", "co_simulation", "a", "", (), Block((), ()), Block((1,), (0.0,)), 1.0, time_limit=1.0
+)
+HELLO = HEADER.pack(DONE, 0)
+STARTED = HELLO + HEADER.pack(DONE, 8) + bytes(8)
+
+
+@pytest.fixture
+def answering(monkeypatch: pytest.MonkeyPatch, nothing_left: None) -> Iterator[Callable[..., ProcessPlant]]:
+    """Return a function that starts a process which writes some bytes and then runs a program."""
+    plants = []
+
+    def start(answer: bytes, program: str = "sys.stdin.read()") -> ProcessPlant:
+        code = f"import os, subprocess, sys, time\nos.write(1, {answer!r})\n{program}"
+        monkeypatch.setattr(cosim.plant.process, "WORKER", ("-c", code))
+        plants.append(ProcessPlant(SPEC))
+        return plants[-1]
+
+    yield start
+    begin = time.monotonic()
+    for plant in plants:
+        plant.close()
+    assert time.monotonic() - begin < 3.0
+    assert all(plant._process.returncode is not None for plant in plants)
+
+
+def reason(call: Callable[[], object]) -> str:
+    with pytest.raises(PlantError) as caught:
+        call()
+    return str(caught.value)
+
+
+def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
+    plant = answering(HELLO + HEADER.pack(SAID, 2) + b"hm" + HEADER.pack(DONE, 10) + np.array([7.0]).tobytes() + b"ok")
+    plant.wait_until_started()
+    assert plant.first_outputs == [7.0]
+    assert plant.take_messages() == "ok"
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        (b"", "its process did not start: its process exited with status 3"),
+        (HELLO, "it did not start: its process exited with status 3"),
+        (HELLO[:3], "its process did not start: its process exited"),
+        (
+            b"nonsense of many bytes",
+            "its process did not start: through the pipe of its process comes what no plant would answer",
+        ),
+        (HELLO + HEADER.pack(DONE, 7) + bytes(7), "it did not start: through the pipe of its process comes what"),
+        (HELLO + HEADER.pack(DONE, 2**32 - 1), "it did not start: through the pipe of its process comes what"),
+        (HELLO + HEADER.pack(DONE, 100) + bytes(8), "it did not start: its process exited with status 3"),
+        (HELLO + HEADER.pack(FAILED, 9) + b"it \x1b[31m\xff", "it ?[31m\ufffd"),
+        (HELLO + HEADER.pack(99, 4) + b"what", "what"),
+        (
+            HELLO + 50 * (HEADER.pack(SAID, 1) + b"x"),
+            "it did not start: its process exited with status 3; it had logged: x; x",
+        ),
+    ],
+)
+def test_other_answers_when_it_starts(answering: Callable[..., ProcessPlant], answer: bytes, sentence: str) -> None:
+    plant = answering(answer, "sys.exit(3)")
+    assert reason(plant.wait_until_started).startswith(sentence)
+
+
+def test_messages_without_end(answering: Callable[..., ProcessPlant]) -> None:
+    plant = answering(HELLO, f"while True: os.write(1, {HEADER.pack(SAID, 1000) + bytes(1000)!r})")
+    said = reason(plant.wait_until_started)
+    assert said.startswith("it did not start within 1 s; its process was ended; it had logged: ")
+    assert len(said) < 25_000
+
+
+def test_a_process_that_closes_its_pipe_and_goes_on(
+    answering: Callable[..., ProcessPlant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cosim.plant.process, "_EXIT_LIMIT", 0.2)
+    plant = answering(STARTED, "os.close(1); time.sleep(100)")
+    plant.wait_until_started()
+    plant.begin(0.0, 0.02, np.zeros(0))
+    assert (
+        reason(lambda: plant.finish(np.zeros(1)))
+        == "did not complete the step: its process has closed the pipe to the harness"
+    )
+
+
+def test_an_interpreter_that_does_not_come(
+    answering: Callable[..., ProcessPlant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cosim.plant.process, "_LAUNCH_LIMIT", 0.2)
+    plant = answering(b"", "time.sleep(100)")
+    assert reason(plant.wait_until_started) == "its process did not start within 0.2 s; its process was ended"
+
+
+def test_what_a_plant_starts_is_ended_with_it(answering: Callable[..., ProcessPlant]) -> None:
+    program = "p = subprocess.Popen(['sleep', '1000']); open(PATH, 'w').write(str(p.pid)); sys.stdin.read()"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pid"
+        plant = answering(STARTED, program.replace("PATH", repr(str(path))))
+        plant.wait_until_started()
+        while not (path.exists() and path.read_text()):
+            time.sleep(0.01)
+        grandchild = int(path.read_text())
+        plant.close()
+    deadline = time.monotonic() + 5.0
+    while Path(f"/proc/{grandchild}").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    with pytest.raises(ProcessLookupError):
+        os.kill(grandchild, 0)
+
+
+def test_no_more_processes(monkeypatch: pytest.MonkeyPatch, make: Make, tmp_path: Path, nothing_left: None) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    path = write(tmp_path / "bad.xml", make, MODES[1], 30.0, ("bad",))
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess, "Popen", fails)
+        with pytest.raises(InputError, match="there can be no process of its own: Resource temporarily unavailable"):
+            cosim.run(path)
