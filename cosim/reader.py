@@ -16,6 +16,7 @@ from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
     LEADER,
+    OPEN,
     BindingSource,
     ControllerSource,
     Effect,
@@ -88,6 +89,9 @@ def _binding(element: etree._Element, document: Document) -> BindingSource:
         where, name = document.where(child), child.get("name", "")
         if name in roles:
             raise InputError(f"the role {name!r} is given twice", where)
+        for attribute, value in child.attrib.items():
+            if value == OPEN:
+                raise InputError(f'the role {name!r} has {attribute}="{OPEN}", which is to be filled in', where)
         if ("variable" in child.attrib) == ("value" in child.attrib):
             raise InputError("a <role> needs either a variable or a value", where)
         if "value" in child.attrib and len(child.attrib) > 2:

@@ -10,6 +10,9 @@ from cosim.errors import Location
 
 LEADER = "leader"
 
+OPEN = "..."
+"""What stands in a binding for something that the user must fill in."""
+
 
 @dataclass(frozen=True)
 class Setting:
