@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from cosim.changes import Change
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+    from cosim.pacing import Pacer
     from cosim.reader import read_scenario
     from cosim.scenario import Scenario
     from cosim.simulation import Simulation
@@ -30,6 +31,7 @@ __all__ = [
     "FormationError",
     "InputError",
     "OutputError",
+    "Pacer",
     "RunInterrupted",
     "Scenario",
     "Simulation",
@@ -69,6 +71,7 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
 
 
 _HOMES = {
+    "Pacer": "cosim.pacing",
     "Scenario": "cosim.scenario",
     "Simulation": "cosim.simulation",
     "read_scenario": "cosim.reader",

@@ -28,7 +28,7 @@ def as_seen_by(
     acceleration
         Its pseudo-accelerations (2,), if they are known; between different vehicles they are not passed on.
     """
-    if (type(vehicle), _length(vehicle)) == (type(leader), _length(leader)):
+    if alike(vehicle, leader):
         return fc.Leader(state[:4], state[4:], acceleration)
     x, y, heading, angle, v, omega = state.tolist()
     trailer = isinstance(leader, fc.TractorTrailer)
@@ -41,6 +41,11 @@ def as_seen_by(
     if isinstance(vehicle, fc.TractorTrailer):
         steering, rate = heading + steering, rate + v * curvature
     return fc.Leader(np.array([x, y, heading, steering]), np.array([v, rate]))
+
+
+def alike(vehicle: Vehicle, leader: Vehicle) -> bool:
+    """Return whether a follower reads the leader's pose by its own geometry as the leader itself would."""
+    return (type(vehicle), _length(vehicle)) == (type(leader), _length(leader))
 
 
 def _length(vehicle: Vehicle) -> float:

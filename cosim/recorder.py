@@ -81,11 +81,15 @@ class Recorder:
         """Take an array (samples, ...) into which a channel is written."""
         self._arrays[name] = place
 
-    def records(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.void]:
-        """Return a place for records (samples, rows), to write into: one field a channel, one record a row."""
+    def records(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.float64]:
+        """Return a place for records of numbers, one field a channel and one record a row, to write into.
+
+        It has one row a sample, with the numbers of all records one after the other, as NumPy copies records field by
+        field and numbers at once.
+        """
         store = np.zeros((self._samples, len(rows)), dtype)
         self._records.append((rows, store))
-        return store
+        return store.view(np.float64).reshape(self._samples, -1)
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every channel, by name."""

@@ -17,6 +17,7 @@ from cosim.actuating import Actuators
 from cosim.connect import member
 from cosim.errors import InputError, RunInterrupted, SimulationError, nearest
 from cosim.interrupt import HeldSignals
+from cosim.pacing import Pacer
 from cosim.plant.fleet import Fleet
 from cosim.recorder import Recorder
 from cosim.result import dataset
@@ -61,7 +62,6 @@ class Simulation:
         robots = [LEADER, *(follower.id for follower in scenario.followers)]
         self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
         self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
-        self._told = np.zeros(6)
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
         self._override: list[tuple[int, NDArray[np.float64]]] = []  # rows and torques of this tick
@@ -86,6 +86,9 @@ class Simulation:
                 for tick in robot.changes:
                     self._changes.setdefault(tick, []).append(row)
             self._teams = self._gather_teams()
+            self._desired = [
+                [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
+            ]
             setups = (self.setup.leader, *self.setup.followers)
             poses = [[role.name for role in robot.contract.pose] for robot in setups]
             torques = [[role.name for role in robot.contract.torque] for robot in self.setup.followers]
@@ -144,22 +147,14 @@ class Simulation:
             return  # the commands are held
         motion = self.setup.motion
         acceleration = None if motion is None else motion.acceleration[self.tick]
-        self._told[:4] = self._measured[0]
-        self._told[4:] = self._state[0, 4:]
-        for team in self._teams:
-            self._command[team.rows] = team.step(
-                self.time,
-                self._measured[1:],
-                self._state[1:, 4:],
-                self._told,
-                acceleration,
-                self._desired,
-                first=self.tick == 0,
-            )
-
-    @property
-    def _desired(self) -> fc.Desired:
-        return fc.Desired(*(samples[self.tick] for samples in self.setup.desired))
+        told = np.empty(6)
+        told[:4] = self._measured[0]
+        told[4:] = self._state[0, 4:]
+        pose, velocity = self._measured[1:], self._state[1:, 4:]
+        for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
+            desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
+            first = self.tick == 0
+            self._command[team.rows] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
 
     def _actuate(self) -> None:
         command = self._command
@@ -220,13 +215,15 @@ class Simulation:
         """Whether the sample at the horizon is recorded."""
         return self.tick > self.scenario.ticks
 
-    def run(self, progress: Callable[[int], None] | None = None) -> xr.Dataset:
+    def run(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> xr.Dataset:
         """Run to the horizon and return the result.
 
         Parameters
         ----------
         progress
             Called with the tick before each tick.
+        pacer
+            Waits before each tick, so that the run keeps pace with a clock.
 
         Raises
         ------
@@ -240,6 +237,8 @@ class Simulation:
                 while not self.finished and not signals.received:
                     if progress:
                         progress(self.tick)
+                    if pacer:
+                        pacer.wait(self.tick)
                     with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
                         self.step()
             except KeyboardInterrupt:

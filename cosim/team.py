@@ -8,12 +8,13 @@ from typing import Any
 
 import formation_controllers as fc
 import numpy as np
+from formation_controllers.controller import Controller
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from cosim.errors import InputError, SimulationError, nearest
-from cosim.leader import as_seen_by
+from cosim.leader import alike, as_seen_by
 from cosim.scenario import ControllerSource, Setting
 
 
@@ -140,6 +141,10 @@ class Team:
             )
         except Exception as error:  # a controller is other people's code
             raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
+        self._alike = alike(vehicle, leader)
+        self._checks_torques = type(self.controller).step is Controller.step
+        self._record: NDArray[np.void] | None = None
+        self._numbers = np.zeros(0)
         signals = law.controller_type.signals
         self.telemetry_type: np.dtype[np.void] = np.dtype(
             [(s.name, np.float64, (len(s.components),) if s.components else ()) for s in signals]
@@ -158,21 +163,28 @@ class Team:
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
 
-        Poses are those measured; a law that needs velocities is given the true ones, and no other law any. The leader
-        is its pose and pseudo-velocities (6,), and its accelerations where they are known.
+        Poses (N, 4) and velocities (N, 2) are those of all followers, the desired places those of this team. Poses are
+        those measured; a law that needs velocities is given the true ones, and no other law any. The leader is its pose
+        and pseudo-velocities (6,), an array of this tick's own, and its accelerations where they are known.
 
         Raises
         ------
         SimulationError
             The controller refused its input, failed, or returned something other than finite torques.
         """
-        own = fc.Desired(desired.q[self.rows], desired.q_dot[self.rows], desired.q_ddot[self.rows])
+        own_pose = pose[self.rows]  # copies, as a controller may keep what it is given
         measured = {"velocity": velocity[self.rows]} if "velocity" in self.controller.needs else {}
-        seen = as_seen_by(self.vehicle, self.leader, leader, acceleration)
+        if self._alike:
+            seen = fc.Leader(leader[:4], leader[4:], acceleration)
+        else:
+            seen = as_seen_by(self.vehicle, self.leader, leader, acceleration)
         try:
             if first:
-                self.controller.start(pose[self.rows], seen, own)
-            torque = np.asarray(self.controller.step(pose[self.rows], seen, own, **measured), dtype=float)
+                self.controller.start(own_pose, seen, desired)
+            torque: NDArray[np.float64] = self.controller.step(own_pose, seen, desired, **measured)
+            if self._checks_torques:
+                return torque
+            torque = np.asarray(torque, dtype=float)
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
         if torque.shape != (len(self.robots), 2):
@@ -184,8 +196,8 @@ class Team:
             raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time)
         return torque
 
-    def telemetry(self, time: float) -> NDArray[np.void]:
-        """Return the controller's signals at the last step, one record a follower.
+    def telemetry(self, time: float) -> NDArray[np.float64]:
+        """Return the controller's signals at the last step: the numbers of one record a follower, one after the other.
 
         Raises
         ------
@@ -194,11 +206,16 @@ class Team:
         """
         try:
             record: NDArray[np.void] = self.controller.telemetry_record
+            if record is self._record:
+                return self._numbers
             if record.dtype != self.telemetry_type or record.shape != self.rows.shape:
                 raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
-        return record
+        if not record.flags.c_contiguous:
+            return record.copy().view(np.float64)
+        self._record, self._numbers = record, record.view(np.float64)
+        return self._numbers
 
     def _failure(self, error: BaseException, time: float) -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None

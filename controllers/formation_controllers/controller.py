@@ -18,6 +18,8 @@ from formation_controllers.interface import Desired, Floats, Leader, Signal, Tea
 
 G = TypeVar("G", bound=Gains)
 
+_FLOAT = np.dtype(np.float64)
+
 
 class Controller(ABC, Generic[G]):
     """A controller of a team of followers of one kind of vehicle.
@@ -318,6 +320,8 @@ class Controller(ABC, Generic[G]):
 
 def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return a value as an array of floats of this shape, laid out as compiled code expects it."""
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape and value.flags.carray:
+        return value  # as it is at almost every tick
     try:
         if not (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
             value = np.asarray(value)

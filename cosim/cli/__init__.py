@@ -75,6 +75,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
     run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
     run.add_argument("--junit", type=Path, metavar="FILE.xml", help="write all verdicts as JUnit XML")
+    run.add_argument(
+        "--pace",
+        type=float,
+        metavar="FACTOR",
+        help="run at FACTOR times real time (1: as fast as the robots would drive), and tell how well that went",
+    )
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
 
     about = "read and validate scenarios, show what is in them, and run nothing"

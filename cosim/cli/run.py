@@ -22,6 +22,7 @@ from cosim.errors import FormationError, InputError, OutputError, RunInterrupted
 from cosim.expectation import Verdict
 from cosim.interrupt import HeldSignals
 from cosim.junit import Outcome, junit_xml
+from cosim.pacing import Pacer
 from cosim.result import save, write
 from cosim.scenario import Scenario
 from cosim.simulation import Simulation
@@ -72,6 +73,7 @@ def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iter
 def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
+    pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
         with _status("building and loading plants"):
             ready = Simulation(scenario)
@@ -79,7 +81,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
             folder = _writable_folder(options.out / scenario.name, "--out")
             try:
                 with _progress(scenario) as progress:
-                    result = simulation.run(progress)
+                    result = simulation.run(progress, pacer)
             except (SimulationError, RunInterrupted) as error:
                 failure, result = error, error.result
             timing |= simulation.timing
@@ -98,12 +100,23 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
                 _draw(result, folder)
     timing["total"] += options.imports
 
+    if pacer is not None:
+        console.print(str(pacer.report), soft_wrap=True)
     console.print(f"results in {folder}/", markup=False, soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:
         warn(f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; what was recorded is saved")
         raise failure
+
+
+def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
+    if factor is None:
+        return None
+    try:
+        return Pacer(scenario.step, factor)
+    except ValueError as error:
+        raise InputError(f"--pace {factor:g}: {error}") from None
 
 
 # Files ------------------------------------------------------------------------------------------------------

@@ -1,0 +1,101 @@
+"""Soft real time: a run that keeps pace with a clock, for people to watch or devices to listen to.
+
+The operating system gives no guarantee, so late ticks are counted and told, and a run that falls behind catches up.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PaceReport:
+    """How well a run has kept pace.
+
+    Attributes
+    ----------
+    factor : float
+        Simulated time over real time.
+    ticks : int
+        How many ticks were paced.
+    overruns : int
+        How many of them were due before the one before had ended.
+    worst, worst_time : float
+        How late [s] the latest of these began, and its simulated time [s]; zero without overruns.
+    jitter : float
+        How late [s] at most a tick began that had to wait for its time.
+    """
+
+    factor: float
+    ticks: int
+    overruns: int
+    worst: float
+    worst_time: float
+    jitter: float
+
+    def __str__(self) -> str:
+        """Return the report as a sentence."""
+        text = f"paced at {self.factor:g} times real time: {self.overruns} of {self.ticks} ticks overran"
+        if self.overruns:
+            text += f", the worst by {self.worst * 1e3:.3g} ms at t = {self.worst_time:.6g} s"
+        return f"{text}; the others began at most {self.jitter * 1e3:.3g} ms late"
+
+
+class Pacer:
+    """Waits before each tick until it is due.
+
+    Parameters
+    ----------
+    step
+        Simulated time from one tick to the next [s].
+    factor
+        Simulated time over real time: 1 for real time, 2 for twice as fast.
+    clock, sleep
+        Real time [s], and how to wait for so long.
+
+    Raises
+    ------
+    ValueError
+        The factor is not a positive number.
+    """
+
+    def __init__(
+        self,
+        step: float,
+        factor: float = 1.0,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        if not 0 < factor < float("inf"):
+            raise ValueError(f"the pace is {factor:g}; it must be a positive number")
+        self._step = step
+        self._factor = factor
+        self._clock = clock
+        self._sleep = sleep
+        self._start: float | None = None
+        self._first = 0
+        self._ticks = self._overruns = 0
+        self._worst = self._worst_time = self._jitter = 0.0
+
+    def wait(self, tick: int) -> None:
+        """Return when a tick is due; the first that is waited for is due at once."""
+        now = self._clock()
+        if self._start is None:
+            self._start, self._first = now, tick
+        due = self._start + (tick - self._first) * self._step / self._factor
+        self._ticks += 1
+        if now > due:
+            self._overruns += 1
+            if now - due > self._worst:
+                self._worst, self._worst_time = now - due, tick * self._step
+            return
+        if now < due:
+            self._sleep(due - now)
+            self._jitter = max(self._jitter, self._clock() - due)
+
+    @property
+    def report(self) -> PaceReport:
+        """How well the run has kept pace so far."""
+        return PaceReport(self._factor, self._ticks, self._overruns, self._worst, self._worst_time, self._jitter)
