@@ -79,9 +79,19 @@ class Proposal:
         return not self.open and all(suggestion.needs_no_binding for suggestion in self.suggestions)
 
     @property
-    def found(self) -> int:
-        """For how many of the roles there is a variable."""
-        return sum(s.source is not None and s.source.variable not in ("", OPEN) for s in self.suggestions)
+    def missing(self) -> tuple[Role, ...]:
+        """The roles of pose and torque for which no variable was found."""
+        wanted = (*self.contract.pose, *self.contract.torque)
+        nothing = {s.role for s in self.suggestions if s.source is None or s.source.variable == OPEN}
+        return tuple(role for role in wanted if role in nothing)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether the FMU seems to be such a vehicle: at least half of pose and torque are there, of each something."""
+        found = [
+            [role for role in roles if role not in self.missing] for roles in (self.contract.pose, self.contract.torque)
+        ]
+        return all(found) and sum(map(len, found)) > len(self.missing)
 
     @property
     def binding(self) -> BindingSource:
@@ -91,10 +101,10 @@ class Proposal:
 
 
 def proposals(description: Any) -> list[Proposal]:
-    """Return a proposal for each contract, the one that finds most of its roles first."""
+    """Return a proposal for each contract, the one that lacks least first."""
     return sorted(
         (propose(description, contract) for contract in CONTRACTS),
-        key=lambda proposal: (len(proposal.open), -proposal.found),
+        key=lambda proposal: (len(proposal.missing), len(proposal.open)),
     )
 
 

@@ -275,6 +275,8 @@ class Expectation:
         The followers of whom it is expected; empty for all.
     fails : str
         Why it is known not to hold; empty if it should.
+    untrusted : tuple of Path
+        Of ``compare``: folders whose FMUs run in processes of their own.
     """
 
     kind: str
@@ -291,6 +293,7 @@ class Expectation:
     robots: tuple[str, ...]
     fails: str
     where: Location
+    untrusted: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -53,13 +53,19 @@ def _build(options: argparse.Namespace) -> int:
     return build(options)
 
 
+def _inspect(options: argparse.Namespace) -> int:
+    from cosim.cli.inspecting import inspect
+
+    return inspect(options)
+
+
 def _list(options: argparse.Namespace) -> int:
     from cosim.cli.inventory import inventory
 
     return inventory(options)
 
 
-_COMMANDS = {"run": _run, "check": _check, "build": _build, "list": _list}
+_COMMANDS = {"run": _run, "check": _check, "build": _build, "inspect": _inspect, "list": _list}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -104,6 +110,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
+    about = "show what an FMU is, and which vehicle it could be"
+    inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
+    inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
+    inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+
     about = "list plants, controllers and scenarios"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
@@ -120,6 +131,21 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
     command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
+    command.add_argument(
+        "--binding",
+        action="append",
+        default=[],
+        metavar="ID=FILE.xml",
+        help="another file that says which variables of a plant's FMU play which roles",
+    )
+    command.add_argument(
+        "--untrusted",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="DIR",
+        help="run each plant whose FMU lies in this folder in a process of its own",
+    )
     command.add_argument(
         "--controller",
         action="append",
