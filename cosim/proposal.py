@@ -166,7 +166,8 @@ def binding_xml(proposal: Proposal, file: str) -> str:
             root.append(_comment(f"{suggestion.role.name}: {sentence}"))
         root.append(etree.Element(f"{{{NAMESPACE}}}role", attributes(source)))
     etree.indent(root)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root.getroottree(), encoding="unicode")}\n'
+    text = etree.tostring(root.getroottree(), encoding="unicode", pretty_print=True)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
 
 
 def attributes(source: RoleSource) -> dict[str, str]:
@@ -250,7 +251,7 @@ def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
     wanted = units.parse(role.unit)
     if not name:
         return _Reading(
-            unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it, be it {role.unit} or another"
+            unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({role.unit} or the like)"
         )
     try:
         own = unit_of(description, variable)

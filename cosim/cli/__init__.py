@@ -59,13 +59,19 @@ def _inspect(options: argparse.Namespace) -> int:
     return inspect(options)
 
 
+def _swap(options: argparse.Namespace) -> int:
+    from cosim.cli.swapping import swap_plants
+
+    return swap_plants(options)
+
+
 def _list(options: argparse.Namespace) -> int:
     from cosim.cli.inventory import inventory
 
     return inventory(options)
 
 
-_COMMANDS = {"run": _run, "check": _check, "build": _build, "inspect": _inspect, "list": _list}
+_COMMANDS = {"run": _run, "check": _check, "build": _build, "inspect": _inspect, "list": _list, "swap": _swap}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,6 +120,28 @@ def _parser() -> argparse.ArgumentParser:
     inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
     inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+
+    about = "write a variant of a scenario in which plants are other FMUs, and bindings to start from"
+    swap = commands.add_parser("swap", help=about, description=about[0].upper() + about[1:] + ".")
+    swap.add_argument("scenario", type=Path, metavar="SCENARIO.xml")
+    swap.add_argument(
+        "--plant",
+        action="append",
+        required=True,
+        metavar="ID=FILE.fmu",
+        help="the FMU that takes the place of a plant",
+    )
+    swap.add_argument(
+        "--binding",
+        action="append",
+        default=[],
+        metavar="ID=FILE.xml",
+        help="a binding for it; without one, it is proposed and written",
+    )
+    swap.add_argument(
+        "--out", type=Path, metavar="FILE.xml", help="the variant (beside the scenario, named after both)"
+    )
+    swap.add_argument("--force", action="store_true", help="overwrite files")
 
     about = "list plants, controllers and scenarios"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")

@@ -157,7 +157,7 @@ def test_a_unit_that_is_not_stated_is_not_guessed(car: Any) -> None:
     proposal = car({"heading": "output -"}, texts={"heading": "Heading [deg]"})
     assert of(proposal, "psi").source.unit == OPEN
     assert of(proposal, "psi").open == (
-        "the FMU states no unit of 'heading': state it, be it rad or another. The FMU describes it as 'Heading [deg]'",
+        "the FMU states no unit of 'heading': state it (rad or the like). The FMU describes it as 'Heading [deg]'",
     )
 
 
