@@ -157,6 +157,7 @@ def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) 
             xytext=(0, 6),
             fontsize=8,
             ha="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.5},
         )
     points = np.concatenate([leader[shown, :2], *(pose[shown, :2] for pose in poses.values())])
     low, high = points.min(axis=0), points.max(axis=0)

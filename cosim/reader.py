@@ -305,7 +305,22 @@ class _Reader:
     # Sensors, actuators, signals, events
 
     def _effects(self, element: etree._Element, tag: str) -> tuple[Effect, ...]:
-        return tuple(effect for child in element.iterfind(f"{_NS}{tag}/*") for effect in self._effect(child))
+        effects = [effect for child in element.iterfind(f"{_NS}{tag}/*") for effect in self._effect(child)]
+        self._check_delays([effect for effect in effects if effect.kind == "delay"])
+        return tuple(effects)
+
+    def _check_delays(self, delays: list[Effect]) -> None:
+        """Check that the delays of a channel, which add up, are not longer than the run."""
+        total = dict.fromkeys((*_UNITS, *_TORQUES), 0.0)
+        for delay in delays:
+            for channel in delay.channels or total:
+                total[channel] = total.get(channel, 0.0) + delay.amount
+            longest = max(total.values())
+            if longest > self.horizon + 0.5 * self.step:
+                raise InputError(
+                    f"with this delay a channel is {longest:g} s late, longer than the run of {self.horizon:g} s",
+                    delay.where,
+                )
 
     def _effect(self, element: etree._Element) -> list[Effect]:
         kind, where = local_name(element), self.document.where(element)
@@ -335,7 +350,7 @@ class _Reader:
         kind = local_name(element)
         start, stop = self._span(element) if kind in ("ramp", "pulse") else self._window(element, math.inf)
         if kind == "step":
-            start = self._not_negative(element, "at", "s")
+            start = self._beginning(element, "at")
         cutoff = self._positive(element, "cutoff", "Hz") if kind == "random" else 0.0
         if cutoff >= 0.5 / self.step:
             raise self._error(
@@ -356,10 +371,11 @@ class _Reader:
 
     def _event(self, element: etree._Element, followers: list[str]) -> list[Event]:
         where = self.document.where(element)
-        time = self._not_negative(element, "at", "s")
-        if time > self.horizon:
-            raise self._error(element, f"the event at {time:g} s is after the end of the run at {self.horizon:g} s")
+        time = self._beginning(element, "at")
         robots = self._robots(element, [LEADER, *followers])
+        for tag in ("torque", "stop"):
+            if len(found := element.findall(_NS + tag)) > 1:
+                raise self._error(found[1], f"an event has one <{tag}>: this is a second one")
         torque = element.find(_NS + "torque")
         stops = element.find(_NS + "stop") is not None
         if torque is not None and robots != (LEADER,):
@@ -428,6 +444,11 @@ class _Reader:
     def _steps(self, element: etree._Element, name: str) -> int:
         """Return how many communication steps a time is."""
         time = self._not_negative(element, name, "s")
+        if time > self.horizon + 0.5 * self.step:
+            raise self._error(
+                element,
+                f'{name}="{element.get(name)}" of <{local_name(element)}> is longer than the run of {self.horizon:g} s',
+            )
         return self._whole(element, f"{name} {time:g} s", time / self.step, 1 if name == "period" else 0)
 
     def _whole(self, element: etree._Element, what: str, steps: float, least: int) -> int:
@@ -439,8 +460,18 @@ class _Reader:
             )
         return whole
 
+    def _beginning(self, element: etree._Element, name: str) -> float:
+        """Return when something begins, which is not after the end of the run."""
+        time = self._not_negative(element, name, "s")
+        if time > self.horizon:
+            raise self._error(
+                element,
+                f"the <{local_name(element)}> at {time:g} s is after the end of the run at {self.horizon:g} s",
+            )
+        return time
+
     def _window(self, element: etree._Element, end: float) -> tuple[float, float]:
-        start = self._not_negative(element, "from", "s") if "from" in element.attrib else 0.0
+        start = self._beginning(element, "from") if "from" in element.attrib else 0.0
         stop = self._quantity(element, "to", "s") if "to" in element.attrib else end
         if start > stop:
             raise self._error(element, f"the window ends at {stop:g} s, before it begins at {start:g} s")

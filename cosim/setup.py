@@ -145,16 +145,15 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     InputError
         Something does not exist or does not fit, with the place in the scenario.
     """
-    used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
     fmus = {}
-    for source in scenario.plants.values():
-        if source.id in used:
-            with timed(timing, "build"):
-                path = _fmu_path(source)
-            with timed(timing, "load"):
-                fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
-            cleanup.callback(fmu.close)
-            _check_step(fmu, source, scenario.step)
+    for source in scenario.plants.values():  # also one that no robot is: what a file says is right
+        with timed(timing, "build"):
+            path = _fmu_path(source)
+        with timed(timing, "load"):
+            fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
+        cleanup.callback(fmu.close)
+        understand(fmu, source.parameters)
+        _check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = _leader(scenario, fmus)
@@ -164,8 +163,9 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         followers = _followers(scenario, fmus)
         desired = [desired_samples(follower, _times(scenario)) for follower in scenario.followers]
     with timed(timing, "controllers"):
+        found = {name: find_law(source) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
-        laws = {name: find_law(source) for name, source in scenario.controllers.items() if name in controlling}
+        laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     _check_velocities(scenario, leader, followers, laws)
     channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
@@ -177,7 +177,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         followers=followers,
         motion=motion,
         desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
-        fmus=fmus,
+        fmus={name: fmu for name, fmu in fmus.items() if name in _plants_of(scenario)},
         laws=laws,
         gains=gains,
         channels=channels,
@@ -212,6 +212,10 @@ def _fmu_path(source: PlantSource) -> Path:
         raise InputError(str(error), source.where) from None
 
 
+def _plants_of(scenario: Scenario) -> list[str]:
+    return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
+
+
 def _check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
     """Refuse an FMU whose fixed internal step does not fit in the communication step."""
     internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
@@ -238,11 +242,15 @@ def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
     for event in _events_of(scenario, LEADER):
         if leader.trajectory is not None:
             raise InputError("nothing can happen to a leader that moves along a <trajectory>", event.where)
-        start = tick_at(event.time, scenario.step)
         if event.torque is not None:
+            if any(other.stops and other.time <= event.time for other in _events_of(scenario, LEADER)):
+                raise InputError(
+                    "the leader has stopped for good when this torque is to drive it: if it is to go on later, give it "
+                    "torques of zero instead of a <stop>",
+                    event.where,
+                )
+            start = tick_at(event.time, scenario.step)
             torque[start:] = _entries(event.torque, contract, contract.torque, missing=0.0)
-        if event.stops:
-            torque[start:] = 0.0
     return _robot(
         scenario,
         fmus[leader.plant],
@@ -310,6 +318,9 @@ def _robot(
             torque[:, torques.index(added.name)] += samples
         else:
             others.append((bound, samples))
+    for event in _events_of(scenario, name):
+        if event.stops:
+            torque[tick_at(event.time, scenario.step) :] = 0.0
     source = scenario.plants[plant]
     return RobotSetup(
         name=name,

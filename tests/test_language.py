@@ -2,6 +2,7 @@
 
 # ruff: noqa: E501 (pieces of XML, one case a line)
 
+import json
 import re
 from pathlib import Path
 
@@ -61,6 +62,12 @@ def at_end(what: str) -> tuple[str, str]:
     return "</scenario>", what + "</scenario>"
 
 
+def spare(what: str) -> tuple[str, str]:
+    """Return the change that adds a plant or a controller which no robot uses."""
+    place = '<controller id="pid"' if what.startswith("<plant") else "<sensor>"
+    return place, what + place
+
+
 @pytest.fixture
 def run(tmp_path: Path):
     def run_it(*pairs: tuple[str, str]) -> xr.Dataset:
@@ -118,6 +125,15 @@ def test_a_robot_that_stops_gets_no_torque(run) -> None:
     assert not result["leader_torque"][stopped].any()
     assert result["torque"].sel(robot="one")[~stopped].all()
     assert result["torque"].sel(robot="two")[stopped].all()
+
+
+def test_nothing_drives_a_robot_that_stops(run) -> None:
+    push = '<input name="tau_drive"><constant value="5 N.m"/></input>'
+    torque = '<torque tau_drive="8 N.m"/>'
+    stop = '<event at="1 s" robots="one leader"><stop/></event>'
+    result = run((torque, torque + push), in_follower("one", push), at_end(stop))
+    assert result["leader_torque"].values[[0, 49, 50, 200], 0].tolist() == [13, 13, 0, 0]
+    assert not result["torque"].sel(robot="one")[50:].any()
 
 
 def test_a_leader_manoeuvres(run) -> None:
@@ -219,6 +235,16 @@ def test_what_followers_are_told_of_the_leader_may_be_wrong(run) -> None:
     assert not same_motion(result, run(), "one")
 
 
+def test_what_no_robot_uses_changes_nothing(run) -> None:
+    unused = '<controller id="spare" name="lqg" package="formation-controllers" version="~=0.1.0"/>'
+    plain, more = run(), run(spare(unused))
+    assert same_motion(plain, more, "one")
+    assert list(plain.data_vars) == list(more.data_vars)
+    for result in (plain, more):
+        assert list(json.loads(result.attrs["plants"])) == ["car"]
+        assert [one["name"] for one in json.loads(result.attrs["controllers"])] == ["neural-adaptive-pid"]
+
+
 # Bad input
 
 
@@ -238,11 +264,19 @@ def test_what_followers_are_told_of_the_leader_may_be_wrong(run) -> None:
         ([in_follower("one", '<parameter name="a" value="-1 m"/>')], "out of bounds"),
         ([at_end('<event at="1 s" robots="one"><parameter name="solver_step" value="1 ms"/></event>')], "only a tunable one"),
         ([at_end('<event at="1 s" robots="three"><stop/></event>')], "no robot 'three'"),
+        ([at_end('<event at="1 s" robots="leader"><stop/></event>\n<event at="2 s" robots="leader"><torque/></event>')], "the leader has stopped for good"),
         ([at_end('<event at="5 s" robots="one"><stop/></event>')], "after the end of the run"),
         ([at_end('<event at="1 s" robots="one"><torque tau_drive="1 N.m"/></event>')], 'only the torque of robots="leader"'),
         ([('<torque tau_drive="8 N.m"/>', f"<trajectory>{TRAJECTORY}</trajectory>")], "a leader with a <trajectory> has no <pose>"),
         ([('<pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>', "")], "needs a <pose>"),
         ([("4 s", "6 s"), ('<pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>', f"<trajectory>{TRAJECTORY}</trajectory>"), ('<torque tau_drive="8 N.m"/>', "")], "must reach from 0 s to the horizon"),
+        ([spare('<plant id="spare" model="car_lke"/>')], "did you mean 'car_like'"),
+        ([spare('<plant id="spare" fmu="spare.fmu"/>')], "spare.fmu cannot be read"),
+        ([spare('<plant id="spare" model="car_like"><parameter name="m_c" value="30 m"/></plant>')], "parameter m_c of car_like.fmu"),
+        ([spare('<controller id="spare" name="lqr" package="formation-controllers" version="~=0.1.0"/>')], "no installed package offers a controller 'lqr'"),
+        ([spare('<controller id="spare" name="lqg" package="other" version="~=0.1.0"/>')], "not from other"),
+        ([spare('<controller id="spare" name="lqg" package="formation-controllers" version="&gt;99"/>')], "needs formation-controllers >99"),
+        ([spare('<controller id="spare" name="lqg" package="formation-controllers" version="~=0.1.0"><gain name="K_q" value="1"/></controller>')], "K_q"),
         ([('step="20 ms"', 'step="20 ms" period="30 ms"')], "is not a whole number of communication steps"),
         ([('step="20 ms"', 'step="20 ms" period="0 ms"')], "is not a whole number of communication steps"),
     ],

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import os
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,9 +33,23 @@ def compiled(function: F) -> F:
 
     try:
         dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:  # nowhere to write a cache
+        file = dispatcher._cache._cache_file
+        fresh = hasattr(file, "_source_stamp")
+    except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
+        fresh = False
+    if not fresh:
         dispatcher = numba.njit(error_model="numpy")(function)
+        return dispatcher  # type: ignore[no-any-return]
+    # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
+    file._source_stamp = _sources()
     return dispatcher  # type: ignore[no-any-return]
+
+
+@cache
+def _sources() -> str:
+    """Return a checksum of all sources of this package."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def c_function(*kinds: str) -> Callable[[int, tuple[Any, ...]], int]:

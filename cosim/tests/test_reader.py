@@ -114,6 +114,19 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
         ),
         ('seed="1"', 'seed="1" period="0 s"', "11:3", "the period 0 s is not a whole number of communication steps"),
         ("<actuator>", '<actuator><delay time="30 ms"/>', "38:13", "the time 0.03 s is not a whole number of"),
+        (
+            "<actuator>",
+            '<actuator><delay time="1e7 s"/>',
+            "38:13",
+            'time="1e7 s" of <delay> is longer than the run of 100 s',
+        ),
+        ("<sensor>", '<sensor><delay time="1e308 s"/>', "35:11", "is longer than the run of 100 s"),
+        (
+            "<sensor>",
+            '<sensor>\n<delay time="60 s" channels="x"/><delay time="60 s" channels="y"/>\n<delay time="60 s"/>',
+            "37:1",
+            "with this delay a channel is 120 s late, longer than the run of 100 s",
+        ),
         ("<noise ", '<noise from="2 s" to="1 s" ', "36:5", "the window ends at 1 s, before it begins at 2 s"),
         (
             "</scenario>",
@@ -122,6 +135,51 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "is after the end of the run at 100",
         ),
         ("</scenario>", '<event at="-1 s" robots="leader"><stop/></event></scenario>', "64:1", "must not be negative"),
+        (
+            "<noise ",
+            '<noise from="101 s" to="102 s" ',
+            "36:5",
+            "the <noise> at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            "<actuator>",
+            '<actuator><effectiveness factor="0" from="2 min"/>',
+            "38:13",
+            "at 120 s is after the end of the run at 100 s",
+        ),
+        *(
+            (
+                "<leader ",
+                f'<input name="tau_d_y">\n<{wave}/></input><leader ',
+                "43:1",
+                "at 101 s is after the end of the run at 100 s",
+            )
+            for wave in (
+                'step value="1 N" at="101 s"',
+                'ramp value="1 N" from="101 s" to="102 s"',
+                'pulse value="1 N" from="101 s" to="102 s"',
+                'sine value="1 N" period="1 s" from="101 s"',
+                'random value="1 N" cutoff="1 Hz" from="101 s"',
+            )
+        ),
+        (
+            END,
+            f'{END[:-2]}><change from="101 s" to="102 s" range="1 m"/></desired>',
+            "49:43",
+            "at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            "</scenario>",
+            '<expect><regular from="101 s"/></expect></scenario>',
+            "64:9",
+            "at 101 s is after the end of the run at 100 s",
+        ),
+        (
+            'seed="1"',
+            'seed="1" period="101 s"',
+            "11:3",
+            'period="101 s" of <simulation> is longer than the run of 100 s',
+        ),
         # changes of places
         (END, f'{END[:-2]}><change from="9 s" to="7 s" range="1 m"/></desired>', "49:43", "ends at 7 s, before"),
         (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "it must last"),
@@ -153,6 +211,18 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             '<event at="1 s" robots="follower_1"><torque/></event></scenario>',
             "64:37",
             'only the torque of robots="leader"',
+        ),
+        (
+            "</scenario>",
+            '<event at="1 s" robots="leader"><torque/>\n<torque tau_drive="1 N.m"/></event></scenario>',
+            "65:1",
+            "an event has one <torque>: this is a second one",
+        ),
+        (
+            "</scenario>",
+            '<event at="1 s" robots="leader"><stop/>\n<stop/></event></scenario>',
+            "65:1",
+            "an event has one <stop>: this is a second one",
         ),
         # what excludes each other
         (f"{POSE}\n    {LEADING}", "<trajectory/>", "43:5", "needs either waypoints or file"),
