@@ -65,13 +65,27 @@ def _swap(options: argparse.Namespace) -> int:
     return swap_plants(options)
 
 
+def _compare_plants(options: argparse.Namespace) -> int:
+    from cosim.cli.comparing import compare
+
+    return compare(options)
+
+
 def _list(options: argparse.Namespace) -> int:
     from cosim.cli.inventory import inventory
 
     return inventory(options)
 
 
-_COMMANDS = {"run": _run, "check": _check, "build": _build, "inspect": _inspect, "list": _list, "swap": _swap}
+_COMMANDS = {
+    "run": _run,
+    "check": _check,
+    "build": _build,
+    "inspect": _inspect,
+    "swap": _swap,
+    "compare-plants": _compare_plants,
+    "list": _list,
+}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -143,6 +157,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")
 
+    about = "drive two plants with the same torques and show how far apart they are"
+    compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
+    _add_comparison(compare)
+
     about = "list plants, controllers and scenarios"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
@@ -181,3 +199,60 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
         metavar="ID=NAME",
         help="another control law for a controller, at that law's default gains",
     )
+
+
+def _add_comparison(command: argparse.ArgumentParser) -> None:
+    for side in "ab":
+        command.add_argument(side, metavar=f"{side.upper()}.fmu", help="an FMU, or the name of a built-in model")
+    for side in "ab":
+        name = side.upper()
+        command.add_argument(
+            f"--binding-{side}", metavar="FILE.xml", help=f"which variables of {name} play which roles"
+        )
+        command.add_argument(
+            f"--interface-{side}",
+            choices=["co_simulation", "model_exchange"],
+            default="",
+            help=f"which of {name}'s interfaces (Co-Simulation)",
+        )
+        command.add_argument(
+            f"--solver-{side}",
+            choices=["euler", "runge_kutta_4", "cvode"],
+            default="",
+            help=f"what integrates {name} in Model Exchange (runge_kutta_4)",
+        )
+        command.add_argument(
+            f"--parameter-{side}", action="append", default=[], metavar="NAME=VALUE", help=f"a parameter of {name}"
+        )
+    command.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of both, by its name or by the role that it plays, such as 'a=1.5 m'",
+    )
+    command.add_argument("--duration", default="20 s", metavar="TIME", help="how long (20 s)")
+    command.add_argument("--step", default="20 ms", metavar="TIME", help="communication step (20 ms)")
+    command.add_argument(
+        "--pose",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an entry of the initial pose, such as 'psi=30 deg'",
+    )
+    command.add_argument(
+        "--torque",
+        type=Path,
+        metavar="FILE.csv",
+        help="a table with 'time [s]' and the torques, such as 'tau_drive [N.m]' (without it, steps and sines)",
+    )
+    command.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the phases of the sines (1)")
+    command.add_argument(
+        "--within",
+        action="append",
+        default=[],
+        metavar="[ROLE=]VALUE",
+        help="what differences may be, such as '1 mm' or 'psi=0.1 deg'; exit status 1 if they are more",
+    )
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (runs/A_and_B)")
+    command.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
