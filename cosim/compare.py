@@ -146,7 +146,7 @@ class PlantComparison:
     def reached(self) -> float:
         """Until when both plants went [s]."""
         rows = np.flatnonzero(np.isfinite(self.difference[:, 0]))
-        return float(self.time[rows[-1]]) if len(rows) else 0.0
+        return round(float(self.time[rows[-1]]), 9) if len(rows) else 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return all figures as data for JSON; trajectories are left out."""
@@ -227,6 +227,8 @@ def compare_plants(
     ticks = round(duration / step) if step > 0 and math.isfinite(duration) else 0
     if not 1 <= ticks <= MAX_STEPS or abs(ticks * step - duration) > 1e-6 * step:
         raise InputError(f"{duration:g} s are not a whole number of steps of {step:g} s, from 1 to {MAX_STEPS} of them")
+    if seed < 0:
+        raise InputError(f"the seed {seed} is not a whole number from 0 on")
     first, second = (plant if isinstance(plant, PlantFile) else PlantFile(plant) for plant in (a, b))
     with ExitStack() as cleanup:
         runs = [_Run(name, file, step, ticks, isolated, cleanup) for name, file in (("A", first), ("B", second))]
@@ -499,11 +501,11 @@ def _differences(
             RoleDifference(
                 role=role,
                 largest=float(course.max()),
-                at=step * int(course.argmax()),
+                at=round(step * int(course.argmax()), 9),
                 rms=float(np.sqrt(np.mean(course**2))),
                 span=float(np.ptp(first[reached, column])),
                 tolerance=tolerance,
-                first_beyond=step * int(beyond[0]) if len(beyond) else None,
+                first_beyond=round(step * int(beyond[0]), 9) if len(beyond) else None,
             )
         )
     return tuple(found)

@@ -110,7 +110,7 @@ def swap(
         if plant not in fmus:
             raise InputError(f"there is a binding for the plant {plant!r}, but no FMU")
     if variant is None:
-        variant = path.with_name("_".join(dict.fromkeys((path.stem, *(fmu.stem for fmu in fmus.values())))) + ".xml")
+        variant = path.with_name("_".join([path.stem, *dict.fromkeys(fmu.stem for fmu in fmus.values())]) + ".xml")
     if variant.resolve() == path.resolve():
         raise InputError(f"{variant} is the scenario itself, of which a variant is to be written")
     replacements = tuple(

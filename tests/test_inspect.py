@@ -8,6 +8,7 @@ import pytest
 import plants
 from cosim.cli import main
 
+from .fmus import rewritten
 from .stub.broken import BROKEN, make_broken
 from .stub.stub import make_fmu
 
@@ -44,22 +45,6 @@ def inspect(capsys: pytest.CaptureFixture[str]):
         return " ".join(printed.out.split()), printed.err
 
     return run
-
-
-def rewritten(fmu: Path, target: Path, *pairs: tuple[str, str], leave_out: str = "nothing at all") -> Path:
-    """Copy an FMU with replacements in its model description, without the entries whose names have a text in them."""
-    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
-        for entry in source.infolist():
-            data = source.read(entry)
-            if entry.filename == "modelDescription.xml":
-                text = data.decode()
-                for old, new in pairs:
-                    assert old in text
-                    text = text.replace(old, new)
-                data = text.encode()
-            if leave_out not in entry.filename:
-                copy.writestr(entry.filename, data)
-    return target
 
 
 def test_our_own(inspect) -> None:

@@ -14,7 +14,7 @@ from cosim.fmu import obstacles
 from cosim.reader import read_scenario
 from cosim.result import write
 from cosim.setup import set_up
-from cosim.swap import Replacement, swap
+from cosim.swap import Replacement, Swap, swap
 
 
 def swap_plants(options: argparse.Namespace) -> int:
@@ -24,9 +24,7 @@ def swap_plants(options: argparse.Namespace) -> int:
     with ExitStack() as cleanup:
         swapped = swap(options.scenario, fmus, bindings, options.out, cleanup)
         if not options.force:
-            for path in swapped.texts:
-                if path.exists():
-                    raise InputError(f"{path} exists: --force overwrites it, --out names another file")
+            _refuse_to_overwrite(swapped)
         for path, text in swapped.texts.items():
             write(path, text.encode())
             out().print(f"wrote {safe(str(path))}", soft_wrap=True)
@@ -45,6 +43,16 @@ def swap_plants(options: argparse.Namespace) -> int:
         set_up(read_scenario(swapped.variant), cleanup, {})
     _next(f"formation run {variant}", "which can be run")
     return 0
+
+
+def _refuse_to_overwrite(swapped: Swap) -> None:
+    plants = {replacement.binding: replacement.plant for replacement in swapped.replacements}
+    for path in swapped.texts:
+        if path.exists():
+            other = "--out names another file"
+            if path in plants:
+                other = f"--binding {plants[path]}={path} takes it as it is"
+            raise InputError(f"{path} exists: --force overwrites it, {other}")
 
 
 def _report(replacement: Replacement) -> bool:
