@@ -154,6 +154,8 @@ def _check_bound(expectation: Expectation, unit: str, what: str) -> None:
         _refuse(expectation, f"{what} is not a finite number")
     if expectation.kind in _BOUNDED and bound <= 0:
         _refuse(expectation, f"{what} is not greater than zero, so it cannot hold")
+    if expectation.kind == "distance" and bound <= 0:
+        _refuse(expectation, f"{what} is not greater than zero, so it would hold whatever happens")
 
 
 def _check_window(expectation: Expectation, scenario: Scenario) -> None:

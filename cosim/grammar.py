@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from importlib import resources
+from pathlib import Path
 
 from lxml import etree
 
@@ -59,9 +60,14 @@ def described_children(tag: str) -> str:
 # The schema -------------------------------------------------------------------------------------------------
 
 
+def schema_path() -> Path:
+    """Return the file of the schema, for editors to find."""
+    return Path(str(resources.files("cosim").joinpath("schema/scenario-1.xsd")))
+
+
 @cache
 def _schema_tree() -> etree._ElementTree:
-    with resources.files("cosim").joinpath("schema/scenario-1.xsd").open("rb") as file:
+    with schema_path().open("rb") as file:
         return etree.parse(file)
 
 

@@ -11,13 +11,15 @@ from pathlib import Path
 import fmpy
 import pytest
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+from lxml import etree
 
 import plants
 from cosim.cli import main
+from cosim.grammar import NAMESPACE
 from cosim.result import load
 from cosim.simulation import Simulation
 
-SHORT = ["--set", "//simulation/@horizon=1 s", "--set", "//rms/@from=0.5 s"]
+SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
 
 
 @pytest.fixture
@@ -145,6 +147,8 @@ def test_list(scenarios: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     printed = capsys.readouterr().out
     for name in ("car_like", "neural-adaptive-pid", "formation-controllers", "clmr_line.xml"):
         assert name in printed
+    (path,) = (line.split(": ", 1)[1] for line in printed.splitlines() if line.startswith("Schema"))
+    assert etree.parse(path).getroot().get("targetNamespace") == NAMESPACE
 
 
 def test_the_command_is_installed() -> None:
@@ -227,7 +231,7 @@ def test_a_disk_that_fills_up_loses_nothing(
     out = tmp_path / "runs"
     original = Simulation.run
 
-    def run_and_take_the_folder_away(self: Simulation, progress: object = None) -> object:
+    def run_and_take_the_folder_away(self: Simulation, *_: object) -> object:
         (out / "clmr_line").rmdir()
         (out / "clmr_line").touch()
         return original(self)

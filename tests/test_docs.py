@@ -37,7 +37,7 @@ REST = f"""<scenario xmlns="{NAMESPACE}" name="rest">
 
 
 def test_the_page_on_results_names_every_variable_and_attribute(scenarios: Path) -> None:
-    replacements = ["//simulation/@horizon=1 s", "//rms/@from=0 s"]
+    replacements = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
     result = cosim.run(scenarios / "clmr_line.xml", replacements)
     named = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "results.md").read_text(encoding="utf-8")))
     telemetry = set(re.findall(r"`(\w+)`", (ROOT / "controllers" / "README.md").read_text(encoding="utf-8")))
@@ -96,6 +96,18 @@ def test_every_example_can_be_run(folder: Path, example: str) -> None:
     with ExitStack() as cleanup:
         if "fmu=" not in example:  # nobody has that file
             assert set_up(scenario, cleanup, {}).followers
+
+
+def test_what_tells_an_editor_where_the_schema_is_can_be_read(tmp_path: Path) -> None:
+    old = f'<scenario xmlns="{NAMESPACE}" name="first">'
+    heads = re.findall(r"^```text\n(.*?)\n```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+    assert len(heads) == 2
+    assert old in EXAMPLES[0]
+    path = tmp_path / "first.xml"
+    for head in heads:
+        path.write_text(EXAMPLES[0].replace(old, head), encoding="utf-8")
+        assert read_scenario(path).name == "first"
+        assert "scenario-1.xsd" in read_scenario(path).text
 
 
 def test_the_page_has_an_example_of_every_element_and_names_every_attribute() -> None:

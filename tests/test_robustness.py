@@ -17,7 +17,8 @@ from cosim.cli import main
 from cosim.result import load
 from cosim.simulation import Simulation
 
-SHORT = ["--set", "//simulation/@horizon=1 s", "--set", "//rms/@from=0.5 s", "--no-figure"]
+SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
+SHORT += ["--no-figure"]
 FORMATION = str(Path(sys.executable).with_name("formation"))
 
 

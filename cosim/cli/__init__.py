@@ -161,7 +161,7 @@ def _parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
     _add_comparison(compare)
 
-    about = "list plants, controllers and scenarios"
+    about = "list plants, controllers and scenarios, and say where the schema is"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
 

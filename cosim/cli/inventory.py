@@ -11,13 +11,14 @@ from rich.markup import escape
 import plants
 from cosim.cli.console import out, table
 from cosim.errors import InputError
+from cosim.grammar import schema_path
 from cosim.reader import read_scenario
 
 _FOLDER = Path("scenarios")
 
 
 def inventory(_: argparse.Namespace) -> int:
-    """Print built-in plants, installed controllers and the scenarios in ./scenarios."""
+    """Print built-in plants, installed controllers, the scenarios in ./scenarios and where their schema is."""
     console = out()
     listed = table(console, "Plants")
     listed.add_column("model")
@@ -43,4 +44,5 @@ def inventory(_: argparse.Namespace) -> int:
             title = f"not a scenario: {error.message}"
         listed.add_row(escape(str(path)), escape(title))
     console.print(listed)
+    console.print(f"Schema of scenarios, for an editor: {schema_path()}", markup=False, highlight=False, soft_wrap=True)
     return 0

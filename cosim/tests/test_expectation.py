@@ -314,6 +314,8 @@ KNOWN = {
         ("itae", "1 m.s2", {"signal": "range_error", "start": 1.0, "stop": 1.01}, "holds too few of the samples"),
         ("regular", "0", {"robots": ("follower_2",)}, "'follower_2' has no controller that tells how near"),
         ("distance", "1 s", {}, "the bound of the distance, which is in m: cannot"),
+        ("distance", "-1 m", {}, "is not greater than zero, so it would hold whatever happens"),
+        ("distance", "0 m", {}, "is not greater than zero, so it would hold whatever happens"),
         ("compare", "1e999", {"signal": "speed", "measure": "rms"}, "the factor is not a finite number"),
     ],
 )

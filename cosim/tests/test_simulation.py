@@ -10,7 +10,7 @@ from cosim.errors import InputError
 from cosim.reader import read_scenario
 from cosim.simulation import Simulation
 
-CHANGES = ["//simulation/@horizon=1 s", "//rms/@from=0 s"]
+CHANGES = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
 
 
 @pytest.fixture
