@@ -10,6 +10,9 @@ from cosim.errors import Location
 
 LEADER = "leader"
 
+OPEN = "..."
+"""What stands in a binding for something that the user must fill in."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -272,6 +275,8 @@ class Expectation:
         The followers of whom it is expected; empty for all.
     fails : str
         Why it is known not to hold; empty if it should.
+    untrusted : tuple of Path
+        Of ``compare``: folders whose FMUs run in processes of their own.
     """
 
     kind: str
@@ -288,6 +293,7 @@ class Expectation:
     robots: tuple[str, ...]
     fails: str
     where: Location
+    untrusted: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
