@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,9 @@ from plants import UnitError, units
 REAL_TYPES = ("Real", "Float64")
 _TWICE: Any = object()
 """Stands for variables of the same name, which FMI forbids."""
-_ELEMENT = re.compile(r"(.+)\[([0-9]+(?:,[0-9]+)*)\]")
+_ELEMENT = re.compile(r"(.+)\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\]")
+MAX_ELEMENTS = 1_000_000
+"""Of an array that is exchanged as a whole for one of its elements."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,21 @@ def match(
         except (ValueError, UnitError) as error:
             if source.where is not None or not role.optional:
                 problems.append(Problem(role, str(error), source.where))
-    return bound, problems
+    return bound, problems + list(_shared(bound, sources))
+
+
+def _shared(bound: dict[str, BoundRole], sources: dict[str, RoleSource]) -> Iterator[Problem]:
+    """Return why roles cannot be played together: what is set has one value."""
+    first: dict[tuple[str, int, int], str] = {}
+    for name, one in bound.items():
+        number = one.played_by if one.role.causality == "input" else one.initial
+        if number is None:
+            continue
+        place = (number.variable.type, number.variable.valueReference, number.element)
+        if place in first:
+            text = f"cannot be given {first[place]!r} and {name!r} through the same number, {number_name(number)!r}"
+            yield Problem(one.role, text, sources[name].where if name in sources else None)
+        first.setdefault(place, name)
 
 
 def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
@@ -164,6 +181,8 @@ def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
 def _bound(
     contract: Contract, role: Role, description: Any, variables: dict[str, Any], source: RoleSource
 ) -> BoundRole:
+    if source.initial and role not in contract.pose:
+        raise ValueError(f"cannot have initial={source.initial!r} for the role {role.name!r}: only a pose entry can")
     if source.value:
         if role.causality != "parameter":
             raise ValueError(f"cannot have value={source.value!r} for the role {role.name!r}: only a parameter can")
@@ -172,6 +191,8 @@ def _bound(
     if not role.unit:
         if variable.type != "Enumeration":
             raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")
+        if source.unit or source.factor or source.offset:
+            raise ValueError(f"has the enumeration {variable.name!r}, with which neither unit nor factor nor offset go")
         return BoundRole(role, BoundVariable(variable, 0, 1.0, 0.0))
     played_by = _read_as(role, description, variable, element, source)
     if role not in contract.pose:
@@ -208,6 +229,8 @@ def _found(
         raise ValueError(f"has {name!r} as {variable.causality}, not as {causality}")
     if role.unit and variable.type not in REAL_TYPES:
         raise ValueError(f"has {name!r} as {variable.type}, not as {REAL_TYPES[description.fmiVersion[0] == '3']}")
+    if role.unit:
+        start_of(description, variable)  # which must be such that it can be exchanged
     return variable, element
 
 
@@ -255,10 +278,19 @@ def _unit(description: Any, variable: Any, stated: str) -> units.Unit:
         own = unit_of(description, variable)
     except UnitError:  # it has none, or one that nobody knows
         return unit
-    if own.exponents != unit.exponents or not math.isclose(own.factor, unit.factor, rel_tol=1e-9):
+    if not _same(own, unit):
         name = variable.unit or variable.declaredType.unit
         raise UnitError(f"has {variable.name!r} in {name}, not in {stated} as the binding states")
-    return own
+    return units.Unit(unit.exponents, own.factor)
+
+
+def _same(own: units.Unit, other: units.Unit) -> bool:
+    """Return whether a unit is another one, where its angles may be pure numbers."""
+    angle = units.BASE_UNITS.index("rad")
+    exponents = other.exponents
+    if own.exponents[angle] == 0:
+        exponents = (*exponents[:angle], 0, *exponents[angle + 1 :])
+    return own.exponents == exponents and math.isclose(own.factor, other.factor, rel_tol=1e-9)
 
 
 def may_be_started(description: Any, variable: Any) -> bool:
@@ -279,9 +311,11 @@ def shape_of(description: Any, variable: Any) -> tuple[int, ...]:
     shape = []
     for dimension in variable.dimensions:
         start = dimension.start if dimension.start is not None else dimension.variable.start
-        if start is None or not 1 <= int(start) <= 1_000_000:
+        if start is None or not 1 <= int(start) <= MAX_ELEMENTS:
             raise ValueError(f"has {variable.name!r} with a dimension that is not known")
         shape.append(int(start))
+    if math.prod(shape) > MAX_ELEMENTS:
+        raise ValueError(f"has {variable.name!r} with {math.prod(shape)} elements; at most are {MAX_ELEMENTS}")
     return tuple(shape)
 
 
@@ -314,11 +348,17 @@ def unit_of(description: Any, variable: Any) -> units.Unit:
             base = definition.baseUnit
             if base.offset != 0 or not 0.0 < base.factor < math.inf:
                 raise UnitError(f"has {variable.name!r} in {name}, with an offset or a factor that is not positive")
-            return units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
+            own = units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
+            with suppress(UnitError):
+                if _same(own, named := units.parse(name)):
+                    return named  # "rad" and "deg" are angles, even if they are defined as numbers
+            return own
     try:
         return units.parse(name)
-    except UnitError as error:
-        raise UnitError(f"has {variable.name!r} in a unit that it does not define: {error}") from None
+    except UnitError:
+        raise UnitError(
+            f'has {variable.name!r} in {name!r}, which it does not define: a binding states the unit, unit="..."'
+        ) from None
 
 
 def _described(bound: BoundRole) -> str:
@@ -339,5 +379,10 @@ def _parts(role: Role, bound: BoundVariable) -> Iterator[str]:
 
 
 def number_name(bound: BoundVariable) -> str:
-    """Return the name of a number: that of its variable, with the element of an array counted from 1."""
-    return f"{bound.variable.name}[{bound.element + 1}]" if bound.variable.dimensions else str(bound.variable.name)
+    """Return the name of a number: that of its variable, with the indices of an element of an array from 1."""
+    indices: list[str] = []
+    rest = bound.element
+    for n in reversed(bound.variable.shape):
+        rest, index = divmod(rest, n)
+        indices.insert(0, str(index + 1))
+    return f"{bound.variable.name}[{','.join(indices)}]" if indices else str(bound.variable.name)

@@ -94,6 +94,7 @@ def plant(
         stop_time=stop_time,
         states=description.numberOfContinuousStates,
         event_indicators=description.numberOfEventIndicators,
+        completed_steps=bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
         **({"solver": source.solver} if source.solver else {}),
         solver_steps=source.solver_steps,
         tolerance=source.tolerance,
@@ -106,7 +107,9 @@ def plant(
             _link(role, None if bound is None else bound.played_by, place, bound_by=most)
             for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
         ),
+        pose=tuple(pose),
         isolated=isolated,
+        needs_tool=bool(fmu.about_interface.needsExecutionTool),
         where=source.where,
     )
 

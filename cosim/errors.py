@@ -76,8 +76,15 @@ def printable(text: str) -> str:
     return "".join("?" if unicodedata.category(c) in ("Cc", "Cf", "Cs") and c != "\n" else c for c in text)
 
 
+MAX_NAMES = 40
+"""How many known names are shown."""
+
+
 def nearest(name: str, known: list[str]) -> str:
-    """Return a sentence that helps with a mistyped name: the nearest known one, and all of them."""
+    """Return a sentence that helps with a mistyped name: the nearest known one, and all of them, or the first ones."""
     close = difflib.get_close_matches(name[:100], known, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}{'K' if hint else 'k'}nown: {', '.join(sorted(known)) or 'none'}"
+    shown = sorted(known)[:MAX_NAMES]
+    if len(known) > len(shown):
+        shown.append(f"and {len(known) - len(shown)} more")
+    return f"{hint}{'K' if hint else 'k'}nown: {', '.join(shown) or 'none'}"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
+import stat
 import tempfile
 import zipfile
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
@@ -127,7 +129,7 @@ def open_fmu(
     package = open_package(path, where)
     try:
         chosen = _choose_interface(package, interface, where)
-        _check_binary(package, where)
+        _check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
         binding = bind(package.description, str(path), declared, where)
         return Fmu(**vars(package), interface=chosen, binding=binding)
     except BaseException:
@@ -148,28 +150,49 @@ def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, t
         fmpy.extract(str(path), str(directory))
     except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
+    problems: tuple[str, ...] = ()
     try:
         try:
-            return fmpy.read_model_description(str(directory)), ()
+            description = fmpy.read_model_description(str(directory))
         except fmpy.model_description.ValidationError as error:
             if any(_OF_THE_SCHEMA.match(problem) for problem in error.problems):
                 raise
-            return fmpy.read_model_description(str(directory), validate=False), tuple(map(str, error.problems))
+            problems = tuple(map(str, error.problems))
+            description = fmpy.read_model_description(str(directory), validate=False)
+        if description.fmiVersion == "1.0" and description.coSimulation is not None:
+            _complete(description.coSimulation, directory)
+        return description, problems
     except Exception as error:
-        raise InputError(f"the FMU {path} has no valid model description: {error}", where) from None
+        said = str(error).replace(f"{directory}{os.sep}", "")
+        raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
+
+
+def _complete(about: Any, directory: Path) -> None:
+    """Add what FMPy does not read of an FMI 1.0 model description: the capabilities."""
+    [implementation] = etree.parse(directory / "modelDescription.xml").getroot().iterfind("Implementation")
+    about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
+    for capabilities in implementation.iterfind("*/Capabilities"):
+        for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):
+            setattr(about, name, capabilities.get(name) in ("true", "1"))
 
 
 def _check_archive(path: Path, where: Location | None) -> None:
-    """Refuse what is no archive, points outside of it, or is larger than any FMU."""
+    """Refuse what is no archive, points outside of it, has a file twice, or is larger than any FMU."""
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
-            names = {entry.filename for entry in entries}
-            if "modelDescription.xml" not in names:
+            if "modelDescription.xml" not in archive.namelist():
                 raise InputError(f"{path} is not an FMU: it holds no modelDescription.xml", where)
+            seen = set()
             for entry in entries:
-                if ".." in Path(entry.filename).parts or Path(entry.filename).is_absolute():
+                place = PurePosixPath(entry.filename.replace("\\", "/"))
+                if ".." in place.parts or place.is_absolute():
                     raise InputError(f"the FMU {path} has the entry {entry.filename!r}, outside of itself", where)
+                if stat.S_ISLNK(entry.external_attr >> 16):
+                    raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
+                if place in seen and not entry.is_dir():  # what is checked here might not be what is used
+                    raise InputError(f"the FMU {path} has the entry {str(place)!r} twice", where)
+                seen.add(place)
             unpacked = sum(entry.file_size for entry in entries)
             if unpacked > MAX_UNPACKED_BYTES:
                 raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
@@ -228,14 +251,21 @@ def _choose_interface(package: Package, wanted: str, where: Location | None) -> 
     return chosen
 
 
-def _check_binary(package: Package, where: Location | None) -> None:
-    platforms = platforms_of(package)
-    if PLATFORM not in platforms:
+def _check_binary(package: Package, identifier: str, where: Location | None) -> None:
+    platform = fmpy.platform_tuple if package.description.fmiVersion.startswith("3") else fmpy.platform
+    folder = package.directory / "binaries" / platform
+    if not folder.is_dir():
+        others = [entry.name for entry in folder.parent.iterdir()] if folder.parent.is_dir() else []
+        sources = "" if "c-code" not in platforms_of(package) else '; "fmpy compile" may make one of the sources in it'
         raise InputError(
-            f"the FMU {package.path} has no binary for this machine ({PLATFORM}), only for: "
-            f"{', '.join(sorted(platforms)) or 'none'}",
+            f"the FMU {package.path} has no binary for this machine ({platform}), only for: "
+            f"{', '.join(sorted(others)) or 'none'}{sources}",
             where,
         )
+    name = identifier + fmpy.sharedLibraryExtension
+    if not (folder / name).is_file():
+        found = ", ".join(sorted(entry.name for entry in folder.iterdir())) or "nothing"
+        raise InputError(f"the FMU {package.path} has no {name} in binaries/{platform}, only: {found}", where)
 
 
 def platforms_of(package: Package) -> list[str]:

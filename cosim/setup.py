@@ -221,7 +221,7 @@ def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
     internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
     if not internal:
         return
-    steps = step / float(internal)
+    steps = step / float(internal) if float(internal) > 0 else 0.0
     if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
         raise InputError(
             f"the FMU {fmu.path} has a fixed internal step of {float(internal):g} s, which does not divide the "

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,7 @@ def test_a_signal_while_the_result_is_made_or_written(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
 ) -> None:
     module, name = place.rsplit(".", 1)
-    original: Callable[..., object] = getattr(sys.modules[module], name)
+    original: Callable[..., object] = getattr(import_module(module), name)
 
     def interrupted(*arguments: object) -> object:
         signal.raise_signal(signal.SIGINT)

@@ -78,7 +78,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
         with _status("building and loading plants"):
             ready = Simulation(scenario)
         with ready as simulation, HeldSignals() as signals:
-            folder = _writable_folder(options.out / scenario.name, "--out")
+            # Absolute, as an FMU may change the working directory.
+            folder = _writable_folder(options.out / scenario.name, "--out").absolute()
             try:
                 with _progress(scenario) as progress:
                     result = simulation.run(progress, pacer)
@@ -102,7 +103,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
 
     if pacer is not None:
         console.print(str(pacer.report), soft_wrap=True)
-    console.print(f"results in {folder}/", markup=False, soft_wrap=True)
+    console.print(f"results in {options.out / scenario.name}/", markup=False, soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:

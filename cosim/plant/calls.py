@@ -12,7 +12,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+PLAIN = "FORMATION_PLAIN_STEPPING"
+"""The environment variable that makes this room alone do without Numba: an FMU may be made of Python and Numba."""
+
+COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and PLAIN not in os.environ
 """Whether Numba is used; without it, it is not even imported."""
 
 _CTYPES = {
@@ -26,19 +29,23 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """Compile a function, and keep the result on disk where there is a place for it."""
+    """Compile a function, and keep the result on disk where there is a place for it.
+
+    Python's lock is released while it runs: an FMU may log from a thread of its own, for which a step waits.
+    """
     if not COMPILED:
         return function
     import numba
 
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     try:
-        dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+        dispatcher: Any = numba.njit(cache=True, **options)(function)
         file = dispatcher._cache._cache_file
         fresh = hasattr(file, "_source_stamp")
     except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
         fresh = False
     if not fresh:
-        dispatcher = numba.njit(error_model="numpy")(function)
+        dispatcher = numba.njit(**options)(function)
         return dispatcher  # type: ignore[no-any-return]
     # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
     file._source_stamp = _sources()

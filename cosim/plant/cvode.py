@@ -1,23 +1,28 @@
-"""A Model Exchange FMU integrated by CVODE, with variable order and steps and events where they happen: FMPy's."""
+"""A Model Exchange FMU integrated by CVODE, with variable order and steps and events where they happen: FMPy's.
+
+What an FMU does at the end of a step of the solver it does here at the end of a communication step.
+"""
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.sundials import CVodeSolver
 from numpy.typing import NDArray
 
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import COMPLETE, END, ERROR, PlantError, failure
-from cosim.plant.spec import MODEL_EXCHANGE, PlantSpec
+from cosim.plant.outcome import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
+from cosim.plant.spec import PlantSpec
 
 _CLOSE = 1e-9
 """Part of a communication step below which two times are the same."""
-
-
-def uses_cvode(spec: PlantSpec) -> bool:
-    """Return whether CVODE integrates a plant."""
-    return spec.interface == MODEL_EXCHANGE and spec.solver == "cvode"
+_MAX_PARTS = 100_000
+"""Into how many parts events may cut a communication step."""
+_MAX_STEPS = 100_000
+"""How many steps CVODE may take for a part."""
 
 
 class CvodePlant:
@@ -35,32 +40,19 @@ class CvodePlant:
     """
 
     def __init__(self, spec: PlantSpec) -> None:
-        from fmpy.sundials import CVodeSolver
-
         self.spec = spec
         self._instance = Instance(spec)
-        fmu = self._fmu = self._instance.fmu
         self._three = spec.fmi.startswith("3")
-        self._solver: Any = None
+        self._given = np.full(len(spec.inputs.start), np.nan)
         try:
-            self._solver = CVodeSolver(
-                nx=self._instance.states,
-                nz=self._instance.event_indicators,
-                get_x=fmu.getContinuousStates,
-                set_x=fmu.setContinuousStates,
-                get_dx=fmu.getContinuousStateDerivatives if self._three else fmu.getDerivatives,
-                get_z=fmu.getEventIndicators,
-                get_nominals=fmu.getNominalsOfContinuousStates,
-                set_time=fmu.setTime,
-                input=_HeldInput(),
-                startTime=0.0,
-                relativeTolerance=spec.tolerance,
-                maxNumSteps=100_000,
-            )
+            self._fmu = self._instance.fmu
+            self._solver = _Solver(self._instance, spec.tolerance)
             self.first_outputs = self._outputs()
-        except Exception as error:
+        except BaseException as error:
             said = self._instance.log.take() or str(error)
             self.close()
+            if not isinstance(error, Exception):
+                raise
             raise PlantError(said) from None
 
     def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
@@ -77,14 +69,17 @@ class CvodePlant:
         """
         time, step, inputs = self._pending
         try:
-            self._set_inputs(inputs)
+            if self.spec.inputs.references and not np.array_equal(inputs, self._given):
+                self._given = inputs.copy()
+                self._instance.handle_event(self._give)
             self._integrate(time, step)
             outputs[:] = self._outputs()
         except PlantError:
             raise
         except Exception as error:  # FMPy's: of a call, or of CVODE
-            self._instance.status = getattr(error, "status", ERROR)
-            raise PlantError(failure(COMPLETE, 0, self._instance.log.take() or str(error))) from None
+            status = error.status if isinstance(error, FMICallException) else 0
+            self._instance.status = max(self._instance.status, status)
+            raise PlantError(failure(COMPLETE, status, self._instance.log.take() or str(error))) from None
 
     def change(self, values: Any) -> None:
         """See `Instance.change`."""
@@ -100,30 +95,99 @@ class CvodePlant:
 
     def _integrate(self, time: float, step: float) -> None:
         end = time + step
+        close = max(_CLOSE * step, 8 * sys.float_info.epsilon * end)
         self._solver.reset(time)  # inputs and parameters have changed
-        while time < end - _CLOSE * step:
-            until = min(end, max(self._instance.next_event, time + _CLOSE * step))
-            state_event, _, time = self._solver.step(time, until)
+        for _ in range(_MAX_PARTS):
+            if end - time <= close:
+                return
+            until = min(end, self._instance.next_event)
+            event = until == self._instance.next_event
+            if until - time > close:
+                state_event, time = self._solver.advance(time, until)
+                event = state_event or time >= self._instance.next_event
+            time = max(time, until) if event and until - time <= close else time
             self._fmu.setTime(time)
-            step_event, terminate = self._fmu.completedIntegratorStep()
-            if terminate:
-                raise PlantError(failure(END, 0, self._instance.log.take()))
-            if state_event or step_event or time >= self._instance.next_event - _CLOSE * step:
+            event |= self._completed()
+            if event:
                 self._instance.handle_event()
+                if self._instance.next_event <= time:
+                    break
                 self._solver.reset(time)
+        raise PlantError(failure(ITERATE, 0, self._instance.log.take()))
 
-    def _set_inputs(self, inputs: NDArray[np.float64]) -> None:
-        names = self.spec.inputs.references
-        if names and self._three:
-            self._fmu.setFloat64(names, inputs)
-        elif names:
-            self._fmu.setReal(names, inputs)
+    def _completed(self) -> bool:
+        """Complete a step of the solver; return whether that is an event."""
+        if not self.spec.completed_steps:
+            return False
+        event, terminate = self._fmu.completedIntegratorStep()
+        if terminate:
+            raise PlantError(failure(END, 0, self._instance.log.take()))
+        return bool(event)
+
+    def _give(self) -> None:
+        setter = self._fmu.setFloat64 if self._three else self._fmu.setReal
+        setter(self.spec.inputs.references, self._given)
 
     def _outputs(self) -> list[float]:
         block = self.spec.outputs
         if self._three:
             return list(self._fmu.getFloat64(block.references, nValues=len(block.start)))
         return list(self._fmu.getReal(block.references))
+
+
+class _Solver(CVodeSolver):  # type: ignore[misc]
+    """FMPy's solver, in which a failure of the FMU within CVODE is not lost."""
+
+    def __init__(self, instance: Instance, tolerance: float) -> None:
+        fmu = self._fmu = instance.fmu
+        self._failure: FMICallException | None = None
+        super().__init__(
+            nx=instance.states,
+            nz=instance.event_indicators,
+            get_x=fmu.getContinuousStates,
+            set_x=fmu.setContinuousStates,
+            get_dx=fmu.getContinuousStateDerivatives if instance.spec.fmi.startswith("3") else fmu.getDerivatives,
+            get_z=fmu.getEventIndicators,
+            get_nominals=self._nominals,
+            set_time=fmu.setTime,
+            input=_HeldInput(),
+            startTime=0.0,
+            relativeTolerance=tolerance,
+            maxNumSteps=_MAX_STEPS,
+        )
+
+    def advance(self, time: float, until: float) -> tuple[bool, float]:
+        """Integrate; return whether there is a state event, and the time [s] that was reached."""
+        self._failure = None
+        try:
+            event, _, reached = self.step(time, until)
+        except RuntimeError as error:  # CVODE's
+            raise self._failure or error from None
+        return bool(event), float(reached)
+
+    def f(self, *arguments: Any) -> int:
+        """Return the derivatives; called by CVODE, which an exception would not stop."""
+        try:
+            return int(super().f(*arguments))
+        except FMICallException as error:
+            return self._failed(error)
+
+    def g(self, *arguments: Any) -> int:
+        """Return the event indicators; called by CVODE, which an exception would not stop."""
+        try:
+            return int(super().g(*arguments))
+        except FMICallException as error:
+            return self._failed(error)
+
+    def _failed(self, error: FMICallException) -> int:
+        """Return what lets CVODE try a shorter step, where the FMU discards the states, or stop."""
+        self._failure = error
+        return 1 if error.status == DISCARD else -1
+
+    def _nominals(self, place: Any, n: int) -> None:
+        self._fmu.getNominalsOfContinuousStates(place, n)
+        nominals = np.ctypeslib.as_array(place, (n,))
+        nominals[~(np.isfinite(nominals) & (nominals > 0.0))] = 1.0
 
 
 class _HeldInput:

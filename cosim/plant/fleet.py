@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location, SimulationError
 from cosim.plant.calls import compiled
-from cosim.plant.cvode import CvodePlant, uses_cvode
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
-from cosim.plant.outcome import FINE, PlantError, failure
-from cosim.plant.process import ProcessPlant
+from cosim.plant.outcome import FINE, PlantError
+from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import PlantSpec, Value
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
+
+if TYPE_CHECKING:
+    from cosim.plant.cvode import CvodePlant
 
 STATE = 6
 """Pose entries and pseudo-velocities of a plant."""
@@ -25,7 +30,12 @@ STATE = 6
 KEPT_MESSAGES = 20
 """How many of a plant's messages are kept, the first ones."""
 
-_LINK = np.dtype([("place", np.int64), ("scale", np.float64), ("offset", np.float64), ("bound", np.float64)])
+START_TOLERANCE = 1e-6
+"""How far [m, rad], and relative to what was asked for, a plant may be from its initial pose at the start."""
+
+_LINK = np.dtype(
+    [("row", np.int64), ("place", np.int64), ("scale", np.float64), ("offset", np.float64), ("bound", np.float64)]
+)
 
 
 @dataclass(frozen=True)
@@ -54,12 +64,30 @@ class Link:
 
 @dataclass(frozen=True)
 class Member:
-    """A plant of a fleet: what to start, its roles, whether in a process of its own, and who asks for it."""
+    """A plant of a fleet.
+
+    Attributes
+    ----------
+    spec : PlantSpec
+        What to start.
+    inputs, outputs : tuple of Link
+        Its roles.
+    pose : tuple of float
+        The initial pose, as the first of the outputs must be at the start; empty if it does not matter.
+    isolated : bool
+        Whether it runs in a process of its own.
+    needs_tool : bool
+        Whether it says that it needs another program.
+    where : Location or None
+        Who asks for it.
+    """
 
     spec: PlantSpec
     inputs: tuple[Link, ...]
     outputs: tuple[Link, ...]
-    isolated: bool
+    pose: tuple[float, ...] = ()
+    isolated: bool = False
+    needs_tool: bool = False
     where: Location | None = None
 
 
@@ -85,7 +113,7 @@ class Fleet:
     Raises
     ------
     InputError
-        A plant cannot be started: its own messages.
+        A plant cannot be started, with its own messages, or starts elsewhere than at its initial pose.
     SimulationError
         A plant returns no outputs at the start, or outputs that are not finite.
     """
@@ -98,18 +126,17 @@ class Fleet:
         self._kept = [0] * len(members)
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
         with ExitStack() as cleanup:
+            cleanup.callback(_go_back, os.getcwd())  # from where an FMU may have gone
             self._external = self._start_processes(cleanup)
             self._instances = self._start_instances(cleanup)
-            try:
-                self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
-            except PlantError as error:
-                raise InputError(str(error)) from None
+            self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
             rows = self._rows
             self._inputs = _links([member.inputs for member in members], rows.first_input)
             self._outputs = _links([member.outputs for member in members], rows.first_output)
             for index, plant in self._external.items():
                 self._slice(rows.outputs, rows.first_output, index)[:] = plant.first_outputs
             self._check(0.0, _read(rows.rows, rows.outputs, self._outputs, self._state), 0.0)
+            self._check_start()
             self._cleanup = cleanup.pop_all()
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
@@ -136,7 +163,7 @@ class Fleet:
             )
             self._check(time, diverged, (tick + 1) * step)
             return
-        _give(given, self._inputs, rows.inputs)
+        _give(given, self._inputs, rows.rows, rows.inputs)
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
         _advance_all(rows.rows, rows.scratch, rows.work, time, step)
@@ -202,10 +229,13 @@ class Fleet:
 
     def _start_processes(self, cleanup: ExitStack) -> dict[int, ProcessPlant | CvodePlant]:
         processes: dict[int, ProcessPlant] = {}
+        cleanup.callback(end, processes.values())
         for index, member in enumerate(self.members):
             if member.isolated:
-                processes[index] = ProcessPlant(member.spec)
-                cleanup.callback(processes[index].close)
+                try:
+                    processes[index] = ProcessPlant(member.spec)
+                except PlantError as error:
+                    raise self._not_started(index, error) from None
         for index, process in processes.items():
             try:
                 process.wait_until_started()
@@ -219,7 +249,9 @@ class Fleet:
             if member.isolated:
                 continue
             try:
-                if uses_cvode(member.spec):
+                if member.spec.uses_cvode:
+                    from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
+
                     self._external[index] = CvodePlant(member.spec)
                     cleanup.callback(self._external[index].close)
                 else:
@@ -230,8 +262,22 @@ class Fleet:
         return instances
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
-        spec = self.members[index].spec
-        return InputError(f"the FMU {spec.file} cannot be started as {spec.robot}: {error}", self.members[index].where)
+        member = self.members[index]
+        tool = "; it says that it needs an execution tool, which must be there" if member.needs_tool else ""
+        message = f"the FMU {member.spec.file} cannot be started as {member.spec.robot}: {error}{tool}"
+        return InputError(message, member.where)
+
+    def _check_start(self) -> None:
+        """Refuse a plant that does not start at its initial pose."""
+        for index, member in enumerate(self.members):
+            for link, wanted, found in zip(member.outputs, member.pose, self._state[index].tolist(), strict=False):
+                apart = math.remainder(found - wanted, math.tau) if link.unit == "rad" else found - wanted
+                if abs(apart) > START_TOLERANCE * max(1.0, abs(wanted)):
+                    raise InputError(
+                        f"the FMU {member.spec.file} does not take the initial pose of {member.spec.robot}: "
+                        f"{link.name} is {found:g} {link.unit} at the start, not {wanted:g} {link.unit}",
+                        member.where,
+                    )
 
     # What has become of a step ----------------------------------------------------------------------------------
 
@@ -240,9 +286,8 @@ class Fleet:
         failures = dict(failures or {})
         if diverged != _FINE or failures:
             for index in np.flatnonzero(self._rows.rows["what"] != FINE).tolist():
-                row, instance = self._rows.rows[index], self._instances[index]
-                instance.status = int(row["status"])
-                failures[index] = failure(int(row["what"]), instance.status, instance.log.take())
+                row = self._rows.rows[index]
+                failures[index] = self._instances[index].failure(int(row["what"]), int(row["status"]))
             if failures:
                 raise SimulationError(*self._failures(failures, time))
             index, column = divmod(diverged, STATE)
@@ -277,11 +322,16 @@ class Fleet:
         return values[first[index] : first[index + 1]]
 
 
+def _go_back(folder: str) -> None:
+    with suppress(OSError):  # it is gone
+        os.chdir(folder)
+
+
 def _links(links: Sequence[Sequence[Link]], first: NDArray[np.int64]) -> NDArray[np.void]:
     return np.array(
         [
-            (int(start) + link.place if link.place >= 0 else -1, link.scale, link.offset, link.bound)
-            for start, own in zip(first, links, strict=False)
+            (row, int(first[row]) + link.place if link.place >= 0 else -1, link.scale, link.offset, link.bound)
+            for row, own in enumerate(links)
             for link in own
         ],
         dtype=_LINK,
@@ -295,9 +345,15 @@ _FINE, _FAILED = -1, -2
 
 
 @compiled
-def _give(given: NDArray[np.float64], links: NDArray[np.void], inputs: NDArray[np.float64]) -> None:
+def _give(
+    given: NDArray[np.float64], links: NDArray[np.void], rows: NDArray[np.void], inputs: NDArray[np.float64]
+) -> None:
     for j in range(len(links)):
-        inputs[links[j]["place"]] = (given[j] - links[j]["offset"]) / links[j]["scale"]
+        link = links[j]
+        value = (given[j] - link["offset"]) / link["scale"]
+        if inputs[link["place"]] != value:
+            rows[link["row"]]["in_changed"] = 1
+        inputs[link["place"]] = value
 
 
 @compiled
@@ -355,7 +411,7 @@ def _tick(
     time: float,
     step: float,
 ) -> int:
-    _give(given, in_links, inputs)
+    _give(given, in_links, rows, inputs)
     if _advance_all(rows, scratch, work, time, step):
         return _FAILED
     return _take(outputs, out_links, state)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
 
+from cosim.plant.arithmetic import kept_arithmetic
 from cosim.plant.log import Log
-from cosim.plant.outcome import ERROR, FATAL, WARNING, PlantError
+from cosim.plant.outcome import COMPLETE, DISCARD, END, ERROR, FATAL, WARNING, PlantError, failure
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 
 _MAX_EVENT_ITERATIONS = 100
+_MAX_STATES = 1_000_000
+"""Of a Model Exchange FMU, and event indicators likewise: what a larger number is said by is broken."""
 
 _SETTERS = {
     "Real": "setReal",
@@ -31,7 +33,7 @@ _SETTERS = {
 class Instance:
     """An initialised instance at the start of its run; of Model Exchange, in Continuous-Time Mode.
 
-    Legal call order: `change` and what `cosim.plant.stepping` does, in any number, `close` once.
+    Legal call order: `change`, `handle_event` and what `cosim.plant.stepping` does, in any number, `close` once.
 
     Parameters
     ----------
@@ -60,18 +62,16 @@ class Instance:
         self._initialised = False
         folder = os.getcwd()
         try:
-            self._instantiate()
-            for value in spec.values:
-                self._set(value)
-            self._initialise()
-        except PlantError:
-            self.close()
-            raise
-        except Exception as error:  # FMPy raises a bare Exception where loading or instantiation fails
+            with kept_arithmetic():
+                self._start()
+        except BaseException as error:
             self._note(error)
             said = self.log.take() or str(error)
             self.close()
-            raise PlantError(said) from None
+            if not isinstance(error, Exception):
+                raise
+            # FMPy raises a bare Exception where loading or instantiation fails
+            raise error if isinstance(error, PlantError) else PlantError(said) from None
         finally:
             os.chdir(folder)  # FMPy leaves it where a library could not be loaded, and an FMU may have its own way
 
@@ -86,18 +86,9 @@ class Instance:
         return self._fmu
 
     def address(self, function: str) -> int:
-        """Return the address of a function of the FMU, by its name without ``fmi2`` or the like.
-
-        Raises
-        ------
-        PlantError
-            The FMU does not have it.
-        """
+        """Return the address of a function of the FMU, by its name without ``fmi2`` or the like; FMPy has found all."""
         prefix = f"{self.spec.identifier}_fmi" if self._version == 1 else f"fmi{self._version}"
-        try:
-            return int(ctypes.cast(self._fmu.dll[prefix + function], ctypes.c_void_p).value or 0)
-        except AttributeError:
-            raise PlantError(f"its binary lacks the function {prefix}{function}") from None
+        return int(ctypes.cast(self._fmu.dll[prefix + function], ctypes.c_void_p).value or 0)
 
     @property
     def states(self) -> int:
@@ -115,16 +106,20 @@ class Instance:
         Raises
         ------
         PlantError
-            The FMU refuses a value.
+            The FMU refuses a value, or does not process the event that this is in Model Exchange.
         """
-        if not self._co_simulation:
-            self.handle_event(values)
-            return
-        for value in values:
-            self._set(value)
 
-    def handle_event(self, values: Iterable[Value] = ()) -> None:
-        """Of Model Exchange: go through Event Mode and back, and set values there.
+        def give() -> None:
+            for value in values:
+                self._set(value)
+
+        if self._co_simulation:
+            give()
+        else:
+            self.handle_event(give)
+
+    def handle_event(self, give: Callable[[], None] | None = None) -> None:
+        """Of Model Exchange: go through Event Mode and back, and `give` values there.
 
         Raises
         ------
@@ -133,23 +128,38 @@ class Instance:
         """
         try:
             self._fmu.enterEventMode()
-            for value in values:
-                self._set(value)
+            if give is not None:
+                give()
             self._update()
             self._fmu.enterContinuousTimeMode()
         except FMICallException as error:
             self._note(error)
             raise PlantError(self.log.take() or str(error)) from None
 
+    def failure(self, what: int, status: int) -> str:
+        """Return in words what failed, a number of `cosim.plant.outcome`, with the status of the FMI call."""
+        self.status = max(self.status, status)
+        said = self.log.take()
+        if what == COMPLETE and status == DISCARD and self._version == 2 and self._co_simulation:
+            try:  # it may have discarded the step for that it has reached its end (FMI 2.0, section 4.2.2)
+                what = END if self._fmu.getBooleanStatus(fmi2.fmi2Terminated) else what
+            except FMICallException as error:
+                self._note(error)
+        return failure(what, status, said)
+
     def close(self) -> None:
-        """Terminate the instance, free it and release its library."""
-        if self._fmu is not None and self._fmu.component:
-            if self._initialised and self.status < ERROR:
-                with suppress(FMICallException):
-                    self._fmu.terminate()
-            if self.status < FATAL:
-                self._fmu.freeInstance()
-            self._fmu.component = None
+        """Terminate the instance, free it and release its library, as far as its status allows."""
+        fmu, self._fmu = self._fmu, None
+        if fmu is not None and fmu.component and self._initialised and self.status < ERROR:
+            try:
+                fmu.terminate()
+            except FMICallException as error:
+                self._note(error)
+        if fmu is not None and self.status < FATAL:
+            if fmu.component:
+                fmu.freeInstance()  # and the library
+            else:
+                fmu.freeLibrary()
         self.log.close()
 
     @property
@@ -160,28 +170,44 @@ class Instance:
     def _co_simulation(self) -> bool:
         return self.spec.interface == CO_SIMULATION
 
+    def _start(self) -> None:
+        self._instantiate()
+        for value in self.spec.values:
+            self._set(value)
+        self._initialise()
+
     def _instantiate(self) -> None:
         spec = self.spec
-        slave = self._co_simulation
         about = {
             "guid": spec.token,
             "unzipDirectory": spec.directory,
             "modelIdentifier": spec.identifier,
             "instanceName": spec.robot,
         }
+        slaves = {1: fmi1.FMU1Slave, 2: fmi2.FMU2Slave, 3: fmi3.FMU3Slave}
+        models = {2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
+        try:
+            self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
+        except Exception as error:
+            raise PlantError(f"its binary cannot be loaded: {self._why_not(error)}") from None
         if self._version == 1:
-            self._fmu = fmi1.FMU1Slave(**about)
             self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=False)
         elif self._version == 2:
-            self._fmu = (fmi2.FMU2Slave if slave else fmi2.FMU2Model)(**about)
             self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=False)
         else:
             # Without Event Mode, early return and intermediate update, which an FMU may offer but not demand
             # (FMI 3.0, section 4.2), it handles its events within a step.
-            self._fmu = (fmi3.FMU3Slave if slave else fmi3.FMU3Model)(**about)
             self._fmu.instantiate(loggingOn=False, logMessage=self.log.log_message)
         if not self._fmu.component:  # FMPy overlooks this in FMI 1.0
             raise PlantError(self.log.take() or "it does not instantiate")
+
+    def _why_not(self, error: Exception) -> str:
+        """Return why the binary cannot be loaded, without the folder that it is unpacked to."""
+        reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before that of the system
+        own = reason.startswith(self.spec.directory)
+        if own and reason.endswith("No such file or directory"):  # the linker's words, though it is there
+            return "it is made for another machine"
+        return reason.replace(f"{self.spec.directory}{os.sep}", "")
 
     def _initialise(self) -> None:
         fmu, stop = self._fmu, self.spec.stop_time
@@ -215,18 +241,22 @@ class Instance:
         for _ in range(_MAX_EVENT_ITERATIONS):
             more, terminate, _, _, next_event_defined, next_event = update()
             if terminate:
-                raise PlantError(self.log.take() or "it asks to end the simulation")
+                said = self.log.take()
+                raise PlantError("it asks to end the simulation" + (f": {said}" if said else ""))
             if not more:
                 self.next_event = float(next_event) if next_event_defined else float("inf")
                 return
         raise PlantError(f"its discrete states do not settle in {_MAX_EVENT_ITERATIONS} iterations")
 
     def _counted(self) -> tuple[int, int]:
-        if self._version == 2:
-            return self.spec.states, self.spec.event_indicators
-        return self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators()
+        numbers = (self.spec.states, self.spec.event_indicators)
+        if self._version == 3:
+            numbers = (self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators())
+        if max(numbers) > _MAX_STATES:
+            raise PlantError(f"it says that it has {numbers[0]} continuous states and {numbers[1]} event indicators")
+        return numbers
 
-    def _note(self, error: Exception) -> None:
+    def _note(self, error: BaseException) -> None:
         if isinstance(error, FMICallException):
             self.status = max(self.status, error.status)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 from collections import deque
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import fmpy
@@ -34,6 +35,8 @@ class Log:
     _open: ClassVar[dict[int, Log]] = {}
     pending: ClassVar[int] = 0
     """How many messages were received in this process and not taken."""
+    listener: ClassVar[Callable[[str], None] | None] = None
+    """Is told every message as it comes."""
 
     def __init__(self, instance_name: str) -> None:
         self._handle = next(self._handles)
@@ -81,7 +84,10 @@ class Log:
     def _keep(self, message: bytes | None) -> None:
         self._received += 1
         Log.pending += 1
-        self._messages.append((message or b"")[:MAX_LENGTH].decode("utf-8", "replace"))
+        text = (message or b"")[:MAX_LENGTH].decode("utf-8", "replace")
+        self._messages.append(text)
+        if Log.listener is not None:
+            Log.listener(text)
 
     def take(self) -> str:
         """Return the messages since the last time, printable, as one text."""

@@ -1,7 +1,7 @@
 """A Model Exchange FMU integrated with a fixed step: FMI 2.0 (section 3.2) and FMI 3.0 (section 3.2), by address.
 
-Time events are hit exactly. A state event, a change of sign of an event indicator, is handled at the end of the solver
-step in which it happens: the error is of the order of that step.
+Inputs that change do so in an event, as they jump. Time events are hit exactly. A state event, a change of sign of an
+event indicator, is handled at the end of the solver step in which it happens: the error is of the order of that step.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ SCRATCH = 8
 
 _EULER, _RUNGE_KUTTA_4 = 0, 1
 _MAX_ITERATIONS = 100
+_MAX_PARTS = 100_000
+"""Into how many parts time events may cut a step of the solver."""
 _SMALLEST_PART = 1e-9
 """Of a solver step: a time event nearer than this counts as reached."""
 
@@ -70,7 +72,9 @@ def integrate(
     for part in range(row["steps"]):
         now = time + part * solver_step
         end = time + step if part + 1 == row["steps"] else time + (part + 1) * solver_step
+        parts = 0
         while now < end:
+            parts += 1
             until = end
             if row["next_event"] < end - _SMALLEST_PART * solver_step:
                 until = max(row["next_event"], now)
@@ -82,7 +86,7 @@ def integrate(
             what, status = _after_step(row, scratch, work, now)
             if what != FINE:
                 return what, status
-            if row["next_event"] <= now:  # a time event that is not in the future would never be left behind
+            if row["next_event"] <= now or parts > _MAX_PARTS:  # time events that would never be left behind
                 return ITERATE, status
     return FINE, 0
 
@@ -123,13 +127,16 @@ def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.flo
     """Complete a solver step and handle the events that it has brought."""
     nx, nz, place = row["states"], row["indicators"], row["scratch"]
     before, flags = row["first"] + 4 * nx, scratch.view(np.int32)
-    scratch[:] = 0.0
-    status = _completed(row["completed"], (row["component"], np.int32(1), place, place + 8))
-    if status > WARNING:
-        return COMPLETE, status
-    if flags[2] != 0:  # terminateSimulation
-        return END, status
-    event = flags[0] != 0 or now >= row["next_event"]
+    event = now >= row["next_event"]
+    status = 0
+    if row["completes"] != 0:
+        scratch[:] = 0.0
+        status = _completed(row["completed"], (row["component"], np.int32(1), place, place + 8))
+        if status > WARNING:
+            return COMPLETE, status
+        if flags[2] != 0:  # terminateSimulation
+            return END, status
+        event = event or flags[0] != 0
     if nz > 0:
         status = _vector(row["get_indicators"], (row["component"], row["work"] + 8 * (4 * nx + nz), nz))
         if status > WARNING:
@@ -139,7 +146,10 @@ def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.flo
             work[before + i] = work[before + nz + i]
     if not event:
         return FINE, status
-    what, status = _handle_event(row, scratch)
+    status = enter_event_mode(row)
+    if status > WARNING:
+        return EVENT, status
+    what, status = leave_event_mode(row, scratch)
     if what != FINE:
         return what, status
     if nx > 0:
@@ -150,12 +160,16 @@ def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.flo
 
 
 @compiled
-def _handle_event(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int]:
-    """Go through Event Mode and back."""
+def enter_event_mode(row: np.void) -> int:
+    """Enter Event Mode; return the status."""
+    return _plain(row["enter_event"], (row["component"],))
+
+
+@compiled
+def leave_event_mode(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int]:
+    """Iterate over the discrete states, and go back to Continuous-Time Mode."""
     flags, place = scratch.view(np.int32), row["scratch"]
-    status = _plain(row["enter_event"], (row["component"],))
-    if status > WARNING:
-        return EVENT, status
+    status = 0
     for _ in range(_MAX_ITERATIONS):
         scratch[:] = 0.0
         # Both versions return five flags and a time; in FMI 2.0 they are one structure.

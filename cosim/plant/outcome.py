@@ -9,16 +9,16 @@ FAILURES = {
     COMPLETE: "did not complete the step",
     RETURN: "did not return its outputs",
     END: "asks to end the simulation",
-    EARLY: "returned early from the step without having advanced",
+    EARLY: "returns early from the step and does not get on",
     DERIVE: "did not return the derivatives of its states",
     EVENT: "did not process an event",
-    ITERATE: "iterates over its discrete states without end",
+    ITERATE: "handles events without end",
 }
 """What a plant did, by what failed."""
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-WARNING, ERROR, FATAL = 1, 3, 4
-"""The largest status with which a run goes on; those after which an instance is of no more use."""
+WARNING, DISCARD, ERROR, FATAL = range(1, 5)
+"""Warning is the largest status with which a run goes on; after Error and Fatal an instance is of no more use."""
 
 
 class PlantError(Exception):

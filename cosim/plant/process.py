@@ -12,8 +12,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections import deque
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import printable
+from cosim.plant.calls import PLAIN
 from cosim.plant.outcome import PlantError
-from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_TEXT, START, STEP, exactly, send
+from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value
 
+WORKER = ("-P", "-m", "cosim.plant.worker")
+"""What the interpreter is told."""
+
 _LAUNCH_LIMIT = 60.0
-"""How long [s] the interpreter of a new process may take to be there, besides the plant's own time limit."""
+"""How long [s] the interpreter of a new process may take to be there, before the plant's own time limit counts."""
+_EXIT_LIMIT = 5.0
+"""How long [s] a process that has closed its pipes may take to exit."""
 
 
 class ProcessPlant:
@@ -44,37 +51,31 @@ class ProcessPlant:
     ----------
     first_outputs : list of float
         What it returned at the start.
+
+    Raises
+    ------
+    PlantError
+        There can be no more processes.
     """
 
     def __init__(self, spec: PlantSpec) -> None:
         self.spec = spec
         self.first_outputs: list[float] = []
         self._messages = ""
-        environment = {
-            **os.environ,
-            "NUMBA_DISABLE_JIT": "1",
-        }  # compiling for one plant would take longer than it saves
-        paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-        environment["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
-        options: dict[str, Any] = (
-            {"start_new_session": True}  # Ctrl-C is the harness's
-            if os.name == "posix"
-            else {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined]
-        )
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "cosim.plant.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            bufsize=0,
-            **options,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
-        self._watchdog = _Watchdog(self._process, spec.time_limit / 10)
-        self._watchdog.allow(_LAUNCH_LIMIT + spec.time_limit)
-        self._send(START, spec.to_json())
+        self._last_words: deque[str] = deque(maxlen=MAX_SAID)
+        self._waiting = False  # whether the process waits for a request
+        self._limit = _LAUNCH_LIMIT
+        self._process = _launched()
+        try:
+            assert self._process.stdin is not None
+            assert self._process.stdout is not None
+            self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
+            self._watchdog = _Watchdog(self._process, spec.time_limit / 10)
+            self._watchdog.allow(self._limit)
+            self._send(START, spec.to_json())
+        except BaseException:
+            _kill(self._process)
+            raise
 
     def wait_until_started(self) -> None:
         """Wait for the plant.
@@ -84,13 +85,15 @@ class ProcessPlant:
         PlantError
             It cannot be started.
         """
-        numbers = self._receive("start", len(self.spec.outputs.start))
-        self.first_outputs = numbers.tolist()
+        self._receive("its process did not start", 0)
+        self._limit = self.spec.time_limit
+        self._watchdog.allow(self._limit)
+        self._waiting = False
+        self.first_outputs = self._receive("it did not start", len(self.spec.outputs.start)).tolist()
 
     def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
         """Let the plant begin a step; it goes on beside the harness."""
-        self._watchdog.allow(self.spec.time_limit)
-        self._send(STEP, np.concatenate(([time, step], inputs)).tobytes())
+        self._request(STEP, np.concatenate(([time, step], inputs)).tobytes())
 
     def finish(self, outputs: NDArray[np.float64]) -> None:
         """Wait for the end of the step and write the outputs.
@@ -100,7 +103,7 @@ class ProcessPlant:
         PlantError
             The plant failed, its process ended, or the time limit has passed.
         """
-        outputs[:] = self._receive("complete the step", len(outputs))
+        outputs[:] = self._receive("did not complete the step", len(outputs))
 
     def change(self, values: Sequence[Value]) -> None:
         """Give parameters other values at a communication point.
@@ -110,67 +113,143 @@ class ProcessPlant:
         PlantError
             The FMU refuses a value, or the process ended.
         """
-        self._watchdog.allow(self.spec.time_limit)
-        self._send(CHANGE, json.dumps([asdict(value) for value in values]).encode())
-        self._receive("change its parameters", 0)
+        self._request(CHANGE, json.dumps([asdict(value) for value in values]).encode())
+        self._receive("did not change its parameters", 0)
 
     def take_messages(self) -> str:
         """Return what the FMU has logged since the last time."""
         said, self._messages = self._messages, ""
         return said
 
+    def begin_to_end(self) -> None:
+        """Let the plant end, if it waits; it goes on beside the harness, and `close` waits for it."""
+        if self._waiting:
+            self._request(END, b"")
+            self._ending = True
+
     def close(self) -> None:
-        """End the plant, within its time limit, and its process."""
-        if self._process.poll() is None and not self._watchdog.expired:
-            with suppress(PlantError):
-                self._watchdog.allow(self.spec.time_limit)
-                self._send(END, b"")
-                self._receive("end", 0)
-        self._watchdog.stop()
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
+        """End the plant, within its time limit if it waits and at once if not, and its process."""
+        try:
+            if not self._ending:
+                self.begin_to_end()
+            if self._ending:
+                with suppress(PlantError):
+                    self._receive("did not end", 0)
+        finally:
+            self._watchdog.stop()
+            _kill(self._process)
+
+    _ending = False
+
+    def _request(self, kind: int, body: bytes) -> None:
+        self._watchdog.allow(self._limit)
+        self._waiting = False
+        self._send(kind, body)
 
     def _send(self, kind: int, body: bytes) -> None:
-        with suppress(BrokenPipeError):  # the process has ended: reading its reply will tell how
+        with suppress(OSError):  # the process has ended: reading its reply will tell how
             send(self._requests, kind, body)
 
-    def _receive(self, what: str, numbers: int) -> NDArray[np.float64]:
+    def _receive(self, failed: str, numbers: int) -> NDArray[np.float64]:
         """Return the numbers of a reply, of which nothing is trusted, and keep its messages."""
-        kind, length = HEADER.unpack(self._exactly(HEADER.size, what))
-        if length > 8 * numbers + MAX_TEXT or (kind == DONE and length < 8 * numbers):
-            raise PlantError("has answered something that no plant would, through the pipe of its process")
-        body = self._exactly(length, what)
+        self._last_words.clear()
+        kind, body = self._frame(failed, numbers)
+        while kind == SAID:  # until the watchdog ends it
+            self._last_words.append(_text(body))
+            kind, body = self._frame(failed, numbers)
         self._watchdog.rest()
+        self._waiting = True
         size = 8 * numbers if kind == DONE else 0
-        said = printable(body[size:].decode("utf-8", "replace"))
+        said = _text(body[size:])
         if kind != DONE:
             raise PlantError(said)
         if said:
             self._messages = f"{self._messages}; {said}" if self._messages else said
         return np.frombuffer(body[:size], dtype=np.float64)
 
-    def _exactly(self, length: int, what: str) -> bytes:
+    def _frame(self, failed: str, numbers: int) -> tuple[int, bytes]:
+        kind, length = HEADER.unpack(self._exactly(HEADER.size, failed))
+        if length > 8 * numbers + MAX_TEXT or (kind == DONE and length < 8 * numbers):
+            raise PlantError(f"{failed}: through the pipe of its process comes what no plant would answer")
+        return kind, self._exactly(length, failed)
+
+    def _exactly(self, length: int, failed: str) -> bytes:
         data = exactly(self._replies, length)
         if data is None:
-            raise PlantError(self._ended(what))
+            last = f"; it had logged: {'; '.join(self._last_words)}" if self._last_words else ""
+            raise PlantError(f"{failed}{self._how_it_ended()}{last}")
         return data
 
-    def _ended(self, what: str) -> str:
-        """Say how the process has ended."""
+    def _how_it_ended(self) -> str:
         try:
-            status = self._process.wait(timeout=5)
-        except subprocess.TimeoutExpired:  # it has closed its pipe and goes on
-            return f"did not {what}: its process has closed the pipe to the harness"
+            status = self._process.wait(_EXIT_LIMIT)
+        except subprocess.TimeoutExpired:
+            return ": its process has closed the pipe to the harness"
         if self._watchdog.expired:
-            return f"did not {what} within {self.spec.time_limit:g} s; its process was ended"
+            return f" within {self._limit:g} s; its process was ended"
         if status < 0:
             name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
-            return f"did not {what}: its process crashed ({name})"
-        return f"did not {what}: its process exited with status {status}"
+            return f": its process crashed ({name})"
+        return f": its process exited with status {status}"
+
+
+def end(plants: Iterable[ProcessPlant]) -> None:
+    """Close plants that end side by side."""
+    with ExitStack() as closing:
+        for plant in plants:
+            closing.callback(plant.close)
+        for plant in plants:
+            plant.begin_to_end()
+
+
+def _launched() -> subprocess.Popen[bytes]:
+    paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(path for path in paths if path),
+        PLAIN: "1",  # compiling for one plant would take longer than it saves
+    }
+    options: dict[str, Any] = (
+        {"start_new_session": True}  # Ctrl-C is the harness's
+        if os.name == "posix"
+        else {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined]
+    )
+    try:
+        os.fstat(2)
+    except OSError:  # the harness has no standard error
+        options["stderr"] = subprocess.DEVNULL
+    try:
+        return subprocess.Popen(
+            [sys.executable, *WORKER, str(os.getpid())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+            bufsize=0,
+            **options,
+        )
+    except OSError as error:
+        raise PlantError(f"there can be no process of its own: {error.strerror}") from None
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End a process, with what it has started itself, and wait for it."""
+    _signal(process)
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
+
+
+def _signal(process: subprocess.Popen[bytes]) -> None:
+    if os.name == "posix":
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)  # the group is its own, and outlives it
+    process.kill()
+
+
+def _text(body: bytes) -> str:
+    return printable(body.decode("utf-8", "replace"))
 
 
 class _Watchdog:
@@ -208,5 +287,5 @@ class _Watchdog:
         while not self._stopped.wait(self._interval):
             if time.monotonic() > self._deadline:
                 self.expired = True
-                self._process.kill()
+                _signal(self._process)
                 return

@@ -2,6 +2,9 @@
 
 A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. What comes from
 the plant's process is numbers and text, never anything that is executed: the FMU may have written it.
+
+The process says DONE when it is there. After that each request has one reply; before the reply may come what the FMU
+logs meanwhile, so that it is known even if there is no reply.
 """
 
 from __future__ import annotations
@@ -12,10 +15,12 @@ import struct
 HEADER = struct.Struct("<BI")
 START, STEP, CHANGE, END = range(4)
 """Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
-DONE, FAILED = range(2)
-"""Kinds of replies: the outputs as doubles, if any, and what was logged; a text on what failed."""
+DONE, FAILED, SAID = range(3)
+"""Kinds of replies: outputs as doubles, if any, and what was logged; a text on what failed; a message as it comes."""
 MAX_TEXT = 65536
 """Bytes of text in a reply."""
+MAX_SAID = 20
+"""How many messages are told as they come, of those during one request."""
 
 
 def send(pipe: int, kind: int, body: bytes) -> None:

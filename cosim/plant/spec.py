@@ -60,6 +60,8 @@ class PlantSpec:
         End of the run [s].
     states, event_indicators : int
         How many a Model Exchange FMU of FMI 2.0 has; one of FMI 3.0 is asked.
+    completed_steps : bool
+        Whether a Model Exchange FMU needs to be told that a step of the solver is completed.
     solver : str
         Of a Model Exchange FMU: one of `SOLVERS`.
     solver_steps : int
@@ -83,10 +85,16 @@ class PlantSpec:
     stop_time: float
     states: int = 0
     event_indicators: int = 0
+    completed_steps: bool = True
     solver: str = "runge_kutta_4"
     solver_steps: int = 1
     tolerance: float = 1e-6
     time_limit: float = 10.0
+
+    @property
+    def uses_cvode(self) -> bool:
+        """Whether CVODE integrates the plant."""
+        return self.interface == MODEL_EXCHANGE and self.solver == "cvode"
 
     def to_json(self) -> bytes:
         """Return a text from which `from_json` makes the same again, to the bit."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from cosim.plant.calls import c_function, compiled
 from cosim.plant.instance import Instance
-from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, integrate, work_size
-from cosim.plant.outcome import ACCEPT, COMPLETE, EARLY, END, FINE, RETURN, WARNING
+from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, enter_event_mode, integrate, leave_event_mode, work_size
+from cosim.plant.outcome import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
 from cosim.plant.spec import CO_SIMULATION, SOLVERS
 
 EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
@@ -27,9 +27,9 @@ ROW = np.dtype(
         (name, np.int64)
         for name in (
             *("kind", "version", "component", "set", "get", "step"),
-            *("in_names", "in_count", "in_values", "in_size"),
+            *("in_names", "in_count", "in_values", "in_size", "in_changed"),
             *("out_names", "out_count", "out_values", "out_size"),
-            *("scratch", "method", "steps", "states", "indicators", "work", "first"),
+            *("scratch", "method", "steps", "states", "indicators", "work", "first", "completes"),
             *FUNCTIONS,
             *("what", "status"),
         )
@@ -43,6 +43,8 @@ _do_step_3 = c_function("pointer", "double", "double", "int", "pointer", "pointe
 
 _SMALLEST_PART = 1e-9
 """Of a communication step: what is left after an early return counts as done below it."""
+_MAX_PARTS = 100_000
+"""Into how many parts early returns may cut a communication step."""
 
 
 class Rows:
@@ -58,8 +60,8 @@ class Rows:
     Attributes
     ----------
     rows : ndarray of ROW
-        A record a plant; ``next_event`` is the time [s] of its next time event, ``what`` and ``status`` what became of
-        its last step.
+        A record a plant; ``next_event`` is the time [s] of its next time event, ``in_changed`` whether inputs differ
+        from those of the last step, ``what`` and ``status`` what became of that.
     inputs, outputs : ndarray
         What is given and returned, one plant after the other, in the FMUs' own units.
     first_input, first_output : ndarray of int
@@ -103,7 +105,7 @@ class Rows:
             row[f"{which}_values"] = values.ctypes.data + 8 * starts[index]
             row[f"{which}_size"] = len(block.start)
             values[starts[index] : starts[index + 1]] = block.start
-        row["scratch"] = self.scratch[index].ctypes.data
+        row["scratch"], row["in_changed"] = self.scratch[index].ctypes.data, True
         if slave:
             row["step"] = instance.address("DoStep")
             return
@@ -112,7 +114,7 @@ class Rows:
         row["first"], row["work"] = first, self.work.ctypes.data + 8 * first
         for field, functions in FUNCTIONS.items():
             row[field] = instance.address(functions[row["version"] - 2])
-        row["next_event"] = instance.next_event
+        row["next_event"], row["completes"] = instance.next_event, spec.completed_steps
 
 
 @compiled
@@ -150,7 +152,12 @@ def advance(
     tuple of int
         What failed, of `cosim.plant.outcome`, and the status of the FMI call.
     """
-    status = 0
+    what, status = FINE, 0
+    jump = row["kind"] == MODEL and row["in_count"] > 0 and row["in_changed"] != 0
+    if jump:
+        status = enter_event_mode(row)
+        if status > WARNING:
+            return EVENT, status
     if row["in_count"] > 0:
         if row["version"] == 3:
             arguments = (row["component"], row["in_names"], row["in_count"], row["in_values"], row["in_size"])
@@ -159,7 +166,11 @@ def advance(
             status = _exchange(row["set"], (row["component"], row["in_names"], row["in_count"], row["in_values"]))
         if status > WARNING:
             return ACCEPT, status
-    what = FINE
+    if jump:
+        row["in_changed"] = 0
+        what, status = leave_event_mode(row, scratch)
+        if what != FINE:
+            return what, status
     if row["kind"] == SLAVE:
         status = _do_step(row["step"], (row["component"], time, step, np.int32(1)))
         what = COMPLETE if status > WARNING else FINE
@@ -176,8 +187,8 @@ def advance(
 def _step_3(row: np.void, scratch: NDArray[np.float64], time: float, step: float) -> tuple[int, int]:
     """Take a step of FMI 3.0; where the FMU returns early though nobody allowed it, take the rest as well."""
     flags = scratch.view(np.int32)
-    start, end = time, time + step
-    while True:
+    start, end, status = time, time + step, 0
+    for _ in range(_MAX_PARTS):
         scratch[:] = 0.0
         place = row["scratch"]
         rest = step if start == time else end - start
@@ -190,5 +201,6 @@ def _step_3(row: np.void, scratch: NDArray[np.float64], time: float, step: float
         if flags[4] == 0 or end - scratch[3] <= _SMALLEST_PART * step:  # earlyReturn
             return FINE, status
         if not scratch[3] > start:
-            return EARLY, status
+            break
         start = scratch[3]
+    return EARLY, status

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import threading
 import time
 import traceback
@@ -16,10 +17,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.plant.cvode import CvodePlant, uses_cvode
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import FINE, PlantError, failure
-from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_TEXT, START, STEP, exactly, send
+from cosim.plant.log import Log
+from cosim.plant.outcome import FINE, PlantError
+from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs
 
@@ -65,14 +66,16 @@ class LocalPlant:
         try:
             self._rows = Rows([self._instance], [(len(spec.inputs.start), len(spec.outputs.start))])
             self._check(*read_outputs(self._rows.rows[0]))
-        except PlantError:
+        except BaseException:
             self.close()
             raise
         self.first_outputs = self._rows.outputs.tolist()
 
     def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
         """Give the inputs."""
-        self._rows.inputs[:] = inputs
+        if (self._rows.inputs != inputs).any():
+            self._rows.inputs[:] = inputs
+            self._rows.rows["in_changed"] = True
         self._pending = (time, step)
 
     def finish(self, outputs: NDArray[np.float64]) -> None:
@@ -102,38 +105,87 @@ class LocalPlant:
 
     def _check(self, what: int, status: int) -> None:
         if what != FINE:
-            self._instance.status = status
-            raise PlantError(failure(what, status, self.take_messages()))
+            raise PlantError(self._instance.failure(what, status))
+
+
+def start(spec: PlantSpec) -> StepwisePlant:
+    """Return a plant in this process.
+
+    Raises
+    ------
+    PlantError
+        See `cosim.plant.instance.Instance`.
+    """
+    if not spec.uses_cvode:
+        return LocalPlant(spec)
+    from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
+
+    return CvodePlant(spec)
 
 
 def main() -> None:
-    """Serve one plant until the harness says that it ends, or is gone."""
-    requests, replies = os.dup(0), os.dup(1)
-    os.dup2(os.open(os.devnull, os.O_RDWR), 0)
-    os.dup2(2, 1)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    """Serve one plant until the harness, whose process is the argument, says that it ends, or is gone."""
+    replies = _Replies()
+    if os.name == "posix":
+        threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
     status = 0
     try:
-        _serve(requests, replies)
+        _serve(_out_of_reach(0), replies)
     except BaseException:
         traceback.print_exc()
         status = 1
     os._exit(status)  # an FMU's exit handlers are no concern of ours
 
 
-def _serve(requests: int, replies: int) -> None:
+class _Replies:
+    """What goes to the harness: replies, and before them what the FMU logs, from whichever thread."""
+
+    def __init__(self) -> None:
+        self._pipe = _out_of_reach(1)
+        self._lock = threading.Lock()
+        self._said = 0
+        Log.listener = self._tell
+
+    def send(self, kind: int, numbers: bytes, text: str) -> None:
+        """Reply to a request."""
+        self._said = 0
+        with self._lock:
+            send(self._pipe, kind, numbers + text.encode("utf-8", "replace")[:MAX_TEXT])
+
+    def _tell(self, message: str) -> None:
+        self._said += 1
+        if self._said <= MAX_SAID:
+            with self._lock:
+                send(self._pipe, SAID, message.encode("utf-8", "replace"))
+
+
+def _out_of_reach(descriptor: int) -> int:
+    """Return another descriptor of a pipe, and let the one that the FMU knows lead to standard error, or nowhere."""
+    if os.name == "posix":
+        import fcntl
+
+        other = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 10)
+    else:
+        other = os.dup(descriptor)
+    os.dup2(2 if descriptor == 1 else os.open(os.devnull, os.O_RDWR), descriptor)
+    return other
+
+
+def _serve(requests: int, replies: _Replies) -> None:
     plant: StepwisePlant | None = None
+    outputs = np.zeros(0)
+    replies.send(DONE, b"", "")
     while (request := _receive(requests)) is not None:
         kind, body = request
         numbers = b""
         try:
             if kind == START:
                 spec = PlantSpec.from_json(body)
-                plant = (CvodePlant if uses_cvode(spec) else LocalPlant)(spec)
+                plant = start(spec)
                 outputs = np.array(plant.first_outputs, dtype=np.float64)
                 numbers = outputs.tobytes()
             elif plant is None:
-                return
+                pass
             elif kind == STEP:
                 given = np.frombuffer(body, dtype=np.float64)
                 plant.begin(float(given[0]), float(given[1]), given[2:])
@@ -144,10 +196,11 @@ def _serve(requests: int, replies: int) -> None:
             elif kind == END:
                 plant.close()
         except PlantError as error:
-            send(replies, FAILED, str(error).encode()[:MAX_TEXT])
+            replies.send(FAILED, b"", str(error))
+        except Exception as error:
+            replies.send(FAILED, b"", f"{type(error).__name__}: {error}")
         else:
-            assert plant is not None
-            send(replies, DONE, numbers + plant.take_messages().encode()[:MAX_TEXT])
+            replies.send(DONE, numbers, plant.take_messages() if plant is not None else "")
 
 
 def _receive(pipe: int) -> tuple[int, bytes] | None:

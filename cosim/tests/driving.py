@@ -1,0 +1,91 @@
+"""Drives one FMU through a fleet, open loop: for tests of what lies below the master."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cosim.connect import member
+from cosim.errors import Location
+from cosim.fmu import open_fmu
+from cosim.plant.fleet import Fleet, Member
+from cosim.reader import DEFAULT_TOLERANCE
+from cosim.scenario import BindingSource, PlantSource
+
+HERE = Location("scenario.xml", 3, 5)
+STEP = 0.02
+TIME_LIMIT = 30.0
+"""Of a process, where no test is about it: other tests may keep the machine busy."""
+
+
+def source(**about: Any) -> PlantSource:
+    """Return a plant of a scenario."""
+    known: dict[str, Any] = {
+        "id": "car",
+        "model": None,
+        "fmu": None,
+        "binding": None,
+        "interface": "",
+        "solver": "",
+        "solver_steps": 1,
+        "tolerance": DEFAULT_TOLERANCE,
+        "isolated": False,
+        "time_limit": TIME_LIMIT,
+        "parameters": (),
+        "where": HERE,
+    }
+    return PlantSource(**known | about)
+
+
+@contextmanager
+def fleet(
+    *fmus: Path,
+    pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+    binding: BindingSource | None = None,
+    interface: str = "",
+    isolated: bool = False,
+    horizon: float = 100.0,
+    **about: Any,
+) -> Iterator[tuple[Fleet, np.ndarray]]:
+    """Start robots and yield their fleet and its state (robots, 6)."""
+    opened = []
+    try:
+        members: list[Member] = []
+        for number, path in enumerate(fmus, 1):
+            opened.append(fmu := open_fmu(path, HERE, binding, interface))
+            robot: Any = SimpleNamespace(
+                name=f"robot_{number}",
+                fmu=fmu,
+                source=source(**about),
+                contract=fmu.binding.contract,
+                inputs=(),
+                parameters=(),
+                pose=tuple(pose),
+                isolated=isolated,
+                where=HERE,
+            )
+            members.append(member(robot, horizon))
+        state = np.empty((len(members), 6))
+        started = Fleet(members, state)
+        try:
+            yield started, state
+        finally:
+            started.close()
+    finally:
+        for fmu in opened:
+            fmu.close()
+
+
+def drive(fmu: Path, torques: np.ndarray, step: float = STEP, **options: Any) -> np.ndarray:
+    """Return the states (n + 1, 6) of a robot that is driven with torques (n, 2)."""
+    with fleet(fmu, **options) as (started, _):
+        out = np.empty((len(torques) + 1, 1, 6))
+        started.run(step, np.ascontiguousarray(torques), out)
+    return out[:, 0]
+
+
+__all__ = ["HERE", "STEP", "drive", "fleet", "replace", "source"]
