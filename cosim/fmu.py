@@ -26,9 +26,6 @@ from cosim.scenario import BindingSource
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
 
-PLATFORM: str = fmpy.platform
-"""This machine, as FMPy names platforms."""
-
 _PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 _OF_THE_SCHEMA = re.compile(r"[A-Z]+ \(line ")
 """How FMPy writes that a model description breaks the schema of its version."""
@@ -252,20 +249,30 @@ def _choose_interface(package: Package, wanted: str, where: Location | None) -> 
 
 
 def _check_binary(package: Package, identifier: str, where: Location | None) -> None:
-    platform = fmpy.platform_tuple if package.description.fmiVersion.startswith("3") else fmpy.platform
+    platform = this_machine(package.description)
     folder = package.directory / "binaries" / platform
     if not folder.is_dir():
-        others = [entry.name for entry in folder.parent.iterdir()] if folder.parent.is_dir() else []
         sources = "" if "c-code" not in platforms_of(package) else '; "fmpy compile" may make one of the sources in it'
         raise InputError(
             f"the FMU {package.path} has no binary for this machine ({platform}), only for: "
-            f"{', '.join(sorted(others)) or 'none'}{sources}",
+            f"{', '.join(machines(package)) or 'none'}{sources}",
             where,
         )
     name = identifier + fmpy.sharedLibraryExtension
     if not (folder / name).is_file():
         found = ", ".join(sorted(entry.name for entry in folder.iterdir())) or "nothing"
         raise InputError(f"the FMU {package.path} has no {name} in binaries/{platform}, only: {found}", where)
+
+
+def this_machine(description: Any) -> str:
+    """Return what an FMU of this version calls the folder of its binaries for this machine."""
+    return str(fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform)
+
+
+def machines(package: Package) -> list[str]:
+    """Return what an FMU has binaries for, as its folders are called."""
+    folder = package.directory / "binaries"
+    return sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
 
 
 def platforms_of(package: Package) -> list[str]:
@@ -306,15 +313,14 @@ def capabilities(package: Package) -> dict[str, dict[str, str]]:
     return {CO_SIMULATION: attributes}
 
 
-def obstacles(package: Package) -> list[str]:
-    """Return why an FMU cannot be run on this machine, each a sentence; none if it can, as far as its file tells."""
-    found = []
-    for check in (lambda: _choose_interface(package, "", None), lambda: _check_binary(package, None)):
-        try:
-            check()
-        except InputError as error:
-            found.append(error.message)
-    return found
+def obstacle(package: Package) -> str:
+    """Return why an FMU cannot be run on this machine; empty if it can, as far as its file tells."""
+    try:
+        chosen = _choose_interface(package, "", None)
+        _check_binary(package, interfaces(package.description)[chosen].modelIdentifier, None)
+    except InputError as error:
+        return error.message
+    return ""
 
 
 def complaints(package: Package) -> list[str]:

@@ -266,7 +266,7 @@ class _Writer:
         names = []
         for child in event.iterfind(_NS + "parameter"):
             setting = Setting(child.get("name", ""), child.get("value", ""), Location(str(self.scenario.path)))
-            what = f"{robot}, at {event.get('at')}"
+            what = f"{robot} at {event.get('at')}"
             names.append(
                 setting.name if replacement is None else self._carried(replacement, setting, what, tunable=True)
             )
@@ -310,17 +310,21 @@ class _Writer:
         return False
 
     def _note(self, reason: str, whose: str, what: str) -> None:
-        found = self._left_out.setdefault(reason, {}).setdefault(what, [])
-        if whose not in found:
-            found.append(whose)
+        found = self._left_out.setdefault(reason, {}).setdefault(whose, [])
+        if what not in found:
+            found.append(what)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What does not carry over, a sentence for each reason."""
-        return tuple(
-            f"Left out, as {reason}: " + "; ".join(f"{what} ({', '.join(whose)})" for what, whose in found.items())
-            for reason, found in self._left_out.items()
-        )
+        sentences = []
+        for reason, found in self._left_out.items():
+            together: dict[tuple[str, ...], list[str]] = {}
+            for whose, what in found.items():
+                together.setdefault(tuple(what), []).append(whose)
+            parts = "; ".join(f"{' and '.join(whose)}: {', '.join(what)}" for what, whose in together.items())
+            sentences.append(f"Left out, as {reason}: {parts}")
+        return tuple(sentences)
 
     def _relative(self, path: Path) -> str:
         """Return a path as it is written in the variant: relative to its folder where that is possible."""

@@ -56,7 +56,7 @@ def test_our_own(inspect) -> None:
         "FMI version 2.0",
         "made by Formation 0.1.0",
         "SHA-256 ",
-        "this machine among them",
+        " is among them; it brings its C sources",
         "Co-Simulation supported",
         "Model Exchange supported",
         "variable communication step",
@@ -124,7 +124,7 @@ def test_model_exchange_of_fmi_1(inspect, tmp_path: Path) -> None:
 
 def test_no_binary_for_this_machine(inspect, tmp_path: Path) -> None:
     printed, warned = inspect(make_broken(tmp_path, "other_platforms"))
-    assert "not on this machine" in printed
+    assert " is not among them" in printed
     assert "has no binary for this machine" in warned
     assert "it can be driven as it is" in printed
 

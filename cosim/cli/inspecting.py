@@ -13,15 +13,16 @@ from cosim.binding import match, shape_of
 from cosim.cli.console import out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import (
-    PLATFORM,
     SCHEDULED_EXECUTION,
     Package,
     capabilities,
     complaints,
     interfaces,
-    obstacles,
+    machines,
+    obstacle,
     open_package,
     platforms_of,
+    this_machine,
 )
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.proposal import Proposal, attributes, proposals
@@ -106,11 +107,10 @@ def _print_identity(console: Console, package: Package) -> None:
 
 
 def _platforms(package: Package) -> str:
-    names = {
-        name: "others, compiled from its C sources" if name == "c-code" else name for name in platforms_of(package)
-    }
-    here = "this machine among them" if PLATFORM in names else f"not on this machine, {PLATFORM}"
-    return f"{', '.join(names.values()) or 'no platform'}: {here}"
+    here, names = this_machine(package.description), machines(package)
+    sources = "; it brings its C sources" if "c-code" in platforms_of(package) else ""
+    whether = f"this machine, {here}, is {'' if here in names else 'not '}among them"
+    return f"{', '.join(names) or 'no machine'}: {whether}{sources}"
 
 
 def _experiment(experiment: Any) -> Iterator[str]:
@@ -234,7 +234,7 @@ def _player(source: RoleSource) -> str:
 
 
 def _print_problems(package: Package, every: bool) -> None:
-    for sentence in obstacles(package):
+    if sentence := obstacle(package):
         warn(sentence)
     found = complaints(package)
     for sentence in found if every else found[:MESSAGES]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from cosim.cli.console import out, safe, warn
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
-from cosim.fmu import obstacles
+from cosim.fmu import obstacle
 from cosim.reader import read_scenario
 from cosim.result import write
 from cosim.setup import set_up
@@ -33,7 +33,7 @@ def swap_plants(options: argparse.Namespace) -> int:
         is_open = False
         for replacement in swapped.replacements:
             is_open |= _report(replacement)
-            for sentence in obstacles(replacement.package):
+            if sentence := obstacle(replacement.package):
                 warn(sentence)
     variant = shlex.quote(str(swapped.variant))
     if is_open:
