@@ -309,7 +309,12 @@ def capabilities(package: Package) -> dict[str, dict[str, str]]:
 def obstacles(package: Package) -> list[str]:
     """Return why an FMU cannot be run on this machine, each a sentence; none if it can, as far as its file tells."""
     found = []
-    for check in (lambda: _choose_interface(package, "", None), lambda: _check_binary(package, None)):
+    offered = interfaces(package.description)
+    identifier = next(iter(offered.values())).modelIdentifier if offered else package.description.modelName
+    for check in (
+        lambda: _choose_interface(package, "", None),
+        lambda: _check_binary(package, str(identifier), None),
+    ):
         try:
             check()
         except InputError as error:

@@ -6,9 +6,9 @@ With the option `by_tick`, `run` calls the master once a tick from Python, as a 
 from pathlib import Path
 
 import numpy as np
+from cosim.fleet import Fleet
 from serve import OUTPUTS, Floats, Job, Master, serve
 
-from cosim.fleet import Fleet
 from cosim.fmu import open_fmu
 from cosim.plant import Plant
 
