@@ -20,7 +20,7 @@ from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.fleet import STATE, Fleet
 from cosim.quantity import split
-from cosim.reader import DEFAULT_TOLERANCE, TIME_LIMIT, read_binding
+from cosim.reader import read_binding
 from cosim.scenario import PlantSource, Setting
 from cosim.setup import check_step
 from cosim.table import read_table
@@ -285,15 +285,11 @@ class _Run:
         self.name, self.step, self.ticks = name, step, ticks
         self.source = PlantSource(
             id=name,
-            model=None,
             fmu=path,
             binding=None if file.binding is None else read_binding(file.binding),
             interface=file.interface,
             solver=file.solver,
-            solver_steps=1,
-            tolerance=DEFAULT_TOLERANCE,
             isolated=isolated and not built_in,
-            time_limit=TIME_LIMIT,
             parameters=tuple(Setting(key, value, Location(f"{key}={value}")) for key, value in file.parameters.items()),
             where=Location(str(path)),
         )
@@ -338,7 +334,8 @@ class _Run:
         fleet = Fleet([member], state)
         failure = None
         try:
-            fleet.run(self.step, torques, out)
+            out[0] = state
+            fleet.run(0, self.step, torques, out[1:])
         except SimulationError as error:
             failure = error
         finally:

@@ -6,7 +6,6 @@ stands for it in the binding, which is refused until the user has filled it in.
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
 from collections import Counter
@@ -260,8 +259,6 @@ def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
     if own.exponents == wanted.exponents:
         return _Reading()
     if (own * units.parse("rad")).exponents == wanted.exponents:  # some tools take radians for pure numbers
-        if _is_unit(name, own * units.parse("rad")):
-            return _Reading(factor="1 rad")
         return _Reading(
             factor=OPEN, open=f'{variable.name!r} is in {name}, a pure number: if this is in rad, state factor="1 rad"'
         )
@@ -270,14 +267,6 @@ def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
 
 def _unit_name(variable: Any) -> str:
     return variable.unit or (variable.declaredType.unit if variable.declaredType else None) or ""
-
-
-def _is_unit(name: str, unit: units.Unit) -> bool:
-    try:
-        known = units.parse(name)
-    except UnitError:
-        return False
-    return known.exponents == unit.exponents and math.isclose(known.factor, unit.factor, rel_tol=1e-9)
 
 
 # The roles --------------------------------------------------------------------------------------------------

@@ -15,8 +15,10 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
+    DEFAULT_TOLERANCE,
     LEADER,
     OPEN,
+    TIME_LIMIT,
     BindingSource,
     ControllerSource,
     Effect,
@@ -36,11 +38,6 @@ from cosim.scenario import (
 )
 
 MAX_TICKS = 10_000_000
-
-DEFAULT_TOLERANCE = 1e-6
-"""Relative tolerance of solvers with variable steps."""
-TIME_LIMIT = 10.0
-"""What a plant in a process of its own may take for a step [s]."""
 
 _NS = "{" + NAMESPACE + "}"
 _T = TypeVar("_T")

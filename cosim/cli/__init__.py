@@ -7,7 +7,9 @@ Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 th
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
+import sys
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,6 +19,13 @@ from cosim.cli.console import err, report
 from cosim.errors import FormationError
 
 INTERRUPTED = 130
+
+
+def entry() -> None:
+    """Run the command line and exit with its status."""
+    status = main()
+    gc.freeze()  # else the interpreter looks for garbage in all that the libraries hold, before it ends
+    sys.exit(status)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
