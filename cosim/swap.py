@@ -26,6 +26,9 @@ from cosim.reader import read_binding, read_scenario
 from cosim.scenario import LEADER, Follower, Leader, RoleSource, Scenario, Setting
 from plants import UnitError
 
+BINDING_SUFFIX = ".binding.xml"
+"""How the names of the files end that hold a binding."""
+
 _NS = "{" + NAMESPACE + "}"
 
 
@@ -138,7 +141,7 @@ def _replacement(
         return Replacement(plant, package, contract, None, source.roles, binding)
     known = _contract(scenario, plant)
     proposal = propose(package.description, known) if known else proposals(package.description)[0]
-    needed = None if proposal.needs_no_binding else folder / f"{fmu.stem}.binding.xml"
+    needed = None if proposal.needs_no_binding else folder / f"{fmu.stem}{BINDING_SUFFIX}"
     return Replacement(plant, package, proposal.contract, proposal, proposal.binding.roles, needed)
 
 

@@ -266,6 +266,17 @@ def test_paths_through_a_link(swap, scenario: Path, tmp_path: Path) -> None:
     assert main(["check", str(deep / "mine.xml")]) == 0
 
 
+def test_a_binding_is_not_listed_as_a_scenario(
+    swap, scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swap(scenario, "--plant", f"car={renamed(tmp_path / 'vendor.fmu')}")
+    monkeypatch.chdir(tmp_path)
+    assert main(["list"]) == 0
+    printed = capsys.readouterr().out
+    assert "two_vendor.xml" in printed
+    assert "vendor.binding.xml" not in printed
+
+
 # Bad input --------------------------------------------------------------------------------------------------
 
 

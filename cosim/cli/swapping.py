@@ -30,9 +30,8 @@ def swap_plants(options: argparse.Namespace) -> int:
             out().print(f"wrote {safe(str(path))}", soft_wrap=True)
         for note in swapped.notes:
             warn(note)
-        is_open = False
-        for replacement in swapped.replacements:
-            is_open |= _report(replacement)
+        is_open = any([_report(replacement) for replacement in swapped.replacements])
+        for replacement in swapped.replacements if is_open else ():  # else the check will say so
             if sentence := obstacle(replacement.package):
                 warn(sentence)
     variant = shlex.quote(str(swapped.variant))
