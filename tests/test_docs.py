@@ -220,5 +220,5 @@ def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     names: dict[str, Any] = {}
     exec(code, names)
     assert names["simulation"].finished
-    torque = names["result"].torque.sel(robot="follower_1")
-    assert (torque == [-5.0, 0.0]).all(axis=-1).any()  # it got ahead of the leader
+    torque = names["result"].torque.sel(robot="follower_3")
+    assert (torque == [-5.0, 0.0]).all(axis=-1).any()  # the two came near each other
