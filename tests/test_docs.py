@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lxml import etree
@@ -211,3 +212,13 @@ def test_the_page_on_plants_made_elsewhere(
         "formation check",
         "formation run",
     ]
+
+
+def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    (code,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["simulation"].finished
+    torque = names["result"].torque.sel(robot="follower_3")
+    assert (torque == [-5.0, 0.0]).all(axis=-1).any()  # the two came near each other

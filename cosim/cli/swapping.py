@@ -30,12 +30,12 @@ def swap_plants(options: argparse.Namespace) -> int:
             out().print(f"wrote {safe(str(path))}", soft_wrap=True)
         for note in swapped.notes:
             warn(note)
-        is_open = any([_report(replacement) for replacement in swapped.replacements])
-        for replacement in swapped.replacements if is_open else ():  # else the check will say so
+        opens = [_report(replacement) for replacement in swapped.replacements]
+        for replacement in swapped.replacements if any(opens) else ():  # else the check will say so
             if sentence := obstacle(replacement.package):
                 warn(sentence)
     variant = shlex.quote(str(swapped.variant))
-    if is_open:
+    if any(opens):
         _next(f"formation check {variant}", "once that is filled in")
         return 0
     with ExitStack() as cleanup:  # as formation check does; what it refuses ends this command as it ends that
