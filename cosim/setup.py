@@ -18,9 +18,10 @@ from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_of
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location, nearest
 from cosim.expectation import Recorded, check, recorded
-from cosim.fmu import Fmu, open_fmu
+from cosim.fmu import Fmu, interfaces, open_fmu
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.recorder import Channel
 from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
@@ -217,7 +218,14 @@ def _plants_of(scenario: Scenario) -> list[str]:
 
 
 def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
-    """Refuse an FMU whose fixed internal step does not fit in the communication step."""
+    """Refuse an FMU whose fixed internal step does not divide the communication step, and a solver besides its own."""
+    if fmu.interface == CO_SIMULATION and (source.solver or source.solver_steps > 1):
+        other = (
+            f'; with interface="{MODEL_EXCHANGE}" the solver would be asked'
+            if len(interfaces(fmu.description)) > 1
+            else ""
+        )
+        raise InputError(f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver{other}", source.where)
     internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
     if not internal:
         return

@@ -5,12 +5,15 @@ What an FMU does at the end of a step of the solver it does here at the end of a
 
 from __future__ import annotations
 
+import ctypes
+import os
 import sys
 from typing import Any
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver
+from fmpy.sundials.libraries import sundials_core
 from numpy.typing import NDArray
 
 from cosim.plant.instance import Instance
@@ -141,6 +144,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
     def __init__(self, instance: Instance, tolerance: float) -> None:
         fmu = self._fmu = instance.fmu
         self._failure: FMICallException | None = None
+        self.error_info: tuple[Any, ...] | None = None
         super().__init__(
             nx=instance.states,
             nz=instance.event_indicators,
@@ -155,6 +159,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
             relativeTolerance=tolerance,
             maxNumSteps=_MAX_STEPS,
         )
+        _silence(self.sunctx)
 
     def advance(self, time: float, until: float) -> tuple[bool, float]:
         """Integrate; return whether there is a state event, and the time [s] that was reached."""
@@ -162,7 +167,8 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         try:
             event, _, reached = self.step(time, until)
         except RuntimeError as error:  # CVODE's
-            raise self._failure or error from None
+            reason = str(self.error_info[-1]) if self.error_info else str(error)
+            raise self._failure or PlantError(failure(COMPLETE, 0, f"CVODE: {reason}")) from None
         return bool(event), float(reached)
 
     def f(self, *arguments: Any) -> int:
@@ -188,6 +194,14 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         self._fmu.getNominalsOfContinuousStates(place, n)
         nominals = np.ctypeslib.as_array(place, (n,))
         nominals[~(np.isfinite(nominals) & (nominals > 0.0))] = 1.0
+
+
+def _silence(context: Any) -> None:
+    """Keep SUNDIALS from writing to the terminal what FMPy is told as well."""
+    logger = ctypes.c_void_p()
+    sundials_core.SUNContext_GetLogger(context, ctypes.byref(logger))
+    for kind in ("Error", "Warning"):
+        getattr(sundials_core, f"SUNLogger_Set{kind}Filename")(logger, os.devnull.encode())
 
 
 class _HeldInput:

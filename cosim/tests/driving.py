@@ -1,8 +1,7 @@
-"""Drives one FMU through a fleet, open loop: for tests of what lies below the master."""
+"""Drives FMUs: open loop through a fleet, for tests of what lies below the master, and in scenarios written for it."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from cosim.connect import member
 from cosim.errors import Location
 from cosim.fmu import open_fmu
+from cosim.grammar import NAMESPACE
 from cosim.plant.fleet import Fleet, Member
 from cosim.reader import DEFAULT_TOLERANCE
 from cosim.scenario import BindingSource, PlantSource
@@ -47,7 +47,7 @@ def fleet(
     pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
     binding: BindingSource | None = None,
     interface: str = "",
-    isolated: bool = False,
+    isolated: bool | Sequence[bool] = False,
     horizon: float = 100.0,
     **about: Any,
 ) -> Iterator[tuple[Fleet, np.ndarray]]:
@@ -65,7 +65,7 @@ def fleet(
                 inputs=(),
                 parameters=(),
                 pose=tuple(pose),
-                isolated=isolated,
+                isolated=isolated if isinstance(isolated, bool) else isolated[number - 1],
                 where=HERE,
             )
             members.append(member(robot, horizon))
@@ -88,4 +88,40 @@ def drive(fmu: Path, torques: np.ndarray, step: float = STEP, **options: Any) ->
     return out[:, 0]
 
 
-__all__ = ["HERE", "STEP", "drive", "fleet", "replace", "source"]
+def scenario(
+    path: Path,
+    plants: str,
+    *,
+    horizon: str = "1 s",
+    step: str = "20 ms",
+    leader: str = "car",
+    followers: Sequence[str] = ("car",),
+    law: str = "neural-adaptive-pid",
+    more: str = "",
+) -> Path:
+    """Write a scenario of these plants: a leader that drives along x and followers behind it."""
+    robots = "".join(
+        f'''
+  <follower id="follower_{number}" plant="{plant}" controller="law">
+    <pose x="{-2 * number} m" y="0 m" psi="0 deg" gamma="0 deg"/>
+    <desired range="{2 * number} m" bearing="0 deg"/>
+  </follower>'''
+        for number, plant in enumerate(followers, 1)
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(
+        f'''<scenario xmlns="{NAMESPACE}" name="{path.stem}">
+  <title>{path.stem}</title>
+  <simulation horizon="{horizon}" step="{step}" seed="1"/>
+  {plants}
+  <controller id="law" name="{law}" package="formation-controllers" version="~=0.1.0"/>
+  <actuator><saturation limit="20 N.m"/></actuator>
+  <leader plant="{leader}">
+    <pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>
+    <torque tau_drive="2 N.m" tau_steer="0 N.m"/>
+  </leader>{robots}{more}
+</scenario>
+''',
+        encoding="utf-8",
+    )
+    return path
