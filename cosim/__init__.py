@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from cosim.changes import Change
+    from cosim.compare import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
     from cosim.pacing import Pacer
     from cosim.reader import read_scenario
@@ -32,10 +33,13 @@ __all__ = [
     "InputError",
     "OutputError",
     "Pacer",
+    "PlantComparison",
+    "PlantFile",
     "RunInterrupted",
     "Scenario",
     "Simulation",
     "SimulationError",
+    "compare_plants",
     "read_scenario",
     "run",
 ]
@@ -71,6 +75,9 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
 
 
 _HOMES = {
+    "PlantComparison": "cosim.compare",
+    "PlantFile": "cosim.compare",
+    "compare_plants": "cosim.compare",
     "Pacer": "cosim.pacing",
     "Scenario": "cosim.scenario",
     "Simulation": "cosim.simulation",

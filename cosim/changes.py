@@ -1,4 +1,4 @@
-"""Changes to a scenario before it is checked: what ``--set``, ``--seed``, ``--plant`` and ``--controller`` ask for.
+"""Changes to a scenario before it is checked, as options of the command line ask for them.
 
 A change is made in the document itself, so that the text which is kept with a result is the text that was run. It sees
 elements without their namespace.
@@ -43,6 +43,18 @@ def set_fmu(plant: str, fmu: Path) -> Change:
         element = _by_id(root, "plant", plant)
         element.attrib.pop("model", None)
         element.set("fmu", str(fmu.absolute()))
+
+    return change
+
+
+def set_binding(plant: str, file: Path) -> Change:
+    """Return the change of one plant to the binding in a file."""
+
+    def change(root: etree._Element) -> None:
+        element = _by_id(root, "plant", plant)
+        for binding in element.findall("binding"):
+            element.remove(binding)
+        element.set("binding", str(file.absolute()))
 
     return change
 

@@ -9,8 +9,11 @@ import numpy as np
 
 from cosim.binding import BoundRole, BoundVariable, start_of
 from cosim.contract import Role
+from cosim.fmu import Fmu
+from cosim.parameters import ParameterValue
 from cosim.plant.fleet import Link, Member
 from cosim.plant.spec import Block, PlantSpec, Value
+from cosim.scenario import PlantSource
 from cosim.setup import RobotSetup
 
 DIVERGED_POSE = 1e9
@@ -29,22 +32,63 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
     stop_time
         End of the run [s].
     """
-    fmu, source, contract = robot.fmu, robot.source, robot.contract
-    description, binding = fmu.description, fmu.binding
+    return plant(
+        robot.fmu,
+        robot.source,
+        name=robot.name,
+        parameters=robot.parameters,
+        pose=robot.pose,
+        inputs=robot.inputs,
+        isolated=robot.isolated,
+        stop_time=stop_time,
+    )
+
+
+def plant(
+    fmu: Fmu,
+    source: PlantSource,
+    *,
+    name: str,
+    parameters: Iterable[ParameterValue],
+    pose: Sequence[float],
+    inputs: Iterable[BoundRole] = (),
+    isolated: bool,
+    stop_time: float,
+) -> Member:
+    """Return an FMU as a plant.
+
+    Parameters
+    ----------
+    fmu, source
+        The FMU, and how it is run.
+    name
+        In messages, and for the FMU's instance.
+    parameters
+        Those that are set.
+    pose
+        Initial pose in the contract's order and units.
+    inputs
+        Those that are given besides the torques.
+    isolated
+        Whether in a process of its own.
+    stop_time
+        End of the run [s].
+    """
+    description, binding, contract = fmu.description, fmu.binding, fmu.binding.contract
     states = (*contract.pose, *contract.velocity)
     bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
-    inputs = (*(binding.bound[role.name] for role in contract.torque), *robot.inputs)
-    input_block, input_places = _block(description, inputs)
+    given = (*(binding.bound[role.name] for role in contract.torque), *inputs)
+    input_block, input_places = _block(description, given)
     output_block, output_places = _block(description, binding.of(states))
     spec = PlantSpec(
-        robot=robot.name,
+        robot=name,
         file=fmu.path.name,
         directory=str(fmu.directory),
         fmi=description.fmiVersion,
         interface=fmu.interface,
         identifier=fmu.about_interface.modelIdentifier,
         token=description.guid or "",
-        values=(*(parameter.as_value for parameter in robot.parameters), *_initial_values(robot)),
+        values=(*(parameter.as_value for parameter in parameters), *_initial_values(fmu, pose)),
         inputs=input_block,
         outputs=output_block,
         stop_time=stop_time,
@@ -58,15 +102,15 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
     )
     return Member(
         spec=spec,
-        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(inputs, input_places, strict=True)),
+        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(given, input_places, strict=True)),
         outputs=tuple(
             _link(role, None if bound is None else bound.played_by, place, bound_by=most)
             for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
         ),
-        pose=robot.pose,
-        isolated=robot.isolated,
+        pose=tuple(pose),
+        isolated=isolated,
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
-        where=robot.where,
+        where=source.where,
     )
 
 
@@ -92,14 +136,14 @@ def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: floa
     return Link(role.name, role.unit, place, scale, offset, bound_by)
 
 
-def _initial_values(robot: RobotSetup) -> Iterable[Value]:
-    """Return the start values that put a robot at its initial pose; of an array, all of its elements."""
+def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
+    """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
     values: dict[int, tuple[Any, list[float]]] = {}
-    for bound, entry in zip(robot.fmu.binding.of(robot.contract.pose), robot.pose, strict=True):
+    for bound, entry in zip(fmu.binding.of(fmu.binding.contract.pose), pose, strict=True):
         assert bound is not None
         assert bound.initial is not None
         variable = bound.initial.variable
-        start = list(start_of(robot.fmu.description, variable))
+        start = list(start_of(fmu.description, variable))
         _, elements = values.setdefault(variable.valueReference, (variable, start))
         elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
     for variable, elements in values.values():

@@ -171,14 +171,13 @@ def _check_window(expectation: Expectation, scenario: Scenario) -> None:
 
 def _check_other(expectation: Expectation, scenario: Scenario, unit: str) -> None:
     """Check that the other scenario can be run, and has the same signal over the same window."""
-    from cosim.reader import read_scenario
     from cosim.setup import set_up  # which calls this module
 
     path = _other(expectation)
     if path.exists() and scenario.path.exists() and path.samefile(scenario.path):
         _refuse(expectation, "a scenario cannot be compared with itself")
     try:
-        other = replace(read_scenario(path), expectations=())  # what is expected of it is not followed
+        other = _read_other(path, expectation.untrusted)
         with ExitStack() as cleanup:
             known = set_up(other, cleanup, {}).signals
     except InputError as error:
@@ -374,7 +373,7 @@ def _compare(expectation: Expectation, result: xr.Dataset) -> Verdict:
     path, measure = _other(expectation), expectation.measure
     unit = _unit_of_figure(measure, _unit(expectation, result))
     own = _mean_figure(expectation, result)
-    other = _outcome_of(path, _text_of(path))
+    other = _outcome_of(path, expectation.untrusted, _read_other(path, expectation.untrusted).text)
     if isinstance(other, xr.Dataset):
         reference = units.convert(
             _mean_figure(expectation, other), _unit_of_figure(measure, _unit(expectation, other)), unit
@@ -395,20 +394,20 @@ def _mean_figure(expectation: Expectation, result: xr.Dataset) -> float:
     return float(np.mean([figure_of(expectation.measure, time, course, expectation.start) for time, course in courses]))
 
 
-def _text_of(path: Path) -> str:
+def _read_other(path: Path, untrusted: tuple[Path, ...]) -> Scenario:
+    """Read another scenario; what is expected of it is not followed."""
     from cosim.reader import read_scenario
 
-    return read_scenario(path).text
+    return replace(read_scenario(path, untrusted=untrusted), expectations=())
 
 
 @lru_cache(maxsize=2)  # results are large; expectations that share one stand next to each other
-def _outcome_of(path: Path, text: str) -> xr.Dataset | FormationError:
+def _outcome_of(path: Path, untrusted: tuple[Path, ...], text: str) -> xr.Dataset | FormationError:
     """Return the result of another scenario, or why there is none; once in a process for the same resolved text."""
-    from cosim.reader import read_scenario
     from cosim.simulation import Simulation
 
     try:
-        with Simulation(replace(read_scenario(path), expectations=())) as simulation:
+        with Simulation(_read_other(path, untrusted)) as simulation:
             return simulation.run()
     except FormationError as error:
         return error

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.binding import REAL_TYPES, start_of, unit_of
+from cosim.binding import REAL_TYPES, BoundVariable, start_of, unit_of
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
 from cosim.plant.spec import Value
@@ -30,7 +30,7 @@ class ParameterValue:
 
 
 def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, ...]:
-    """Return the values of the parameters that a scenario sets.
+    """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
 
     Raises
     ------
@@ -40,16 +40,39 @@ def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, .
     parameters = {v.name: v for v in fmu.description.modelVariables if v.causality == "parameter"}
     values = []
     for setting in settings:
-        if setting.name not in parameters:
+        variable = parameters.get(setting.name)
+        player = _player(fmu, setting.name) if variable is None else None
+        if variable is None and player is None:
             known = nearest(setting.name, list(parameters))
             raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
-        variable = parameters[setting.name]
         try:
-            value = _value(fmu, variable, setting.value)
+            if player is not None:
+                value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
+            else:
+                value = ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
         except (ValueError, UnitError) as error:
             raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
-        values.append(ParameterValue(variable, value, setting.where))
+        values.append(value)
     return tuple(values)
+
+
+def _player(fmu: Fmu, name: str) -> BoundVariable | None:
+    """Return what plays a role of the geometry, if it is a parameter of the FMU."""
+    roles = {role.name for role in fmu.binding.contract.geometry.values() if role.unit}
+    bound = fmu.binding.bound.get(name) if name in roles else None
+    if bound is None or bound.played_by is None or bound.played_by.variable.causality != "parameter":
+        return None
+    return bound.played_by
+
+
+def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float:
+    """Return the number that a parameter gets for a value of the role that it plays."""
+    if player.variable.dimensions:
+        raise ValueError("it is an array, which a scenario cannot set")
+    value = quantity(setting.value, fmu.binding.bound[setting.name].role.unit)
+    number = (value - player.offset) / player.scale
+    _check_bounds(player.variable, number, setting.value)
+    return number
 
 
 def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, Any]:
@@ -90,12 +113,19 @@ def items(variable: Any) -> dict[int, str]:
 _INTEGERS = ("Integer", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
 
 
-def _value(fmu: Fmu, variable: Any, text: str) -> float | int | bool | str:
+def value_of(description: Any, variable: Any, text: str) -> float | int | bool | str:
+    """Return the value that a text is for a variable, in its own unit.
+
+    Raises
+    ------
+    ValueError, plants.UnitError
+        It does not fit: unit, bounds, item of an enumeration.
+    """
     if variable.dimensions:
         raise ValueError("it is an array, which a scenario cannot set")
     if variable.type in (*REAL_TYPES, "Float32"):
         has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
-        value = quantity(text, unit_of(fmu.description, variable) if has_unit else "1")
+        value = quantity(text, unit_of(description, variable) if has_unit else "1")
         _check_bounds(variable, value, text)
         return value
     if variable.type in _INTEGERS:

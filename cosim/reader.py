@@ -15,7 +15,10 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
+    DEFAULT_TOLERANCE,
     LEADER,
+    OPEN,
+    TIME_LIMIT,
     BindingSource,
     ControllerSource,
     Effect,
@@ -36,11 +39,6 @@ from cosim.scenario import (
 
 MAX_TICKS = 10_000_000
 
-DEFAULT_TOLERANCE = 1e-6
-"""Relative tolerance of solvers with variable steps."""
-TIME_LIMIT = 10.0
-"""What a plant in a process of its own may take for a step [s]."""
-
 _NS = "{" + NAMESPACE + "}"
 _T = TypeVar("_T")
 
@@ -51,7 +49,9 @@ _PARTS = {"dropout": "probability", "effectiveness": "factor"}
 _LIMITS = {"saturation": "N.m", "rate": "N.m/s"}
 
 
-def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Scenario:
+def read_scenario(
+    path: str | Path, changes: Iterable[str | Change] = (), untrusted: Iterable[str | Path] = ()
+) -> Scenario:
     """Read a scenario file.
 
     Parameters
@@ -60,6 +60,8 @@ def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Sce
         The file.
     changes
         Made before the document is checked: ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.changes`.
+    untrusted
+        Folders: each robot whose FMU lies in one of them gets a process of its own, also in scenarios to compare with.
 
     Raises
     ------
@@ -67,7 +69,7 @@ def read_scenario(path: str | Path, changes: Iterable[str | Change] = ()) -> Sce
         What the file says is not a scenario; with file, line and column.
     """
     made = [set_value(change) if isinstance(change, str) else change for change in changes]
-    return _Reader(read_document(Path(path), made)).scenario()
+    return _Reader(read_document(Path(path), made), tuple(Path(folder).resolve() for folder in untrusted)).scenario()
 
 
 def read_binding(path: str | Path) -> BindingSource:
@@ -88,6 +90,9 @@ def _binding(element: etree._Element, document: Document) -> BindingSource:
         where, name = document.where(child), child.get("name", "")
         if name in roles:
             raise InputError(f"the role {name!r} is given twice", where)
+        for attribute, value in child.attrib.items():
+            if value == OPEN:
+                raise InputError(f'the role {name!r} has {attribute}="{OPEN}", which is to be filled in', where)
         if ("variable" in child.attrib) == ("value" in child.attrib):
             raise InputError("a <role> needs either a variable or a value", where)
         if "value" in child.attrib and len(child.attrib) > 2:
@@ -97,8 +102,9 @@ def _binding(element: etree._Element, document: Document) -> BindingSource:
 
 
 class _Reader:
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, untrusted: tuple[Path, ...]) -> None:
         self.document = document
+        self.untrusted = untrusted
         self.horizon = 0.0
         self.step = 0.0
 
@@ -142,20 +148,24 @@ class _Reader:
         model, fmu = element.get("model"), element.get("fmu")
         if (model is None) == (fmu is None):
             raise self._error(element, "a <plant> needs either model=... (a built-in model) or fmu=... (a file)")
+        path = None if fmu is None else self._path(element, "fmu")
         return PlantSource(
             id=element.get("id", ""),
             model=model,
-            fmu=None if fmu is None else self._path(element, "fmu"),
+            fmu=path,
             binding=self._binding(element),
             interface=element.get("interface", ""),
             solver=element.get("solver", ""),
             solver_steps=self._solver_steps(element),
             tolerance=float(element.get("tolerance", DEFAULT_TOLERANCE)),
-            isolated="isolate" in element.attrib,
+            isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
             time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
             parameters=self._settings(element, "parameter"),
             where=self.document.where(element),
         )
+
+    def _distrusts(self, fmu: Path) -> bool:
+        return any(fmu.resolve().is_relative_to(folder) for folder in self.untrusted)
 
     def _binding(self, plant: etree._Element) -> BindingSource | None:
         element = plant.find(_NS + "binding")
@@ -414,6 +424,7 @@ class _Reader:
             robots=self._robots(element, followers) if "robots" in element.attrib else (),
             fails=element.get("fails", ""),
             where=self.document.where(element),
+            untrusted=self.untrusted,
         )
 
     # Times

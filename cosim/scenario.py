@@ -10,6 +10,14 @@ from cosim.errors import Location
 
 LEADER = "leader"
 
+DEFAULT_TOLERANCE = 1e-6
+"""Relative tolerance of solvers with variable steps."""
+TIME_LIMIT = 10.0
+"""What a plant in a process of its own may take for a step [s]."""
+
+OPEN = "..."
+"""What stands in a binding for something that the user must fill in."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -92,17 +100,17 @@ class PlantSource:
     """
 
     id: str
-    model: str | None
-    fmu: Path | None
-    binding: BindingSource | None
-    interface: str
-    solver: str
-    solver_steps: int
-    tolerance: float
-    isolated: bool
-    time_limit: float
-    parameters: tuple[Setting, ...]
     where: Location
+    model: str | None = None
+    fmu: Path | None = None
+    binding: BindingSource | None = None
+    interface: str = ""
+    solver: str = ""
+    solver_steps: int = 1
+    tolerance: float = DEFAULT_TOLERANCE
+    isolated: bool = False
+    time_limit: float = TIME_LIMIT
+    parameters: tuple[Setting, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -272,6 +280,8 @@ class Expectation:
         The followers of whom it is expected; empty for all.
     fails : str
         Why it is known not to hold; empty if it should.
+    untrusted : tuple of Path
+        Of ``compare``: folders whose FMUs run in processes of their own.
     """
 
     kind: str
@@ -288,6 +298,7 @@ class Expectation:
     robots: tuple[str, ...]
     fails: str
     where: Location
+    untrusted: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)

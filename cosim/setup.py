@@ -154,7 +154,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
             fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
         cleanup.callback(fmu.close)
         understand(fmu, source.parameters)
-        _check_step(fmu, source, scenario.step)
+        check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = _leader(scenario, fmus)
@@ -217,7 +217,7 @@ def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
 
 
-def _check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
+def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
     """Refuse an FMU whose fixed internal step does not divide the communication step, and a solver besides its own."""
     if fmu.interface == CO_SIMULATION and (source.solver or source.solver_steps > 1):
         other = (

@@ -1,23 +1,48 @@
 """What the documentation names is what there is."""
 
 import re
+import shlex
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lxml import etree
 
 import cosim
+import plants
+from cosim.cli import main
 from cosim.grammar import NAMESPACE, attributes_of, children_of, local_name
 from cosim.reader import read_scenario
 from cosim.setup import set_up
 
+from .foreign.vehicles import require
+from .stub.stub import make_fmu
+
 ROOT = Path(__file__).parents[1]
 SCENARIOS_PAGE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+SCENARIO_EXAMPLES = [example for example in EXAMPLES if not example.startswith("<binding")]
 XS = "{http://www.w3.org/2001/XMLSchema}"
+
+# What is called otherwise in one of the FMUs on the page.
+ROVER = {
+    "x": "pos_x",
+    "y": "pos_y",
+    "psi": "heading",
+    "psi0": "heading0",
+    "gamma": "steer",
+    "gamma0": "steer0",
+    "v": "speed",
+    "omega": "steer_rate",
+    "tau_drive": "drive_force",
+    "tau_steer": "steer_torque",
+    "a": "wheelbase",
+}
 
 # What the pieces on the page leave out.
 REST = f"""<scenario xmlns="{NAMESPACE}" name="rest">
@@ -62,6 +87,11 @@ def folder(scenarios: Path, tmp_path: Path) -> Path:
     copied = Path(shutil.copytree(scenarios, tmp_path / "scenarios", ignore=shutil.ignore_patterns("__pycache__")))
     (table,) = re.findall(r"^```csv\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
     (copied / "wind.csv").write_text(table, encoding="utf-8")
+    (binding,) = (example for example in EXAMPLES if example.startswith("<binding"))
+    (copied / "vendor.binding.xml").write_text(binding, encoding="utf-8")
+    plants.build("car_like", out=copied / "fmus").rename(copied / "fmus" / "my_robot.fmu")
+    make_fmu(copied / "fmus", name="vendor", fmi="3.0", interface="both", arrays=True)
+    make_fmu(copied / "fmus", name="rover", units="none", initial="parameters", drive=False, names=ROVER)
     return copied
 
 
@@ -87,15 +117,14 @@ def used() -> Iterator[etree._Element]:
         yield from etree.fromstring(f'<pieces xmlns="{NAMESPACE}">{content}</pieces>').iterdescendants("*")
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+@pytest.mark.parametrize("example", SCENARIO_EXAMPLES, ids=range(len(SCENARIO_EXAMPLES)))
 def test_every_example_can_be_run(folder: Path, example: str) -> None:
     path = folder / "example.xml"
     path.write_text(completed(example), encoding="utf-8")
     scenario = read_scenario(path)
     assert scenario.followers
     with ExitStack() as cleanup:
-        if "fmu=" not in example:  # nobody has that file
-            assert set_up(scenario, cleanup, {}).followers
+        assert set_up(scenario, cleanup, {}).followers
 
 
 def test_what_tells_an_editor_where_the_schema_is_can_be_read(tmp_path: Path) -> None:
@@ -140,3 +169,56 @@ def test_all_elements_of_a_name_are_of_one_type() -> None:
     schema = etree.parse(ROOT / "cosim" / "schema" / "scenario-1.xsd")
     types = {(element.get("name"), element.get("type")) for element in schema.iter(XS + "element")}
     assert len(types) == len(dict(types))
+
+
+# Plants made elsewhere --------------------------------------------------------------------------------------
+
+
+def test_the_page_on_plants_made_elsewhere(
+    scenarios: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its commands and files, in their order: what is shown of the binding is written, then it is filled in."""
+    require("pythonfmu")
+    page = (ROOT / "docs" / "plants.md").read_text(encoding="utf-8")
+    shutil.copytree(scenarios, tmp_path / "scenarios", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "tests" / "foreign").mkdir(parents=True)
+    shutil.copy(ROOT / "tests" / "foreign" / "rover.py", tmp_path / "tests" / "foreign")
+    monkeypatch.chdir(tmp_path)
+    binding = tmp_path / "scenarios" / "Rover.binding.xml"
+    done = []
+    for language, block in re.findall(r"^```(\w+)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
+        if language == "sh":
+            for line in block.splitlines():
+                program, *arguments = shlex.split(line)
+                done.append(" ".join([program, *arguments[:1]]))
+                if program == "formation":
+                    assert main(arguments) == 0, capsys.readouterr().err
+                elif program != "pip":
+                    subprocess.run([sys.executable, "-m", program, *arguments], check=True, timeout=120)
+        elif block.startswith("<?xml"):
+            assert main(["check", "scenarios/clmr_line_Rover.xml"]) == 2
+            binding.write_text(block, encoding="utf-8")
+        elif language == "xml":
+            assert " ".join(block.split()) in " ".join(binding.read_text(encoding="utf-8").split())
+        elif language == "python":
+            exec(block, {})
+            assert "'gamma': '0.0" in capsys.readouterr().out
+    assert done == [
+        "pip install",
+        "pythonfmu build",
+        "formation inspect",
+        "formation swap",
+        "formation compare-plants",
+        "formation check",
+        "formation run",
+    ]
+
+
+def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    (code,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["simulation"].finished
+    torque = names["result"].torque.sel(robot="follower_3")
+    assert (torque == [-5.0, 0.0]).all(axis=-1).any()  # the two came near each other

@@ -7,7 +7,9 @@ Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 th
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
+import sys
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,6 +19,13 @@ from cosim.cli.console import err, report
 from cosim.errors import FormationError
 
 INTERRUPTED = 130
+
+
+def entry() -> None:
+    """Run the command line and exit with its status."""
+    status = main()
+    gc.freeze()  # else the interpreter looks for garbage in all that the libraries hold, before it ends
+    sys.exit(status)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,13 +62,39 @@ def _build(options: argparse.Namespace) -> int:
     return build(options)
 
 
+def _inspect(options: argparse.Namespace) -> int:
+    from cosim.cli.inspecting import inspect
+
+    return inspect(options)
+
+
+def _swap(options: argparse.Namespace) -> int:
+    from cosim.cli.swapping import swap_plants
+
+    return swap_plants(options)
+
+
+def _compare_plants(options: argparse.Namespace) -> int:
+    from cosim.cli.comparing import compare
+
+    return compare(options)
+
+
 def _list(options: argparse.Namespace) -> int:
     from cosim.cli.inventory import inventory
 
     return inventory(options)
 
 
-_COMMANDS = {"run": _run, "check": _check, "build": _build, "list": _list}
+_COMMANDS = {
+    "run": _run,
+    "check": _check,
+    "build": _build,
+    "inspect": _inspect,
+    "swap": _swap,
+    "compare-plants": _compare_plants,
+    "list": _list,
+}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -104,6 +139,37 @@ def _parser() -> argparse.ArgumentParser:
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
+    about = "show what an FMU is, and which vehicle it could be"
+    inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
+    inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
+    inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+
+    about = "write a variant of a scenario in which plants are other FMUs, and bindings to start from"
+    swap = commands.add_parser("swap", help=about, description=about[0].upper() + about[1:] + ".")
+    swap.add_argument("scenario", type=Path, metavar="SCENARIO.xml")
+    swap.add_argument(
+        "--plant",
+        action="append",
+        required=True,
+        metavar="ID=FILE.fmu",
+        help="the FMU that takes the place of a plant",
+    )
+    swap.add_argument(
+        "--binding",
+        action="append",
+        default=[],
+        metavar="ID=FILE.xml",
+        help="a binding for it; without one, it is proposed and written",
+    )
+    swap.add_argument(
+        "--out", type=Path, metavar="FILE.xml", help="the variant (beside the scenario, named after both)"
+    )
+    swap.add_argument("--force", action="store_true", help="overwrite files")
+
+    about = "drive two plants with the same torques and show how far apart they are"
+    compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
+    _add_comparison(compare)
+
     about = "list plants, controllers and scenarios, and say where the schema is"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
     return parser
@@ -121,9 +187,81 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
     command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
     command.add_argument(
+        "--binding",
+        action="append",
+        default=[],
+        metavar="ID=FILE.xml",
+        help="another file that says which variables of a plant's FMU play which roles",
+    )
+    command.add_argument(
+        "--untrusted",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="DIR",
+        help="run each plant whose FMU lies in this folder in a process of its own",
+    )
+    command.add_argument(
         "--controller",
         action="append",
         default=[],
         metavar="ID=NAME",
         help="another control law for a controller, at that law's default gains",
     )
+
+
+def _add_comparison(command: argparse.ArgumentParser) -> None:
+    for side in "ab":
+        command.add_argument(side, metavar=f"{side.upper()}.fmu", help="an FMU, or the name of a built-in model")
+    for side in "ab":
+        name = side.upper()
+        command.add_argument(
+            f"--binding-{side}", metavar="FILE.xml", help=f"which variables of {name} play which roles"
+        )
+        command.add_argument(
+            f"--interface-{side}",
+            choices=["co_simulation", "model_exchange"],
+            default="",
+            help=f"which of {name}'s interfaces (Co-Simulation)",
+        )
+        command.add_argument(
+            f"--solver-{side}",
+            choices=["euler", "runge_kutta_4", "cvode"],
+            default="",
+            help=f"what integrates {name} in Model Exchange (runge_kutta_4)",
+        )
+        command.add_argument(
+            f"--parameter-{side}", action="append", default=[], metavar="NAME=VALUE", help=f"a parameter of {name}"
+        )
+    command.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of both, by its name or by the role that it plays, such as 'a=1.5 m'",
+    )
+    command.add_argument("--duration", default="20 s", metavar="TIME", help="how long (20 s)")
+    command.add_argument("--step", default="20 ms", metavar="TIME", help="communication step (20 ms)")
+    command.add_argument(
+        "--pose",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an entry of the initial pose, such as 'psi=30 deg'",
+    )
+    command.add_argument(
+        "--torque",
+        type=Path,
+        metavar="FILE.csv",
+        help="a table with 'time [s]' and the torques, such as 'tau_drive [N.m]' (without it, steps and sines)",
+    )
+    command.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the phases of the sines (1)")
+    command.add_argument(
+        "--within",
+        action="append",
+        default=[],
+        metavar="[ROLE=]VALUE",
+        help="what differences may be, such as '1 mm' or 'psi=0.1 deg'; exit status 1 if they are more",
+    )
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (runs/A_and_B)")
+    command.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")

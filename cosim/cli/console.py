@@ -90,15 +90,16 @@ def report(error: FormationError) -> None:
         place, message = f"{error.where}: ", error.message
     else:
         place, message = "", str(error)
-    err().print(f"{_safe(place)}[bold red]error:[/] {_safe(message)}", soft_wrap=True)
+    err().print(f"{safe(place)}[bold red]error:[/] {safe(message)}", soft_wrap=True)
 
 
 def warn(message: str) -> None:
     """Print a warning."""
-    err().print(f"[bold yellow]warning:[/] {_safe(message)}", soft_wrap=True)
+    err().print(f"[bold yellow]warning:[/] {safe(message)}", soft_wrap=True)
 
 
-def _safe(text: str) -> str:
+def safe(text: str) -> str:
+    """Return a text of unknown origin as the consoles can print it, markup and control characters disarmed."""
     return escape(printable(text))
 
 

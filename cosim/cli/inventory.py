@@ -13,6 +13,7 @@ from cosim.cli.console import out, table
 from cosim.errors import InputError
 from cosim.grammar import schema_path
 from cosim.reader import read_scenario
+from cosim.swap import BINDING_SUFFIX
 
 _FOLDER = Path("scenarios")
 
@@ -38,6 +39,8 @@ def inventory(_: argparse.Namespace) -> int:
     listed.add_column("file", no_wrap=True)
     listed.add_column("title")
     for path in sorted(_FOLDER.glob("*.xml")):
+        if path.name.endswith(BINDING_SUFFIX):
+            continue
         try:
             title = read_scenario(path).title
         except InputError as error:

@@ -8,10 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from cosim.cli.console import table
-from cosim.errors import printable
+from cosim.cli.console import safe, table
 from cosim.scenario import Effect, Event, Expectation, Follower, InputSource, Leader, Scenario, Setting, Trajectory
 
 _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
@@ -23,13 +21,13 @@ def print_overview(console: Console, scenario: Scenario) -> None:
         Counter(_effects(getattr(follower, part)) for follower in scenario.followers).most_common(1)[0][0]
         for part in ("sensor", "actuator")
     )
-    robots = table(console, _safe(f"{scenario.name}: {scenario.title}"))
+    robots = table(console, safe(f"{scenario.name}: {scenario.title}"))
     for heading in ("robot", "plant", "controller", "place", "its own"):
         robots.add_column(heading, no_wrap=heading in ("robot", "plant", "controller"))
     leader = scenario.leader
     plants = {key: f"{key} ({source.model or Path(str(source.fmu)).name})" for key, source in scenario.plants.items()}
     laws = {key: f"{key} ({source.name})" for key, source in scenario.controllers.items()}
-    robots.add_row("leader", _safe(plants[leader.plant]), "", "", _safe("\n".join(_own_of_leader(leader))))
+    robots.add_row("leader", safe(plants[leader.plant]), "", "", safe("\n".join(_own_of_leader(leader))))
     for follower in scenario.followers:
         own = [*_settings(follower.parameters), *_settings(follower.gains)]
         for part, effects, common in (
@@ -40,20 +38,16 @@ def print_overview(console: Console, scenario: Scenario) -> None:
                 own.append(f"{part}: {_effects(effects)}")
         own += _inputs(follower.inputs)
         sources = (plants[follower.plant], laws[follower.controller])
-        robots.add_row(*map(_safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
+        robots.add_row(*map(safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
     console.print(robots)
     for what, text in (("sensor", sensors), ("actuator", actuators)):
-        console.print(f"{what} of followers, unless another is named: {_safe(text)}", soft_wrap=True)
+        console.print(f"{what} of followers, unless another is named: {safe(text)}", soft_wrap=True)
     for text in _inputs(scenario.inputs):
-        console.print(f"{_safe(text)}, of every follower", soft_wrap=True)
+        console.print(f"{safe(text)}, of every follower", soft_wrap=True)
     for event in scenario.events:
-        console.print(f"at {event.time:g} s, {_safe(event.robot)}: {_safe(_happening(event))}", soft_wrap=True)
+        console.print(f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}", soft_wrap=True)
     for expectation in scenario.expectations:
-        console.print(f"expected: {_safe(_expected(expectation))}", soft_wrap=True)
-
-
-def _safe(text: str) -> str:
-    return escape(printable(text))
+        console.print(f"expected: {safe(_expected(expectation))}", soft_wrap=True)
 
 
 # In words ---------------------------------------------------------------------------------------------------

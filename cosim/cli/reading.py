@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from cosim.changes import Change, set_controller, set_fmu, set_seed
+from cosim.changes import Change, set_binding, set_controller, set_fmu, set_seed
 from cosim.errors import InputError
 from cosim.reader import read_scenario
 from cosim.scenario import Scenario
@@ -14,21 +14,33 @@ from cosim.team import installed
 
 
 def read(path: Path, options: argparse.Namespace) -> Scenario:
-    """Read a scenario with ``--set``, ``--seed``, ``--plant`` and ``--controller`` applied."""
-    return read_scenario(path, [*options.set, *_changes(options)])
+    """Read a scenario with the options that change it applied, and untrusted plants in processes of their own."""
+    for folder in options.untrusted:
+        if not folder.is_dir():
+            raise InputError(f"--untrusted {folder}: there is no such folder")
+    return read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
 
 
 def _changes(options: argparse.Namespace) -> Iterator[Change]:
     if options.seed is not None:
         yield set_seed(options.seed)
-    for plant, fmu in _pairs("--plant", options.plant, "ID=FMU"):
+    for plant, fmu in pairs("--plant", options.plant, "ID=FMU"):
         yield set_fmu(plant, Path(fmu))
-    for controller, name in _pairs("--controller", options.controller, "ID=NAME"):
+    for plant, file in pairs("--binding", options.binding, "ID=FILE.xml"):
+        yield set_binding(plant, Path(file))
+    for controller, name in pairs("--controller", options.controller, "ID=NAME"):
         found = installed(name)
         yield set_controller(controller, name, found.package, found.version)
 
 
-def _pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:
+def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:
+    """Return the two sides of each value of an option that is an equation.
+
+    Raises
+    ------
+    InputError
+        One has no two sides.
+    """
     for value in values:
         left, equals, right = value.partition("=")
         if not (left and equals and right):

@@ -94,8 +94,8 @@ class Member:
 class Fleet:
     """Plants that are stepped together.
 
-    Legal call order: `step` and `change` in any number, or `run` once; `close` at the end. After a SimulationError only
-    `close`.
+    Legal call order: `step`, `run` and `change` in any number, at successive ticks; `close` at the end. After a
+    SimulationError only `close`.
 
     Parameters
     ----------
@@ -175,17 +175,17 @@ class Fleet:
                 failures[index] = str(error)
         self._check(time, _take(rows.outputs, self._outputs, self._state), (tick + 1) * step, failures)
 
-    def run(self, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Run from the start with all inputs given.
+    def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Take many steps in one call, with all inputs given.
 
         Parameters
         ----------
-        step
-            Communication step [s].
+        first, step
+            The steps begin at the communication point ``first * step`` [s].
         given
-            Inputs (ticks, ...) of every communication step, as for `step`.
+            Inputs (ticks, ...) of every step, as for `step`.
         out
-            Gets the state (ticks + 1, plants, 6) at every communication point.
+            Gets the state (ticks, plants, 6) after every step.
 
         Raises
         ------
@@ -194,14 +194,13 @@ class Fleet:
         """
         rows = self._rows
         if self._external:
-            out[0] = self._state
-            for tick, now in enumerate(given):
-                self.step(tick, step, now)
-                out[tick + 1] = self._state
+            for k, now in enumerate(given):
+                self.step(first + k, step, now)
+                out[k] = self._state
             return
         links = (self._inputs, self._outputs)
         tick, diverged = _run(
-            rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work, *links, given, self._state, step, out
+            rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work, *links, given, self._state, first, step, out
         )
         self._check(tick * step, diverged, (tick + 1) * step)
 
@@ -428,14 +427,15 @@ def _run(
     out_links: NDArray[np.void],
     given: NDArray[np.float64],
     state: NDArray[np.float64],
+    first: int,
     step: float,
     out: NDArray[np.float64],
 ) -> tuple[int, int]:
     """Return the last tick and what `_tick` returned there."""
-    out[0] = state
-    for tick in range(len(given)):
-        found = _tick(rows, inputs, outputs, scratch, work, in_links, out_links, given[tick], state, tick * step, step)
+    for k in range(len(given)):
+        time = (first + k) * step
+        found = _tick(rows, inputs, outputs, scratch, work, in_links, out_links, given[k], state, time, step)
         if found != _FINE:
-            return tick, found
-        out[tick + 1] = state
-    return len(given), _FINE
+            return first + k, found
+        out[k] = state
+    return first + len(given) - 1, _FINE

@@ -3,17 +3,15 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from cosim.connect import member
+from cosim.connect import plant
 from cosim.errors import Location
 from cosim.fmu import open_fmu
 from cosim.grammar import NAMESPACE
 from cosim.plant.fleet import Fleet, Member
-from cosim.reader import DEFAULT_TOLERANCE
 from cosim.scenario import BindingSource, PlantSource
 
 HERE = Location("scenario.xml", 3, 5)
@@ -24,21 +22,7 @@ TIME_LIMIT = 30.0
 
 def source(**about: Any) -> PlantSource:
     """Return a plant of a scenario."""
-    known: dict[str, Any] = {
-        "id": "car",
-        "model": None,
-        "fmu": None,
-        "binding": None,
-        "interface": "",
-        "solver": "",
-        "solver_steps": 1,
-        "tolerance": DEFAULT_TOLERANCE,
-        "isolated": False,
-        "time_limit": TIME_LIMIT,
-        "parameters": (),
-        "where": HERE,
-    }
-    return PlantSource(**known | about)
+    return PlantSource(**{"id": "car", "where": HERE, "time_limit": TIME_LIMIT} | about)
 
 
 @contextmanager
@@ -57,18 +41,17 @@ def fleet(
         members: list[Member] = []
         for number, path in enumerate(fmus, 1):
             opened.append(fmu := open_fmu(path, HERE, binding, interface))
-            robot: Any = SimpleNamespace(
-                name=f"robot_{number}",
-                fmu=fmu,
-                source=source(**about),
-                contract=fmu.binding.contract,
-                inputs=(),
-                parameters=(),
-                pose=tuple(pose),
-                isolated=isolated if isinstance(isolated, bool) else isolated[number - 1],
-                where=HERE,
+            members.append(
+                plant(
+                    fmu,
+                    source(**about),
+                    name=f"robot_{number}",
+                    parameters=(),
+                    pose=pose,
+                    isolated=isolated if isinstance(isolated, bool) else isolated[number - 1],
+                    stop_time=horizon,
+                )
             )
-            members.append(member(robot, horizon))
         state = np.empty((len(members), 6))
         started = Fleet(members, state)
         try:
@@ -82,9 +65,10 @@ def fleet(
 
 def drive(fmu: Path, torques: np.ndarray, step: float = STEP, **options: Any) -> np.ndarray:
     """Return the states (n + 1, 6) of a robot that is driven with torques (n, 2)."""
-    with fleet(fmu, **options) as (started, _):
+    with fleet(fmu, **options) as (started, state):
         out = np.empty((len(torques) + 1, 1, 6))
-        started.run(step, np.ascontiguousarray(torques), out)
+        out[0] = state
+        started.run(0, step, np.ascontiguousarray(torques), out[1:])
     return out[:, 0]
 
 

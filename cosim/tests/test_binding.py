@@ -258,9 +258,8 @@ def test_initial_values_through_parameters(describe: Describe, bound: Bound, fmi
 def initial_values(described: Any, binding: Binding) -> dict[str, tuple[float, ...]]:
     """Return what is set for the pose (1 m, 2 m, 1 rad, 0.1 rad), by variable."""
 
-    fmu = SimpleNamespace(binding=binding, description=described)
-    robot: Any = SimpleNamespace(fmu=fmu, contract=binding.contract, pose=(1.0, 2.0, 1.0, 0.1))
-    return {value.name: value.values for value in _initial_values(robot)}  # type: ignore[misc]
+    fmu: Any = SimpleNamespace(binding=binding, description=described)
+    return {value.name: value.values for value in _initial_values(fmu, (1.0, 2.0, 1.0, 0.1))}  # type: ignore[misc]
 
 
 def test_constants_for_the_geometry(describe: Describe, bound: Bound) -> None:

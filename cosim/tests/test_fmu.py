@@ -1,6 +1,7 @@
 """FMUs come from strangers: each kind of bad file has its sentence, and what fits is bound by role and unit."""
 
 import zipfile
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import plants
 from cosim.errors import InputError, Location
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import geometry, understand
-from cosim.scenario import Setting
+from cosim.scenario import BindingSource, RoleSource, Setting
 
 HERE = Location("scenario.xml", 3, 5)
 
@@ -140,3 +141,21 @@ def test_bad_parameters(fmu: Fmu, name: str, value: str, sentence: str) -> None:
         understand(fmu, [setting(name, value)])
     assert caught.value.where == HERE
     assert sentence in caught.value.message
+
+
+def test_a_parameter_by_the_role_that_it_plays(car: Path, tmp_path: Path) -> None:
+    """In the unit that the binding knows: here the FMU states none."""
+    renamed = repack(car, tmp_path / "a.fmu", ' name="a"', ' name="L"')
+    path = repack(renamed, tmp_path / "b.fmu", 'unit="m" min="1e-06" start="1.2"', 'min="1" start="1200"')
+    role = RoleSource(name="a", variable="L", unit="mm", where=HERE)
+    with closing(open_fmu(path, HERE, BindingSource("car_like", (role,), HERE))) as opened:
+        (value,) = understand(opened, [setting("a", "80 cm")])
+        assert (value.variable.name, value.value) == ("L", pytest.approx(800.0))
+        assert geometry(opened, [value], HERE)["wheelbase"] == pytest.approx(0.8)
+        for text, sentence in (("0.5 mm", "out of bounds"), ("1 kg", "does not fit"), ("800", "the unit is missing")):
+            with pytest.raises(InputError, match=sentence):
+                understand(opened, [setting("a", text)])
+        (value,) = understand(opened, [setting("L", "900")])
+        assert geometry(opened, [value], HERE)["wheelbase"] == pytest.approx(0.9)
+        with pytest.raises(InputError, match="has no parameter 'gamma'"):
+            understand(opened, [setting("gamma", "1 rad")])

@@ -1,0 +1,128 @@
+"""``formation compare-plants``: how far apart two plants are under the same torques."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from cosim.cli.console import out, safe, table, warn
+from cosim.cli.reading import pairs
+from cosim.compare import PlantComparison, PlantFile, compare_plants
+from cosim.compare_figure import SHOWN, save_comparison_figure
+from cosim.contract import CONTRACTS
+from cosim.errors import InputError, OutputError, nearest
+from cosim.quantity import quantity
+from cosim.result import write
+
+BEYOND = 1
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Drive two plants, say how far apart they are, and draw it; return 1 if that is more than is asked for."""
+    a, b = (_plant(options, side) for side in "ab")
+    folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
+    comparison = compare_plants(
+        a,
+        b,
+        duration=_quantity("--duration", options.duration, "s"),
+        step=_quantity("--step", options.step, "s"),
+        pose=dict(_pose(options.pose)),
+        torque=options.torque,
+        seed=options.seed,
+        within=options.within,
+    )
+    console = out()
+    _print(console, comparison)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"--out {folder}: cannot be written to: {error.strerror}") from None
+    write(folder / "compare.json", (json.dumps(comparison.to_dict(), indent=2) + "\n").encode())
+    if options.figure:
+        save_comparison_figure(comparison, folder / "compare.png")
+    console.print(f"results in {folder}/", markup=False, soft_wrap=True)
+    for failure in comparison.failures:
+        raise failure
+    return BEYOND if options.within and not comparison.within else 0
+
+
+def _plant(options: argparse.Namespace, side: str) -> PlantFile:
+    settings = [*options.parameter, *getattr(options, f"parameter_{side}")]
+    return PlantFile(
+        fmu=getattr(options, side),
+        binding=getattr(options, f"binding_{side}"),
+        interface=getattr(options, f"interface_{side}"),
+        solver=getattr(options, f"solver_{side}"),
+        parameters=dict(pairs("--parameter", settings, "NAME=VALUE")),
+    )
+
+
+def _pose(entries: list[str]) -> Iterator[tuple[str, float]]:
+    known = {role.name: role.unit for contract in CONTRACTS for role in contract.pose}
+    for name, value in pairs("--pose", entries, "NAME=VALUE, such as 'psi=30 deg'"):
+        if name not in known:
+            raise InputError(f"--pose {name}={value}: there is no pose entry {name!r}: {nearest(name, list(known))}")
+        yield name, _quantity(f"--pose {name}={value}", value, known[name])
+
+
+def _quantity(option: str, text: str, unit: str) -> float:
+    try:
+        return quantity(text, unit)
+    except ValueError as error:
+        raise InputError(f"{option}: {error}") from None
+
+
+# The terminal -----------------------------------------------------------------------------------------------
+
+
+def _print(console: Console, comparison: PlantComparison) -> None:
+    for name, about in zip("AB", comparison.plants, strict=True):
+        said = (
+            f"FMI {about['fmi_version']}, {about['interface']}, {about['generation_tool'] or 'made by an unknown tool'}"
+        )
+        shown = f"the built-in model {Path(about['file']).stem}" if about["built_in"] else about["file"]
+        console.print(f"[bold]{name}[/]  {safe(shown)} ({safe(said)})", soft_wrap=True)
+    pose = ", ".join(
+        f"{role.name} = {_shown(float(comparison.states[0][0, i]), role.unit, 6)}"
+        for i, role in enumerate(comparison.contract.pose)
+    )
+    console.print(
+        f"{comparison.time[-1]:g} s in steps of {comparison.step:g} s, from {pose} (as A shows it); "
+        f"torques: {safe(comparison.torque_from)}",
+        soft_wrap=True,
+    )
+    for name, values in comparison.geometry.items():
+        first, second = (f"{value:.6g}" if isinstance(value, float) else value for value in values)
+        text = f"the {name.replace('_', ' ')} of A is {first}, of B {second}"
+        if first != second:
+            console.print(f"[yellow]they differ:[/] {safe(text)}", soft_wrap=True)
+    differences = table(console, "Difference of B from A")
+    for heading in ("role", "largest", "at [s]", "RMS", "A's own range", "tolerance", "first beyond [s]"):
+        differences.add_column(
+            heading.replace("[", r"\["), justify="left" if heading == "role" else "right", no_wrap=True
+        )
+    for found in comparison.roles:
+        figures = (found.largest, found.rms, found.span, found.tolerance)
+        largest, rms, span, tolerance = (_shown(figure, found.role.unit) for figure in figures)
+        beyond = "never" if found.first_beyond is None else f"{found.first_beyond:g}"
+        if not math.isfinite(found.tolerance):
+            tolerance, beyond = "any", ""
+        differences.add_row(found.role.name, largest, f"{found.at:g}", rms, span, tolerance, beyond)
+    console.print(differences)
+    absent = comparison.to_dict()["not_offered"]
+    if absent:
+        console.print(f"not compared, as not both offer it: {', '.join(absent)}", style="dim")
+    for message in comparison.messages:
+        console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
+    if comparison.failures:
+        warn(f"compared up to {comparison.reached:g} s only: a plant failed")
+
+
+def _shown(value: float, unit: str, digits: int = 3) -> str:
+    unit, factor = SHOWN.get(unit, (unit, 1.0))
+    return f"{value * factor:.{digits}g} {unit}"

@@ -1,0 +1,243 @@
+"""``formation inspect``: what an FMU is, what it can, and which vehicle it could be."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.console import Console
+
+from cosim.binding import match, shape_of
+from cosim.cli.console import out, safe, table, warn
+from cosim.errors import printable
+from cosim.fmu import (
+    SCHEDULED_EXECUTION,
+    Package,
+    capabilities,
+    complaints,
+    interfaces,
+    machines,
+    obstacle,
+    open_package,
+    platforms_of,
+    this_machine,
+)
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+from cosim.proposal import Proposal, attributes, proposals
+from cosim.scenario import OPEN, RoleSource
+
+ROWS = 60
+"""How many variables are shown, unless all are asked for."""
+MESSAGES = 20
+"""How many of FMPy's messages are shown, unless all are asked for."""
+
+_NAMES = {
+    CO_SIMULATION: "Co-Simulation",
+    MODEL_EXCHANGE: "Model Exchange",
+    SCHEDULED_EXECUTION: "Scheduled Execution",
+}
+_CAN = {
+    "needsExecutionTool": "says that it needs the tool that made it",
+    "canBeInstantiatedOnlyOncePerProcess": "only once per process (each robot then has a process of its own)",
+    "canHandleVariableCommunicationStepSize": "variable communication step",
+    "hasEventMode": "event mode",
+    "providesIntermediateUpdate": "intermediate update",
+    "mightReturnEarlyFromDoStep": "may return early from a step",
+    "canGetAndSetFMUstate": "saved states",
+    "canGetAndSetFMUState": "saved states",
+    "providesDirectionalDerivative": "directional derivatives",
+    "providesDirectionalDerivatives": "directional derivatives",
+    "providesAdjointDerivatives": "adjoint derivatives",
+}
+_ORDER = {
+    causality: place
+    for place, causality in enumerate(
+        ("input", "output", "parameter", "structuralParameter", "calculatedParameter", "independent")
+    )
+}
+
+
+def inspect(options: argparse.Namespace) -> int:
+    """Print what an FMU says of itself, and what it can be used for."""
+    package = open_package(options.fmu)
+    try:
+        console = out()
+        _print_identity(console, package)
+        _print_interfaces(console, package)
+        _print_variables(console, package, None if options.all else ROWS)
+        _print_contracts(console, package)
+        _print_problems(package, options.all)
+    finally:
+        package.close()
+    return 0
+
+
+# What it is -------------------------------------------------------------------------------------------------
+
+
+def _print_identity(console: Console, package: Package) -> None:
+    said = package.description
+    size = package.path.stat().st_size
+    rows = {
+        "model": said.modelName,
+        "description": said.description,
+        "FMI version": said.fmiVersion,
+        "made by": " on ".join(filter(None, (said.generationTool, said.generationDateAndTime))),
+        "version": said.version,
+        "author": said.author,
+        "licence": said.license,
+        "copyright": said.copyright,
+        "token" if said.fmiVersion.startswith("3") else "GUID": said.guid,
+        "SHA-256": package.sha256,
+        "size": f"{size / 1e6:.2f} MB" if size >= 1e5 else f"{size} bytes",
+        "runs on": _platforms(package),
+        "default experiment": ", ".join(_experiment(said.defaultExperiment)),
+        "states": f"{said.numberOfContinuousStates}" if said.modelExchange is not None else "",
+    }
+    shown = table(console, safe(package.path.name))
+    shown.show_header = False
+    shown.add_column(no_wrap=True)
+    shown.add_column(overflow="fold")
+    for name, text in rows.items():
+        if text:
+            shown.add_row(name, safe(text))
+    console.print(shown)
+
+
+def _platforms(package: Package) -> str:
+    here, names = this_machine(package.description), machines(package)
+    sources = "; it brings its C sources" if "c-code" in platforms_of(package) else ""
+    whether = f"this machine, {here}, is {'' if here in names else 'not '}among them"
+    return f"{', '.join(names) or 'no machine'}: {whether}{sources}"
+
+
+def _experiment(experiment: Any) -> Iterator[str]:
+    if experiment is not None:
+        for name, text in (("start", "startTime"), ("stop", "stopTime"), ("step", "stepSize")):
+            if (value := getattr(experiment, text)) is not None:
+                yield f"{name} {value} s"
+        if experiment.tolerance is not None:
+            yield f"tolerance {experiment.tolerance}"
+
+
+def _print_interfaces(console: Console, package: Package) -> None:
+    usable = interfaces(package.description)
+    shown = table(console, "Interfaces")
+    for heading in ("interface", "here", "what it can"):
+        shown.add_column(heading, no_wrap=heading != "what it can")
+    for name, said in capabilities(package).items():
+        shown.add_row(
+            _NAMES[name],
+            "supported" if name in usable else "not supported",
+            safe(", ".join(_capabilities(name, said))),
+        )
+    console.print(shown)
+
+
+def _capabilities(interface: str, said: Mapping[str, str]) -> Iterator[str]:
+    true = ("true", "1")
+    if interface == CO_SIMULATION and said.get("canHandleVariableCommunicationStepSize") not in true:
+        yield "constant communication step"
+    if "fixedInternalStepSize" in said:
+        yield f"fixed internal step of {said['fixedInternalStepSize']} s, which must divide the communication step"
+    yield from (text for name, text in _CAN.items() if said.get(name) in true)
+
+
+# Its variables ----------------------------------------------------------------------------------------------
+
+
+def _print_variables(console: Console, package: Package, rows: int | None) -> None:
+    variables = sorted(package.description.modelVariables, key=lambda v: _ORDER.get(v.causality, len(_ORDER)))
+    numbers = Counter(variable.causality for variable in variables)
+    shown = table(console, "Variables: " + ", ".join(f"{number} {causality}" for causality, number in numbers.items()))
+    for heading in ("name", "causality", "variability", "type", "unit", "start", "description"):
+        shown.add_column(heading, overflow="fold")
+    for variable in variables[:rows]:
+        kind = variable.declaredType
+        cells = (
+            variable.name,
+            variable.causality,
+            variable.variability,
+            variable.type + _dimensions(package.description, variable),
+            variable.unit or (kind and kind.unit),
+            _start(variable),
+            variable.description,
+        )
+        shown.add_row(*(safe(str(cell or "")) for cell in cells))
+    console.print(shown)
+    if rows is not None and len(variables) > rows:
+        console.print(f"and {len(variables) - rows} more: --all shows them", style="dim")
+
+
+def _dimensions(description: Any, variable: Any) -> str:
+    if not variable.dimensions:
+        return ""
+    try:
+        return f"[{', '.join(map(str, shape_of(description, variable)))}]"
+    except ValueError:
+        return "[?]"
+
+
+def _start(variable: Any) -> str:
+    text = str(variable.start if variable.start is not None else "")
+    if variable.type == "Enumeration" and variable.declaredType is not None:
+        text = next((item.name for item in variable.declaredType.items if item.value == text), text)
+    return text if len(text) <= 30 else text[:27] + "..."
+
+
+# Which vehicle it could be ----------------------------------------------------------------------------------
+
+
+def _print_contracts(console: Console, package: Package) -> None:
+    best, *_ = found = proposals(package.description)
+    for proposal in found:
+        contract = proposal.contract
+        title = f"As a {contract.vehicle} vehicle"
+        _, problems = match(contract, package.description)
+        if not problems:
+            _print_roles(console, f"{title}: it can be driven as it is", proposal)
+        elif proposal.plausible and len(proposal.missing) == len(best.missing):
+            complete = "" if not proposal.open else ", once it is complete"
+            _print_roles(console, f"{title}: it can be driven with a binding{complete}", proposal)
+            reasons = "; it ".join(problem.text for problem in problems)
+            console.print(f"without a binding: it {safe(reasons)}", soft_wrap=True)
+            said = f'"formation swap SCENARIO.xml --plant ID={package.path}" writes the binding to a file'
+            console.print(printable(said), markup=False, soft_wrap=True)
+        else:
+            missing = "; ".join(f"{role.name}, {role.meaning}" for role in proposal.missing)
+            console.print(f"\n[bold]{title}[/]: no, nothing obviously plays {missing}", soft_wrap=True)
+
+
+def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
+    shown = table(console, title)
+    for heading in ("role", "unit", "what it is", "played by", "to fill in or to look at"):
+        shown.add_column(heading, no_wrap=heading in ("role", "unit"), overflow="fold")
+    for suggestion in proposal.suggestions:
+        if suggestion.source is not None:
+            role, remarks = suggestion.role, "; ".join((*suggestion.open, *suggestion.doubts))
+            shown.add_row(*map(safe, (role.name, role.unit, role.meaning, _player(suggestion.source), remarks)))
+    console.print(shown)
+    if absent := [suggestion.role.name for suggestion in proposal.suggestions if suggestion.source is None]:
+        console.print(f"not offered, nor needed by every controller: {', '.join(absent)}", style="dim")
+
+
+def _player(source: RoleSource) -> str:
+    said = attributes(source)
+    del said["name"]
+    name = [said.pop("variable")] if source.variable not in ("", OPEN) else []
+    return " ".join([*name, *(f'{key}="{value}"' for key, value in said.items())])
+
+
+# What is wrong with it --------------------------------------------------------------------------------------
+
+
+def _print_problems(package: Package, every: bool) -> None:
+    if sentence := obstacle(package):
+        warn(sentence)
+    found = complaints(package)
+    for sentence in found if every else found[:MESSAGES]:
+        warn(f"FMPy: {sentence}")
+    if not every and len(found) > MESSAGES:
+        warn(f"FMPy has {len(found) - MESSAGES} more to say: --all shows it")

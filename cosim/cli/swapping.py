@@ -1,0 +1,79 @@
+"""``formation swap``: a scenario and a binding to start from, with another FMU as a plant."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from contextlib import ExitStack
+from pathlib import Path
+
+from cosim.cli.console import out, safe, warn
+from cosim.cli.reading import pairs
+from cosim.errors import InputError
+from cosim.fmu import obstacle
+from cosim.reader import read_scenario
+from cosim.result import write
+from cosim.setup import set_up
+from cosim.swap import Replacement, Swap, swap
+
+
+def swap_plants(options: argparse.Namespace) -> int:
+    """Write a variant of a scenario and what bindings it needs; say what is open, and check it if nothing is."""
+    fmus = {plant: Path(fmu) for plant, fmu in pairs("--plant", options.plant, "ID=FILE.fmu")}
+    bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
+    with ExitStack() as cleanup:
+        swapped = swap(options.scenario, fmus, bindings, options.out, cleanup)
+        if not options.force:
+            _refuse_to_overwrite(swapped)
+        for path, text in swapped.texts.items():
+            write(path, text.encode())
+            out().print(f"wrote {safe(str(path))}", soft_wrap=True)
+        for note in swapped.notes:
+            warn(note)
+        opens = [_report(replacement) for replacement in swapped.replacements]
+        for replacement in swapped.replacements if any(opens) else ():  # else the check will say so
+            if sentence := obstacle(replacement.package):
+                warn(sentence)
+    variant = shlex.quote(str(swapped.variant))
+    if any(opens):
+        _next(f"formation check {variant}", "once that is filled in")
+        return 0
+    with ExitStack() as cleanup:  # as formation check does; what it refuses ends this command as it ends that
+        set_up(read_scenario(swapped.variant), cleanup, {})
+    _next(f"formation run {variant}", "which can be run")
+    return 0
+
+
+def _refuse_to_overwrite(swapped: Swap) -> None:
+    plants = {replacement.binding: replacement.plant for replacement in swapped.replacements}
+    for path in swapped.texts:
+        if path.exists():
+            other = "--out names another file"
+            if path in plants:
+                other = f"--binding {plants[path]}={path} takes it as it is"
+            raise InputError(f"{path} exists: --force overwrites it, {other}")
+
+
+def _report(replacement: Replacement) -> bool:
+    """Print what is to be filled in or looked at in a binding; return whether something is to be filled in."""
+    proposal = replacement.proposal
+    if proposal is None:
+        return False
+    fmu, console = replacement.package.path.name, out()
+    if replacement.binding is None:
+        console.print(f"{safe(fmu)} needs no binding: its variables have the names of the roles", soft_wrap=True)
+        return False
+    for what, suggestions, sentences in (
+        ("to fill in", proposal.open, "open"),
+        ("to look at", proposal.doubts, "doubts"),
+    ):
+        if suggestions:
+            console.print(f"[bold]{what}[/], in {safe(str(replacement.binding))}:", soft_wrap=True)
+            for suggestion in suggestions:
+                for sentence in getattr(suggestion, sentences):
+                    console.print(f"  {safe(suggestion.role.name)}: {safe(sentence)}", soft_wrap=True)
+    return bool(proposal.open)
+
+
+def _next(command: str, when: str) -> None:
+    out().print(f"next, {when}: {safe(command)}", soft_wrap=True)

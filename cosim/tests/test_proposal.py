@@ -1,0 +1,303 @@
+"""What is obvious is proposed, what is not stays open and is refused until it is filled in."""
+
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import pytest
+from lxml import etree
+
+from cosim.binding import bind
+from cosim.contract import CAR_LIKE, TRACTOR_TRAILER
+from cosim.errors import InputError
+from cosim.proposal import Proposal, Suggestion, binding_xml, proposals, propose
+from cosim.reader import read_binding
+from cosim.scenario import OPEN
+
+UNITS = """<UnitDefinitions>
+  <Unit name="m"><BaseUnit m="1"/></Unit> <Unit name="mm"><BaseUnit m="1" factor="0.001"/></Unit>
+  <Unit name="rad"><BaseUnit rad="1"/></Unit> <Unit name="deg"><BaseUnit rad="1" factor="0.017453292519943295"/></Unit>
+  <Unit name="m/s"><BaseUnit m="1" s="-1"/></Unit> <Unit name="rad/s"><BaseUnit rad="1" s="-1"/></Unit>
+  <Unit name="N.m"><BaseUnit kg="1" m="2" s="-2"/></Unit> <Unit name="N"><BaseUnit kg="1" m="1" s="-2"/></Unit>
+  <Unit name="1"><BaseUnit/></Unit> <Unit name="plain_rad"><BaseUnit/></Unit>
+</UnitDefinitions>"""
+CAR = {
+    "pos_x": "output m",
+    "pos_y": "output m",
+    "heading": "output deg",
+    "steer": "output deg",
+    "drive_torque": "input N.m",
+    "steer_torque": "input N.m",
+    "L": "parameter mm",
+}
+
+
+def describe(folder: Path, variables: dict[str, str], units: str = UNITS, texts: dict[str, str] | None = None) -> Any:
+    """Return the description of an FMU of FMI 3.0: variables by name, each as "causality unit [size] [calculated]"."""
+    lines = []
+    for reference, (name, said) in enumerate(variables.items(), 1):
+        causality, unit, *rest = said.split()
+        size = next((word for word in rest if word.isdecimal()), "")
+        calculated = "calculated" in rest
+        start = "" if calculated or causality == "local" else f'start="{" ".join(["0"] * int(size or 1))}"'
+        initial = {"output": 'initial="calculated"' if calculated else 'initial="exact"'}.get(causality, "")
+        measure = "" if unit == "-" else f'unit="{unit}"'
+        text = (texts or {}).get(name, "")
+        dimension = f'<Dimension start="{size}"/>' if size else ""
+        variability = "fixed" if causality == "parameter" else "continuous"
+        lines.append(
+            f'<Float64 name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}" '
+            f'description="{text}" {initial} {measure} {start}>{dimension}</Float64>'
+        )
+    path = folder / "modelDescription.xml"
+    path.write_text(
+        f"""<fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">
+        <CoSimulation modelIdentifier="m"/>{units}
+        <ModelVariables>{"".join(lines)}
+        <Enumeration name="drive" valueReference="900" causality="parameter" variability="fixed" start="1"/>
+        <Float64 name="time" valueReference="901" causality="independent" variability="continuous"/>
+        </ModelVariables><ModelStructure/></fmiModelDescription>""",
+        encoding="utf-8",
+    )
+    return fmpy.read_model_description(str(path), validate=False)
+
+
+@pytest.fixture
+def car(tmp_path: Path):
+    """Return a function that proposes for a car with some variables in place of those of `CAR`; None takes one away."""
+
+    def make(changed: dict[str, str | None] | None = None, **more: Any) -> Proposal:
+        variables = {name: said for name, said in (CAR | (changed or {})).items() if said is not None}
+        return propose(describe(tmp_path, variables, **more), CAR_LIKE)
+
+    return make
+
+
+def of(proposal: Proposal, role: str) -> Suggestion:
+    return next(suggestion for suggestion in proposal.suggestions if suggestion.role.name == role)
+
+
+def variable(proposal: Proposal, role: str) -> str:
+    source = of(proposal, role).source
+    assert source is not None
+    return source.variable
+
+
+def test_obvious_names(car: Any) -> None:
+    proposal = car({"speed": "output m/s", "steer_rate": "output rad/s"})
+    assert not proposal.open
+    assert not proposal.needs_no_binding
+    assert {s.role.name: s.source.variable for s in proposal.suggestions if s.source} == {
+        "x": "pos_x",
+        "y": "pos_y",
+        "psi": "heading",
+        "gamma": "steer",
+        "v": "speed",
+        "omega": "steer_rate",
+        "tau_drive": "drive_torque",
+        "tau_steer": "steer_torque",
+        "a": "L",
+        "drive": "drive",
+    }
+
+
+def test_what_is_proposed_binds(car: Any, tmp_path: Path) -> None:
+    proposal = car()
+    file = tmp_path / "b.xml"
+    file.write_text(binding_xml(proposal, "m.fmu"), encoding="utf-8")
+    description = describe(tmp_path, CAR)
+    binding = bind(description, "m.fmu", read_binding(file))
+    assert binding == bind(description, "m.fmu", proposal.binding)
+    assert binding.described()["psi"] == "0.0174533 * heading"
+    assert binding.described()["a"] == "0.001 * L"
+
+
+def test_the_name_of_the_role_goes_before_all_others(car: Any) -> None:
+    proposal = car({"x": "output m", "vehicle.x": "output m"})
+    assert variable(proposal, "x") == "x"
+    assert of(proposal, "x").needs_no_binding
+    assert "name='x'" not in binding_xml(proposal, "m.fmu")
+
+
+def test_two_that_are_equally_good_are_not_obvious(car: Any) -> None:
+    proposal = car({"yaw": "output deg"})
+    assert variable(proposal, "psi") == OPEN
+    assert of(proposal, "psi").open == ("could be played by 'heading', 'yaw'",)
+
+
+def test_an_output_goes_before_a_local_variable(car: Any) -> None:
+    assert variable(car({"yaw": "local deg"}), "psi") == "heading"
+
+
+def test_a_local_variable_will_do(car: Any) -> None:
+    assert variable(car({"heading": None, "yaw": "local deg", "yaw0": "parameter deg"}), "psi") == "yaw"
+
+
+def test_the_unit_tells_one_from_another(car: Any) -> None:
+    assert variable(car({"yaw": "output rad/s"}), "psi") == "heading"
+
+
+def test_what_measures_something_else_is_told(car: Any) -> None:
+    proposal = car({"drive_torque": "input N"})
+    assert variable(proposal, "tau_drive") == OPEN
+    assert of(proposal, "tau_drive").open[0] == "needs a unit that fits N.m: 'drive_torque' is in N"
+
+
+def test_what_is_missing_is_left_open_with_what_could_be(car: Any) -> None:
+    proposal = car({"steer": None, "bend": "output rad"})
+    assert variable(proposal, "gamma") == OPEN
+    (sentence,) = of(proposal, "gamma").open
+    assert sentence == (
+        "no output is obviously the steering angle, counter-clockwise from the body; outputs that could be: "
+        "'heading', 'bend'"
+    )
+
+
+def test_a_unit_that_is_not_stated_is_not_guessed(car: Any) -> None:
+    proposal = car({"heading": "output -"}, texts={"heading": "Heading [deg]"})
+    assert of(proposal, "psi").source.unit == OPEN
+    assert of(proposal, "psi").open == (
+        "the FMU states no unit of 'heading': state it (rad or the like). The FMU describes it as 'Heading [deg]'",
+    )
+
+
+def test_a_unit_that_is_not_known_is_not_guessed(car: Any) -> None:
+    proposal = car({"heading": "output degree"})
+    assert of(proposal, "psi").source.unit == OPEN
+    assert "the unit 'degree' of 'heading' is not known" in of(proposal, "psi").open[0]
+
+
+def test_a_unit_that_is_named_and_not_defined(car: Any) -> None:
+    assert not car(units="").open
+
+
+def test_radians_as_a_pure_number(car: Any) -> None:
+    units = UNITS.replace('<BaseUnit rad="1"/>', "<BaseUnit/>")
+    proposal = car({"heading": "output rad"}, units=units)
+    assert of(proposal, "psi").source.factor == ""
+    assert not of(proposal, "psi").open
+    proposal = car({"heading": "output plain_rad"})
+    assert of(proposal, "psi").source.factor == OPEN
+    assert "is in plain_rad, a pure number" in of(proposal, "psi").open[0]
+
+
+def test_arrays_in_the_order_of_the_contract(tmp_path: Path) -> None:
+    found = {
+        "vehicle.position": "output m 2",
+        "heading": "output rad",
+        "steer": "output rad",
+        "wheelbase": "parameter m",
+    }
+    proposal = propose(describe(tmp_path, found | {"vehicle.torque": "input N.m 2"}), CAR_LIKE)
+    assert not proposal.open
+    assert [variable(proposal, role) for role in ("x", "y")] == ["vehicle.position[1]", "vehicle.position[2]"]
+    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == [
+        "vehicle.torque[1]",
+        "vehicle.torque[2]",
+    ]
+
+
+def test_an_array_of_a_pose_in_one_unit_cannot_hold_angles(tmp_path: Path) -> None:
+    proposal = propose(describe(tmp_path, {"pose": "output m 4"}), CAR_LIKE)
+    assert [variable(proposal, role) for role in ("x", "y", "psi")] == ["pose[1]", "pose[2]", OPEN]
+
+
+def test_an_array_of_a_pose_without_unit(tmp_path: Path) -> None:
+    proposal = propose(describe(tmp_path, {"pose": "output - 4 calculated", "pose0": "parameter - 4"}), CAR_LIKE)
+    assert [variable(proposal, role) for role in ("x", "y", "psi", "gamma")] == [f"pose[{i}]" for i in (1, 2, 3, 4)]
+    assert of(proposal, "gamma").source.initial == "pose0[4]"
+    assert of(proposal, "gamma").source.unit == OPEN
+
+
+def test_elements_that_are_variables_of_their_own(car: Any) -> None:
+    proposal = car({"drive_torque": None, "steer_torque": None, "u[0]": "input N.m", "u[1]": "input N.m"})
+    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == ["u[0]", "u[1]"]
+
+
+@pytest.mark.parametrize("name", ["heading0", "heading_init", "initial.heading", "start_psi", "psi0", "yaw_start"])
+def test_a_parameter_for_the_initial_value(car: Any, name: str) -> None:
+    proposal = car({"heading": "output deg calculated", name: "parameter deg"})
+    assert of(proposal, "psi").source.initial == name
+    assert not proposal.open
+
+
+def test_no_parameter_for_the_initial_value(car: Any) -> None:
+    proposal = car({"heading": "output deg calculated", "speed0": "parameter m/s", "heading_rate0": "parameter deg"})
+    assert of(proposal, "psi").source.initial == OPEN
+    assert "has no start value that can be set" in of(proposal, "psi").open[0]
+
+
+def test_the_initial_value_of_the_same_name_is_better(car: Any) -> None:
+    names = {"heading": "output deg calculated", "psi0": "parameter deg", "heading0": "parameter deg"}
+    assert of(car(names), "psi").source.initial == "heading0"
+
+
+def test_geometry_that_the_fmu_does_not_have_is_asked_for(car: Any) -> None:
+    proposal = car({"L": None, "bumper": "parameter m"})
+    assert of(proposal, "a").source.value == OPEN
+    assert of(proposal, "a").open == ("no parameter is obviously the wheelbase: state its value, or name the variable",)
+
+
+def test_an_optional_role_that_is_not_obvious_is_left_out(car: Any) -> None:
+    proposal = car({"speed": "output m/s", "velocity": "output m/s"})
+    assert of(proposal, "v").source is None
+    assert not proposal.open
+
+
+def test_a_number_that_would_play_two_roles(car: Any) -> None:
+    proposal = car({"pos_x": None, "pos_y": None, "x_y": "output m"})
+    for role in ("x", "y"):
+        assert variable(proposal, role) == OPEN
+        assert of(proposal, role).open == ("'x_y' would play more than one role",)
+
+
+def test_other_conventions_raise_a_doubt_only(car: Any) -> None:
+    proposal = car(texts={"heading": "Clockwise from north"})
+    assert not proposal.open
+    assert proposal.doubts == (of(proposal, "psi"),)
+    assert of(proposal, "psi").doubts == (
+        "here it is the heading, counter-clockwise from X; the FMU describes 'heading' as 'Clockwise from north'",
+    )
+
+
+def test_the_contract_that_fits_best_comes_first(tmp_path: Path) -> None:
+    assert proposals(describe(tmp_path, CAR))[0].contract is CAR_LIKE
+    trailer = {"trailer.x": "output m", "trailer.y": "output m", "trailer.heading": "output rad"}
+    trailer |= {"tractor.heading": "output rad", "torque_right": "input N.m", "torque_left": "input N.m"}
+    trailer |= {"hitch_length": "parameter m", "wheel_radius": "parameter m", "half_track": "parameter m"}
+    best = proposals(describe(tmp_path, trailer))[0]
+    assert best.contract is TRACTOR_TRAILER
+    assert not best.open
+
+
+def test_the_file_that_is_written_is_refused_until_it_is_filled_in(car: Any, tmp_path: Path) -> None:
+    file = tmp_path / "b.xml"
+    file.write_text(binding_xml(car({"heading": "output -"}), "m.fmu"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"the role 'psi' has unit=\"\.\.\.\", which is to be filled in") as caught:
+        read_binding(file)
+    line = caught.value.where.line
+    lines = file.read_text(encoding="utf-8").splitlines()
+    assert '<role name="psi"' in lines[line - 1]
+    assert "psi: the FMU states no unit" in lines[line - 2]
+    file.write_text(file.read_text(encoding="utf-8").replace('unit="..."', 'unit="deg"'), encoding="utf-8")
+    assert read_binding(file).vehicle == "car_like"
+
+
+def test_texts_of_strangers_cannot_end_a_comment(car: Any) -> None:
+    text = binding_xml(
+        car({"heading": "output -"}, texts={"heading": "--&gt; &lt;evil/&gt; --- &#x85; -"}), "a--b-.fmu"
+    )
+    root = etree.fromstring(text.encode())
+    assert {etree.QName(child).localname for child in root if isinstance(child.tag, str)} == {"role"}
+    assert "\x85" not in text
+
+
+def test_names_that_occur_twice_are_nobodys(car: Any, tmp_path: Path) -> None:
+    description = describe(tmp_path, CAR)
+    description.modelVariables.append(description.modelVariables[2])
+    assert variable(propose(description, CAR_LIKE), "psi") == OPEN
+
+
+def test_ten_thousand_variables(tmp_path: Path) -> None:
+    many = {f"body.frame_{i}.x": "local m" for i in range(10_000)}
+    assert not propose(describe(tmp_path, CAR | many), CAR_LIKE).open
