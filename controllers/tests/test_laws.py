@@ -373,6 +373,19 @@ def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
         assert not np.any(np.abs(controller.telemetry()[stated.name]) < stated.singular_below), stated.name
 
 
+@pytest.mark.parametrize("radius", [0.15, 20.0])
+@ALL
+def test_the_drive_gain_of_a_tractor_trailer_has_no_unit_and_needs_no_guard(name, radius):
+    """It is 1/cos(theta_0 - theta_1) whatever the wheels, and never below 1: no guard touches it."""
+    pytest.importorskip("control") if name == "lqg" else None
+    vehicle, poses = TractorTrailer(1.5, radius, 0.4), ([0, 0, 0.3, 0.7], [5, 1, 0.1, 0.2])
+    literal, _ = first_torque(load(name), vehicle, poses)
+    torque, controller = first_torque(load(name), vehicle, poses, guard=0.5)
+    assert told(controller, "drive_gain") == pytest.approx(1 / math.cos(0.4), rel=1e-14)
+    assert told(controller, "guarded") == 0
+    np.testing.assert_array_equal(torque, literal)
+
+
 @ALL
 def test_every_law_tells_how_near_each_singularity_is(name):
     """Once: det R is one cosine over the other, and drive gain and range are what else a law divides by."""

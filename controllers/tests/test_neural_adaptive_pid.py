@@ -145,7 +145,8 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle):
         np.testing.assert_allclose([told["speed_estimate"][i], told["steering_rate_estimate"][i]], v_hat, rtol=1e-9)
         np.testing.assert_allclose(told["weight_norm"][i], np.linalg.norm(own["W"]), rtol=1e-12)
         np.testing.assert_allclose(told["det_R"][i], np.linalg.det(R[i]), rtol=1e-9)
-        assert told["drive_gain"][i] == B2[i, 0, 0]
+        radius = vehicle.wheel_radius if vehicle.kind == "tractor_trailer" else 1.0
+        assert told["drive_gain"][i] == B2[i, 0, 0] * radius
     np.testing.assert_array_equal(told["torque_command"], torque)
 
 
