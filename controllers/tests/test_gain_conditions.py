@@ -11,7 +11,7 @@ from formation_controllers import ControllerError, GainError
 from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.observer_pid import ObserverPidGains
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 PRINTED = NeuralAdaptivePidGains()
@@ -264,6 +264,7 @@ def test_no_order_of_alpha_and_beta_has_a_larger_radius():
 
 
 @pytest.mark.parametrize("name", ["c_1", "c_2", "c_3", "c_4", "c_5", "lambda_M"])
+@settings(max_examples=15)
 @given(bounds=positive_bounds, factor=st.floats(1.05, 2))
 def test_a_larger_bound_never_enlarges_the_region(name, bounds, factor):
     larger = replace(bounds, **{name: getattr(bounds, name) * factor})
@@ -273,6 +274,7 @@ def test_a_larger_bound_never_enlarges_the_region(name, bounds, factor):
         assert after < before
 
 
+@settings(max_examples=25)
 @given(bounds=positive_bounds, factor=st.floats(1.05, 3))
 def test_more_inertia_damping_or_observer_gain_never_shrinks_the_region(bounds, factor):
     radius = region_of_attraction(SATISFYING, bounds).radius

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import math
-import os
-import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import FunctionType
 
 import numba
 import numpy as np
@@ -21,9 +22,9 @@ from formation_controllers import (
     Leader,
     Team,
     TractorTrailer,
-    load,
     sight,
 )
+from formation_controllers import load as find
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
@@ -35,7 +36,9 @@ from formation_controllers.neural_high_gain import NeuralHighGain, NeuralHighGai
 from formation_controllers.observer_pid import ObserverPid, ObserverPidGains
 from formation_controllers.testing import check_controller
 
+PACKAGE = "formation_controllers"
 SECOND = 50  # ticks
+load = functools.cache(find)  # which searches every installed package
 NAMES = ["feedback-linearisation", "lqg", "neural-adaptive-pid", "neural-high-gain", "observer-pid"]
 ALL = pytest.mark.parametrize("name", NAMES)
 
@@ -108,8 +111,8 @@ def test_observer_pid_is_the_papers_law_without_adaptation(first_simulation):
     expected, _, told = still.run(10 * SECOND)
     found, _, plain_told = plain.run(10 * SECOND)
     np.testing.assert_array_equal(found, expected)
-    for name, value in plain_told.items():
-        np.testing.assert_array_equal(value, told[name])
+    for name in plain_told.dtype.names:
+        np.testing.assert_array_equal(plain_told[name], told[name])
     assert not told["weight_norm"].any()
 
 
@@ -438,32 +441,41 @@ def test_weights_stand_still_exactly_while_a_torque_is_beyond_its_limit(first_si
 
 # Plain Python ----------------------------------------------------------------------------------------------
 
-PLAIN_RUN = """
-import importlib.util, sys
-import numba
-spec = importlib.util.spec_from_file_location("conftest", sys.argv[1])
-conftest = importlib.util.module_from_spec(spec)
-sys.modules["conftest"] = conftest
-spec.loader.exec_module(conftest)
-assert numba.config.DISABLE_JIT == int(sys.argv[2])
-courses = conftest.FirstSimulation, conftest.SecondSimulation, conftest.ThirdSimulation
-print("\\n".join(conftest.bits(name, course) for name in sys.argv[3:] for course in courses))
-"""
+
+@contextmanager
+def second_package(disable_jit):
+    """Import package and simulations a second time, as plain Python or compiled, beside those that are there."""
+
+    def ours():
+        return {name: module for name, module in sys.modules.items() if name.split(".")[0] == PACKAGE}
+
+    first = ours()
+    spec = importlib.util.spec_from_file_location("second_conftest", Path(__file__).with_name("conftest.py"))
+    simulations = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numba.config, "DISABLE_JIT", disable_jit)
+        patch.setitem(sys.modules, spec.name, simulations)
+        for name in first:
+            del sys.modules[name]
+        try:
+            spec.loader.exec_module(simulations)
+            yield simulations
+        finally:
+            for name in ours():
+                del sys.modules[name]
+            sys.modules.update(first)
 
 
 def test_plain_python_gives_the_same_bits(first_simulation, second_simulation, third_simulation, bits_of_a_run):
-    """With NUMBA_DISABLE_JIT=1 the same formulas run uncompiled: not a bit differs after 2 s, in any law."""
+    """The same formulas uncompiled: not a bit differs after 2 s, in any law."""
     names = [name for name in NAMES if name != "lqg" or importlib.util.find_spec("control")]
-    other = str(1 - numba.config.DISABLE_JIT)  # what this process is not
-    found = subprocess.run(
-        [sys.executable, "-c", PLAIN_RUN, str(Path(__file__).with_name("conftest.py")), other, *names],
-        env=os.environ | {"NUMBA_DISABLE_JIT": other},
-        capture_output=True,
-        check=True,
-        text=True,
-    ).stdout.splitlines()
     courses = first_simulation, second_simulation, third_simulation
-    assert found == [bits_of_a_run(name, course) for name in names for course in courses]
+    compiled = [bits_of_a_run(name, course) for name in names for course in courses]
+    with second_package(1 - numba.config.DISABLE_JIT) as other:  # what this process is not
+        assert (type(other.euler) is FunctionType) == bool(numba.config.DISABLE_JIT)
+        courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation
+        found = [other.bits(name, course) for name in names for course in courses]
+    assert found == compiled
 
 
 # An older controller ---------------------------------------------------------------------------------------
