@@ -29,6 +29,7 @@ from formation_controllers import dynamics, kinematics
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
+from formation_controllers.geometry import posture_error_rates
 from formation_controllers.interface import Floats, Leader
 from formation_controllers.kinematics import TRACTOR_TRAILER, vehicle_record
 from formation_controllers.vehicles import Vehicle
@@ -181,10 +182,9 @@ def formation_model(
 
     # Geometry, (4), (7), (8)
     car = vehicle_record(vehicle)[0]
-    length = float(car["length"])
     e_1, e_2, e_3, _ = kinematics.posture_error(own, told)
-    rho, phi = kinematics.line_of_sight(e_1, e_2, length)
-    h, h_d = kinematics.steering_angle(own, car), kinematics.steering_angle(told, car)
+    rho, phi = kinematics.line_of_sight(e_1, e_2, car["length"])
+    h = kinematics.steering_angle(own, car)
     R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
     if not (np.isfinite(R).all() and abs(math.cos(phi - h)) >= COSINE_MIN):
@@ -194,11 +194,9 @@ def formation_model(
     velocity = R_inverse @ rates - b
     turning = car["kind"] == TRACTOR_TRAILER
 
-    # J, S of (6), (53): e_dot = J v + S v_d
-    t, t_d = np.tan(h) / length, np.tan(h_d) / length
-    J = np.array([[-1 + e_2 * t, 0], [-e_1 * t, 0], [-t, 0], [0, -1]])
-    S = np.array([[np.cos(e_3), 0], [np.sin(e_3), 0], [t_d, 0], [0, 1]])
-    h_d_dot = omega_d - v_d * t_d if turning else omega_d
+    # (6), (53)
+    J, S = posture_error_rates(own, told, vehicle)
+    h_d_dot = omega_d - v_d * S[2, 0] if turning else omega_d
 
     def b_rate(rho_: float, phi_: float, e_3_: float, h_: float, v_d_: float) -> Floats:
         """Rate of R^-1 delta where these five change at these rates."""
@@ -219,7 +217,7 @@ def formation_model(
     )
     b_v_d, b_h_d = b_rate(0, 0, 0, 0, 1), b_rate(0, 0, 0, 1, 0)
 
-    h_dot = velocity[1] - velocity[0] * t if turning else velocity[1]
+    h_dot = velocity[1] + velocity[0] * J[2, 0] if turning else velocity[1]
     R_dot = np.zeros((2, 2))
     R_dot[:, 0] = kinematics.rate_matrix_dot(rho, phi, h, rates[0], rates[1] + h_dot, h_dot, car)
 

@@ -65,6 +65,18 @@ def posture_error(pose: Floats, leader_pose: Floats) -> tuple[float, float, floa
 
 
 @compiled
+def posture_error_rates(
+    e_1: float, e_2: float, e_3: float, steering: float, leader_steering: float, length: float
+) -> tuple[float, float, float, float, float, float]:
+    """J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d): upper three of their first columns.
+
+    The fourth of these is zero; the second columns are (0, 0, 0, -1) and (0, 0, 0, 1).
+    """
+    t, t_d = math.tan(steering) / length, math.tan(leader_steering) / length
+    return -1.0 + e_2 * t, -e_1 * t, -t, math.cos(e_3), math.sin(e_3), t_d
+
+
+@compiled
 def line_of_sight(e_1: float, e_2: float, length: float) -> tuple[float, float]:
     """Range rho and polar angle phi of the leader, (7) and (54); the bearing is phi less the steering angle."""
     ahead = e_1 - length
