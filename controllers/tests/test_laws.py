@@ -196,7 +196,7 @@ def test_one_tick_of_the_comparator_is_58_and_59_in_matrix_form():
     controller = NeuralHighGain(Team(vehicle, n, h), g)
     controller.start(pose, leader, desired)
     state = {name: random.normal(size=value.shape) for name, value in controller.get_state().items()}
-    state["ticks"] = np.ones(n)
+    state["ticks"] = np.arange(n) % 3.0
     q = range_bearing(pose, leader.pose, vehicle)
     state["bearing"] = q[:, 1]
     controller.set_state(state)
@@ -208,7 +208,8 @@ def test_one_tick_of_the_comparator_is_58_and_59_in_matrix_form():
         R_inverse, z_1 = np.linalg.inv(R[i]), q[i] - desired.q[i]
         alpha = R_inverse @ (desired.q_dot[i] - np.multiply(g.K_1, z_1) - delta[i])
         v_hat = R_inverse @ (own["pi_2"] / g.epsilon - delta[i])
-        Z = np.concatenate([q[i], v_hat, alpha, (alpha - own["alpha_1"]) / h])
+        alpha_dot = (alpha - own["alpha_1"]) / h if own["ticks"] else np.zeros(2)  # at first there is no last one
+        Z = np.concatenate([q[i], v_hat, alpha, alpha_dot])
         S = np.exp(-((Z - np.arange(-4, 5)[:, None]) ** 2).sum(axis=1) / 100)
         force = -R[i].T @ z_1 - np.multiply(g.K_2, v_hat - alpha) + own["Theta"] @ S
         np.testing.assert_allclose(torque[i], np.linalg.solve(B2[i], force), rtol=1e-9, atol=1e-9)
@@ -360,6 +361,28 @@ def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, 
         assert np.abs(torque).max() < 1e3
         assert told(controller, "guarded") == 1
         assert told(controller, signal) == pytest.approx(expected(signal, vehicle, distance), rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize("vehicle", [CAR, TRACTOR, CarLike(0.4)], ids=["car", "tractor", "short"])
+@ALL
+def test_the_guard_of_the_range_is_a_share_of_the_length(name, vehicle):
+    """Just within it and just beyond."""
+    pytest.importorskip("control") if name == "lqg" else None
+    length = vehicle.hitch_length if vehicle is TRACTOR else vehicle.wheelbase
+    for share, guarded in ((0.49, 1), (0.51, 0)):
+        _, controller = first_torque(load(name), vehicle, ([-share * length, 0, 0, 0], [length, 0, 0, 0]), guard=0.5)
+        assert told(controller, "relative_range") == pytest.approx(share)
+        assert told(controller, "guarded") == guarded
+
+
+@ALL
+def test_both_cosines_are_told_of_the_measured_angles_where_the_guard_turns_the_steering(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    pose, leader_pose = [0, 0, 0.2, 1.4], [5, 3, 0, 0]
+    _, controller = first_torque(load(name), CAR, (pose, leader_pose), guard=0.5)
+    assert told(controller, "guarded") == 1
+    assert told(controller, "cos_steering") == pytest.approx(math.cos(1.4))
+    assert told(controller, "cos_bearing") == pytest.approx(math.cos(range_bearing(pose, leader_pose, CAR)[1]))
 
 
 @PLACES
