@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation_controllers import dynamics, kinematics
+from formation_controllers.arrays import RANGE_BEARING, checked, checked_leader
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
@@ -173,15 +174,16 @@ def formation_model(
     Raises
     ------
     ControllerError
-        If the range is zero or the bearing 90 degrees, where R is singular, or a shape does not fit.
+        If the range is zero or the bearing 90 degrees, where R is singular, a shape does not fit or a number is not
+        finite.
     """
-    own, told = _vector("pose", pose, 4), _vector("the leader's pose", leader.pose, 4)
-    rates, leader_velocity = _vector("q_dot", q_dot, 2), _vector("the leader's velocity", leader.velocity, 2)
+    car = vehicle_record(vehicle)[0]
+    own, rates = checked("pose", pose, (4,), vehicle.pose_components), checked("q_dot", q_dot, (2,), RANGE_BEARING)
+    told, leader_velocity, leader_acceleration = checked_leader(leader, vehicle.pose_components)
     v_d, omega_d = leader_velocity
-    v_d_dot = 0.0 if leader.acceleration is None else float(leader.acceleration[0])
+    v_d_dot = 0.0 if leader_acceleration is None else float(leader_acceleration[0])
 
     # Geometry, (4), (7), (8)
-    car = vehicle_record(vehicle)[0]
     e_1, e_2, e_3, _ = kinematics.posture_error(own, told)
     rho, phi = kinematics.line_of_sight(e_1, e_2, car["length"])
     h = kinematics.steering_angle(own, car)
@@ -246,10 +248,3 @@ def _matrix(name: str, value: OfPose | OfPoseAndVelocity, *arguments: Floats) ->
     if matrix.shape != (2, 2):
         raise ControllerError(f"{name} has shape {matrix.shape}: expected (2, 2)")
     return matrix
-
-
-def _vector(name: str, value: ArrayLike, size: int) -> Floats:
-    vector = np.array(value, dtype=float)
-    if vector.shape != (size,):
-        raise ControllerError(f"{name} has shape {vector.shape}: expected ({size},)")
-    return vector

@@ -24,6 +24,7 @@ a condition may be told to fail by a little that holds for the matrices themselv
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -59,7 +60,7 @@ class Bounds:
     Raises
     ------
     ControllerError
-        If one is negative or not finite, lambda_m is zero, or lambda_M is less than lambda_m.
+        If one is no number, negative or not finite, lambda_m is zero, or lambda_M is less than lambda_m.
     """
 
     c_1: float
@@ -73,8 +74,11 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if value is not None and not (math.isfinite(value) and value >= 0):
-                raise ControllerError(f"the bound {name} is {value}: it must be at least zero and finite")
+            if name == "lambda_M" and value is None:
+                continue
+            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (real and math.isfinite(value) and value >= 0):
+                raise ControllerError(f"the bound {name} is {value!r}: it must be a number, at least zero and finite")
         if self.lambda_m == 0:
             raise ControllerError("the bound lambda_m is 0: M is positive definite, Property 1")
         if self.lambda_M is not None and self.lambda_M < self.lambda_m:
@@ -176,10 +180,12 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
     Raises
     ------
     GainError
-        If Lambda_0 or Lambda_1 differs between range and bearing: (39), (40) are for (alpha + beta) I and alpha beta I.
+        If the gains are another law's, or Lambda_0 or Lambda_1 differs between range and bearing: (39), (40) are for
+        (alpha + beta) I and alpha beta I.
     ControllerError
-        If desired bearings are given but there is none, or one is not a finite number.
+        If the bounds are no `Bounds`, or desired bearings are given but there is none, or one is not a finite number.
     """
+    _require(gains, ObserverPidGains, bounds)
     largest = None if desired_bearing is None else _largest(desired_bearing)
     if len(set(gains.Lambda_0)) > 1 or len(set(gains.Lambda_1)) > 1:  # type: ignore[arg-type]
         raise GainError("gains 'Lambda_0' and 'Lambda_1' must be the same for range and bearing: alpha and beta are")
@@ -210,9 +216,12 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
 
     Raises
     ------
+    GainError
+        If the gains are another law's.
     ControllerError
-        If l is not in (0, 1) or the margin is not positive.
+        If the bounds are no `Bounds`, l is not in (0, 1) or the margin is not positive.
     """
+    _require(gains, ObserverPidGains, bounds)
     if not 0 < l < 1:
         raise ControllerError(f"the constant l is {l}: with l outside (0, 1) no K_p satisfies (41) for all bounds")
     if not (math.isfinite(margin) and margin > 0):
@@ -310,11 +319,13 @@ def region_of_attraction(
     Raises
     ------
     GainError
-        If Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or gamma_theta is zero.
+        If the gains are another law's, Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or
+        gamma_theta is zero.
     ControllerError
-        If lambda_M is not known, c_3 is less than it can be, l is not positive and finite, or the theorem promises
-        nothing: one of (39) to (42) fails, or kappa_m does not exceed kappa_7.
+        If the bounds are no `Bounds`, lambda_M is not known, c_3 is less than it can be, l is not positive and finite,
+        or the theorem promises nothing: one of (39) to (42) fails, or kappa_m does not exceed kappa_7.
     """
+    _require(gains, NeuralAdaptivePidGains, bounds)
     if bounds.lambda_M is None:
         raise ControllerError("the bound lambda_M is not given: the region of attraction depends on it, (44)")
     for name in ("gamma_w", "gamma_theta"):
@@ -358,6 +369,14 @@ def region_of_attraction(
     room = kappa_m - kappa_7(best)
     radius = math.sqrt(lambda_x * room / (kappa_8 * lambda_vartheta)) if kappa_8 else math.inf
     return RegionOfAttraction(radius, alpha, beta, best, kappa_m, kappa_7(best), kappa_8, lambda_x, lambda_vartheta)
+
+
+def _require(gains: object, gains_type: type[ObserverPidGains], bounds: object) -> None:
+    """Refuse what are no gains of this type or no bounds."""
+    if not isinstance(gains, gains_type):
+        raise GainError(f"the gains are {type(gains).__name__}: the theorem is about {gains_type.__name__}")
+    if not isinstance(bounds, Bounds):
+        raise ControllerError(f"the bounds are {bounds!r}: expected Bounds")
 
 
 def _largest(bearings: ArrayLike) -> float:

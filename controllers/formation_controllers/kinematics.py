@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation_controllers.compiled import compiled
+from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.vehicles import DRIVES, TractorTrailer, Vehicle
+from formation_controllers.vehicles import DRIVES, CarLike, TractorTrailer, Vehicle
 
 VEHICLE: Final = np.dtype(
     [("kind", np.int64), ("drive", np.int64), ("length", float), ("wheel_radius", float), ("half_track", float)]
@@ -40,11 +41,13 @@ FRONT_WHEEL: Final = DRIVES.index("front_wheel")
 
 
 def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
-    """Return a vehicle as a `VEHICLE` array of length 1."""
+    """Return a vehicle as a `VEHICLE` array of length 1; what is none is refused."""
     if isinstance(vehicle, TractorTrailer):
         record = (TRACTOR_TRAILER, 0, vehicle.hitch_length, vehicle.wheel_radius, vehicle.half_track)
-    else:
+    elif isinstance(vehicle, CarLike):
         record = (CAR_LIKE, DRIVES.index(vehicle.drive), vehicle.wheelbase, 0.0, 0.0)
+    else:
+        raise ControllerError(f"the vehicle is {vehicle!r}: expected a CarLike or a TractorTrailer")
     return np.array([record], dtype=VEHICLE)
 
 

@@ -10,6 +10,7 @@ import pytest
 from formation_controllers import ControllerError, GainError
 from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
+from formation_controllers.neural_high_gain import NeuralHighGainGains
 from formation_controllers.observer_pid import ObserverPidGains
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
@@ -189,6 +190,24 @@ def test_what_the_theorem_does_not_cover_is_refused():
         propose_gains(PRINTED, BOUNDS, l=1)
     with pytest.raises(ControllerError, match="the margin is 0"):
         propose_gains(PRINTED, BOUNDS, margin=0)
+
+
+@pytest.mark.parametrize("name", ["c_1", "lambda_m", "lambda_d"])
+@pytest.mark.parametrize("value", [None, "a", True, 1j, [1.0], math.nan, math.inf, -1])
+def test_a_bound_that_is_no_number_of_at_least_zero_is_refused(name, value):
+    with pytest.raises(ControllerError, match=rf"the bound {name} is .*: it must be a number, at least zero"):
+        replace(BOUNDS, **{name: value})
+
+
+def test_gains_of_another_law_and_bounds_that_are_none_are_refused():
+    other = "the gains are NeuralHighGainGains: the theorem is about"
+    for function in (check_gains, propose_gains, region_of_attraction):
+        with pytest.raises(GainError, match=other):
+            function(NeuralHighGainGains(), SMALL)
+        with pytest.raises(ControllerError, match="the bounds are None: expected Bounds"):
+            function(PRINTED, None)
+    with pytest.raises(GainError, match="the gains are ObserverPidGains: the theorem is about NeuralAdaptivePidGains"):
+        region_of_attraction(ObserverPidGains(), SMALL)
 
 
 # Region of attraction ----------------------------------------------------------------------------------------

@@ -230,6 +230,12 @@ def test_shapes_that_do_not_fit_are_refused():
         formation_rates(np.zeros((2, 4)), np.zeros(4), np.zeros(3), CAR)
 
 
+@pytest.mark.parametrize("vehicle", [None, CarLike, "car_like"])
+def test_a_vehicle_that_is_none_is_refused(vehicle):
+    with pytest.raises(ControllerError, match=r"the vehicle is .*: expected a CarLike or a TractorTrailer"):
+        range_bearing(np.zeros(4), np.zeros(4), vehicle)
+
+
 @pytest.mark.parametrize("wheelbase", [0.0, -1.0, math.nan, math.inf])
 def test_a_wheelbase_that_is_no_length_is_refused(wheelbase):
     with pytest.raises(ControllerError, match="wheelbase"):
