@@ -86,6 +86,7 @@ class Simulation:
                 for tick in robot.changes:
                     self._changes.setdefault(tick, []).append(row)
             self._teams = self._gather_teams()
+            self._followers = (self._measured[1:], self._state[1:, 4:])
             self._desired = [
                 [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
             ]
@@ -150,11 +151,11 @@ class Simulation:
         told = np.empty(6)
         told[:4] = self._measured[0]
         told[4:] = self._state[0, 4:]
-        pose, velocity = self._measured[1:], self._state[1:, 4:]
+        pose, velocity = self._followers
         for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
             desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
             first = self.tick == 0
-            self._command[team.rows] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
+            self._command[team.place] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
 
     def _actuate(self) -> None:
         command = self._command

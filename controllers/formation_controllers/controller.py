@@ -6,19 +6,28 @@ import copy
 import io
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from formation_controllers.arrays import (
+    VELOCITY,
+    all_finite,
+    checked,
+    checked_desired,
+    checked_leader,
+    converted,
+    finite,
+    fits,
+)
 from formation_controllers.errors import ControllerError, GainError
-from formation_controllers.finite import all_finite, finite
 from formation_controllers.gains import Gains
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
 
 G = TypeVar("G", bound=Gains)
 
-_FLOAT = np.dtype(np.float64)
+_UNTOLD = np.zeros(2)
 
 
 class Controller(ABC, Generic[G]):
@@ -58,7 +67,7 @@ class Controller(ABC, Generic[G]):
     Raises
     ------
     ControllerError
-        If the controller does not serve this kind of vehicle.
+        If the team is none, or the controller does not serve this kind of vehicle.
     GainError
         If the gains are another law's, or not as many as there are followers.
     """
@@ -75,8 +84,10 @@ class Controller(ABC, Generic[G]):
     """What must be measured besides poses, of `MEASUREMENTS`: ``("velocity",)`` or nothing."""
 
     def __init__(self, team: Team, gains: G | Sequence[G] | None = None) -> None:
-        gains = self.gains_type() if gains is None else gains
         name = type(self).__name__
+        if not isinstance(team, Team):
+            raise ControllerError(f"the team of this {name} is {team!r}: expected a Team")
+        gains = self.gains_type() if gains is None else gains
         if team.vehicle.kind not in self.vehicles:
             raise ControllerError(f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}")
         self.robot_gains = tuple(gains) if isinstance(gains, Sequence) else (gains,) * team.size
@@ -86,7 +97,9 @@ class Controller(ABC, Generic[G]):
             if not isinstance(own, self.gains_type):
                 raise GainError(f"{name} takes gains of {self.gains_type.__name__}, not of {type(own).__name__}")
         self.team = team
-        self._velocity = np.full((team.size, 2), np.nan)
+        pairs = (team.size, 2)
+        self._shapes = ((team.size, 4), (4,), (2,), (2,), pairs, pairs, pairs)  # of what comes in at a tick
+        self._velocity = np.full(pairs, np.nan)
         states = [(state, float, shape) for state, shape in self.state_shapes().items()]
         signals = [(s.name, float, (len(s.components),) if s.components else ()) for s in self.signals]
         self._state = np.zeros(team.size, dtype=np.dtype(states))
@@ -180,7 +193,8 @@ class Controller(ABC, Generic[G]):
         if "velocity" in self.needs:
             self._velocity = self._checked_velocity(velocity)
         torque = self.on_step(*inputs)
-        torque = _array(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
+        if not fits(torque, (self.team.size, 2)):
+            torque = converted(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
         if not finite(torque):
             robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
             told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
@@ -234,7 +248,7 @@ class Controller(ABC, Generic[G]):
             raise ControllerError(f"the state is a {type(state).__name__}: expected a mapping from names to arrays")
         if set(state) != set(self._names()):
             raise ControllerError(f"the states are {sorted(map(str, state))}: expected {sorted(self._names())}")
-        arrays = {name: _array(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()}
+        arrays = {name: converted(f"state {name!r}", state[name], self._state[name].shape) for name in self._names()}
         for name, array in arrays.items():
             rows = np.isfinite(array).reshape(self.team.size, -1).all(axis=1)
             if not rows.all():
@@ -284,61 +298,21 @@ class Controller(ABC, Generic[G]):
 
     def _checked(self, pose: ArrayLike, leader: Leader, desired: Desired) -> tuple[Floats, Leader, Desired]:
         """Return the inputs as arrays of the right shape with finite numbers, or refuse them by name."""
-        n = self.team.size
-        poses = _array("pose", pose, (n, 4))
-        told = Leader(
-            _array("the leader's pose", leader.pose, (4,)),
-            _array("the leader's velocity", leader.velocity, (2,)),
-            None if leader.acceleration is None else _array("the leader's acceleration", leader.acceleration, (2,)),
+        if type(leader) is Leader and type(desired) is Desired:
+            acceleration = _UNTOLD if leader.acceleration is None else leader.acceleration
+            given: tuple[Any, ...] = (pose, leader.pose, leader.velocity, acceleration, *desired)
+            if all(map(fits, given, self._shapes)) and all_finite(*given):  # as at almost every tick
+                return pose, leader, desired  # type: ignore[return-value]
+        components = self.team.vehicle.pose_components
+        return (
+            checked("pose", pose, (self.team.size, 4), components),
+            checked_leader(leader, components),
+            checked_desired(desired, self.team.size),
         )
-        wanted = Desired(
-            _array("the desired q", desired.q, (n, 2)),
-            _array("the desired q_dot", desired.q_dot, (n, 2)),
-            _array("the desired q_ddot", desired.q_ddot, (n, 2)),
-        )
-        if not all_finite(poses, told.pose, told.velocity, *wanted):
-            components = self.team.vehicle.pose_components
-            _refuse_non_finite("pose", poses, components)
-            _refuse_non_finite("the leader's pose", told.pose, components)
-            _refuse_non_finite("the leader's velocity", told.velocity, ("v", "omega"))
-            for name, array in zip(("q", "q_dot", "q_ddot"), wanted, strict=True):
-                _refuse_non_finite(f"desired {name}", array, ("range", "bearing"))
-        if told.acceleration is not None and not finite(told.acceleration):
-            _refuse_non_finite("the leader's acceleration", told.acceleration, ("v", "omega"))
-        return poses, told, wanted
 
     def _checked_velocity(self, velocity: ArrayLike | None) -> Floats:
         if velocity is None:
             raise ControllerError(
                 f"{type(self).__name__} needs the measured velocities of the followers: pass velocity"
             )
-        measured = _array("velocity", velocity, (self.team.size, 2))
-        if not finite(measured):
-            _refuse_non_finite("velocity", measured, ("v", "omega"))
-        return measured
-
-
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return a value as an array of floats of this shape, laid out as compiled code expects it."""
-    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape and value.flags.carray:
-        return value  # as it is at almost every tick
-    try:
-        if not (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
-            value = np.asarray(value)
-            if value.dtype.kind not in "biufO":  # a complex number, a text, a date
-                raise TypeError
-        array = np.asarray(value, dtype=float, order="C")
-    except (TypeError, ValueError, OverflowError):
-        raise ControllerError(f"{name} is not an array of numbers") from None
-    if array.shape != shape:
-        raise ControllerError(f"{name} has shape {array.shape}: expected {shape}")
-    return array if array.flags.writeable else array.copy()
-
-
-def _refuse_non_finite(what: str, value: ArrayLike, components: tuple[str, ...]) -> None:
-    """Raise an error that names robot and component of the first number that is not finite, if any."""
-    array = np.asarray(value)
-    for index in np.argwhere(~np.isfinite(array)):
-        robot = int(index[0]) if array.ndim == 2 else None
-        message = f"{what} component {components[index[-1]]} is {array[tuple(index)]}: expected a finite number"
-        raise ControllerError(message, robot=robot)
+        return checked("velocity", velocity, (self.team.size, 2), VELOCITY)

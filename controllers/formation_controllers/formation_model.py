@@ -26,9 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation_controllers import dynamics, kinematics
+from formation_controllers.arrays import RANGE_BEARING, checked, checked_leader
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
+from formation_controllers.geometry import posture_error_rates
 from formation_controllers.interface import Floats, Leader
 from formation_controllers.kinematics import TRACTOR_TRAILER, vehicle_record
 from formation_controllers.vehicles import Vehicle
@@ -172,19 +174,19 @@ def formation_model(
     Raises
     ------
     ControllerError
-        If the range is zero or the bearing 90 degrees, where R is singular, or a shape does not fit.
+        If the range is zero or the bearing 90 degrees, where R is singular, a shape does not fit or a number is not
+        finite.
     """
-    own, told = _vector("pose", pose, 4), _vector("the leader's pose", leader.pose, 4)
-    rates, leader_velocity = _vector("q_dot", q_dot, 2), _vector("the leader's velocity", leader.velocity, 2)
+    car = vehicle_record(vehicle)[0]
+    own, rates = checked("pose", pose, (4,), vehicle.pose_components), checked("q_dot", q_dot, (2,), RANGE_BEARING)
+    told, leader_velocity, leader_acceleration = checked_leader(leader, vehicle.pose_components)
     v_d, omega_d = leader_velocity
-    v_d_dot = 0.0 if leader.acceleration is None else float(leader.acceleration[0])
+    v_d_dot = 0.0 if leader_acceleration is None else float(leader_acceleration[0])
 
     # Geometry, (4), (7), (8)
-    car = vehicle_record(vehicle)[0]
-    length = float(car["length"])
     e_1, e_2, e_3, _ = kinematics.posture_error(own, told)
-    rho, phi = kinematics.line_of_sight(e_1, e_2, length)
-    h, h_d = kinematics.steering_angle(own, car), kinematics.steering_angle(told, car)
+    rho, phi = kinematics.line_of_sight(e_1, e_2, car["length"])
+    h = kinematics.steering_angle(own, car)
     R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
     if not (np.isfinite(R).all() and abs(math.cos(phi - h)) >= COSINE_MIN):
@@ -194,11 +196,9 @@ def formation_model(
     velocity = R_inverse @ rates - b
     turning = car["kind"] == TRACTOR_TRAILER
 
-    # J, S of (6), (53): e_dot = J v + S v_d
-    t, t_d = np.tan(h) / length, np.tan(h_d) / length
-    J = np.array([[-1 + e_2 * t, 0], [-e_1 * t, 0], [-t, 0], [0, -1]])
-    S = np.array([[np.cos(e_3), 0], [np.sin(e_3), 0], [t_d, 0], [0, 1]])
-    h_d_dot = omega_d - v_d * t_d if turning else omega_d
+    # (6), (53)
+    J, S = posture_error_rates(own, told, vehicle)
+    h_d_dot = omega_d - v_d * S[2, 0] if turning else omega_d
 
     def b_rate(rho_: float, phi_: float, e_3_: float, h_: float, v_d_: float) -> Floats:
         """Rate of R^-1 delta where these five change at these rates."""
@@ -219,7 +219,7 @@ def formation_model(
     )
     b_v_d, b_h_d = b_rate(0, 0, 0, 0, 1), b_rate(0, 0, 0, 1, 0)
 
-    h_dot = velocity[1] - velocity[0] * t if turning else velocity[1]
+    h_dot = velocity[1] + velocity[0] * J[2, 0] if turning else velocity[1]
     R_dot = np.zeros((2, 2))
     R_dot[:, 0] = kinematics.rate_matrix_dot(rho, phi, h, rates[0], rates[1] + h_dot, h_dot, car)
 
@@ -248,10 +248,3 @@ def _matrix(name: str, value: OfPose | OfPoseAndVelocity, *arguments: Floats) ->
     if matrix.shape != (2, 2):
         raise ControllerError(f"{name} has shape {matrix.shape}: expected (2, 2)")
     return matrix
-
-
-def _vector(name: str, value: ArrayLike, size: int) -> Floats:
-    vector = np.array(value, dtype=float)
-    if vector.shape != (size,):
-        raise ControllerError(f"{name} has shape {vector.shape}: expected ({size},)")
-    return vector

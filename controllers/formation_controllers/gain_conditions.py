@@ -10,6 +10,9 @@ So there is an l for both if and only if beta > kappa^2 and
 
     alpha > kappa^2 (1 + beta)/(2 (1 + sqrt(1 - kappa^2/beta))).
 
+Which of the two roots is alpha is open. Neither order is always the better one: that with more room for l in (39) and
+(40) may be the one that needs an l which (41) and (42) do not allow. Both are tried.
+
 For kappa = 1 this needs Lambda_1 = alpha beta > 0.8817, whatever Lambda_0 = alpha + beta is: the least of
 beta (1 + beta)/(2 (1 + sqrt(1 - 1/beta))) over beta > 1, at beta = 1.066. The printed Lambda_1 = 0.05 will not do.
 
@@ -21,8 +24,10 @@ a condition may be told to fail by a little that holds for the matrices themselv
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -55,7 +60,7 @@ class Bounds:
     Raises
     ------
     ControllerError
-        If one is negative or not finite, lambda_m is zero, or lambda_M is less than lambda_m.
+        If one is no number, negative or not finite, lambda_m is zero, or lambda_M is less than lambda_m.
     """
 
     c_1: float
@@ -69,8 +74,11 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if value is not None and not (math.isfinite(value) and value >= 0):
-                raise ControllerError(f"the bound {name} is {value}: it must be at least zero and finite")
+            if name == "lambda_M" and value is None:
+                continue
+            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (real and math.isfinite(value) and value >= 0):
+                raise ControllerError(f"the bound {name} is {value!r}: it must be a number, at least zero and finite")
         if self.lambda_m == 0:
             raise ControllerError("the bound lambda_m is 0: M is positive definite, Property 1")
         if self.lambda_M is not None and self.lambda_M < self.lambda_m:
@@ -117,7 +125,7 @@ class GainReport:
     Attributes
     ----------
     alpha, beta : float
-        Roots of s^2 - Lambda_0 s + Lambda_1; NaN if there are none.
+        Roots of s^2 - Lambda_0 s + Lambda_1, in the order with the larger smallest margin; NaN if there are none.
     l : float
         The free constant at which the conditions are told: that with the largest smallest margin.
     conditions : tuple of Condition
@@ -172,25 +180,21 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
     Raises
     ------
     GainError
-        If Lambda_0 or Lambda_1 differs between range and bearing: (39), (40) are for (alpha + beta) I and alpha beta I.
+        If the gains are another law's, or Lambda_0 or Lambda_1 differs between range and bearing: (39), (40) are for
+        (alpha + beta) I and alpha beta I.
     ControllerError
-        If desired bearings are given but there is none, or one is not a finite number.
+        If the bounds are no `Bounds`, or desired bearings are given but there is none, or one is not a finite number.
     """
+    _require(gains, ObserverPidGains, bounds)
     largest = None if desired_bearing is None else _largest(desired_bearing)
-    sums, products = np.asarray(gains.Lambda_0), np.asarray(gains.Lambda_1)
-    if sums[0] != sums[1] or products[0] != products[1]:
+    if len(set(gains.Lambda_0)) > 1 or len(set(gains.Lambda_1)) > 1:  # type: ignore[arg-type]
         raise GainError("gains 'Lambda_0' and 'Lambda_1' must be the same for range and bearing: alpha and beta are")
-    alpha, beta = _alpha_beta(sums[0], products[0], gains)
-    margins = _sides(alpha, beta, gains, bounds)
-    if math.isnan(alpha):
-        best = 1.0
-    else:
-        best = _argmax(lambda l: min(left - right for left, right in (side(l) for side in margins.values())))  # noqa: E741
-    intervals = _intervals(alpha, beta, gains, bounds)
-    conditions = [Condition(name, *side(best), *intervals[name]) for name, side in margins.items()]
-    if largest is not None:
-        conditions.append(Condition("Remark 2", math.pi / 2, largest, 0.0, math.inf if largest < math.pi / 2 else 0.0))
-    return GainReport(alpha, beta, best, tuple(conditions), float(sums[0] * sums[0] - 4 * products[0]))
+    reports = [_report(alpha, beta, gains, bounds) for alpha, beta in _orders(gains)]
+    report = max(reports, key=lambda report: min(condition.margin for condition in report.conditions))
+    if largest is None:
+        return report
+    remark = Condition("Remark 2", math.pi / 2, largest, 0.0, math.inf if largest < math.pi / 2 else 0.0)
+    return replace(report, conditions=(*report.conditions, remark))
 
 
 def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0.1) -> G:  # noqa: E741
@@ -212,9 +216,12 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
 
     Raises
     ------
+    GainError
+        If the gains are another law's.
     ControllerError
-        If l is not in (0, 1) or the margin is not positive.
+        If the bounds are no `Bounds`, l is not in (0, 1) or the margin is not positive.
     """
+    _require(gains, ObserverPidGains, bounds)
     if not 0 < l < 1:
         raise ControllerError(f"the constant l is {l}: with l outside (0, 1) no K_p satisfies (41) for all bounds")
     if not (math.isfinite(margin) and margin > 0):
@@ -236,6 +243,8 @@ class RegionOfAttraction:
     radius : float
         Initial errors of a smaller norm are in the region, see `region_of_attraction` for the norm; infinite if
         c_2 = c_5 = 0.
+    alpha, beta : float
+        Roots of s^2 - Lambda_0 s + Lambda_1, in the order with the larger radius.
     l : float
         The free constant at which it is told.
     kappa_m, kappa_7, kappa_8 : float
@@ -245,6 +254,8 @@ class RegionOfAttraction:
     """
 
     radius: float
+    alpha: float
+    beta: float
     l: float  # noqa: E741 (the paper's letter)
     kappa_m: float
     kappa_7: float
@@ -308,11 +319,13 @@ def region_of_attraction(
     Raises
     ------
     GainError
-        If Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or gamma_theta is zero.
+        If the gains are another law's, Lambda_0 or Lambda_1 differs between range and bearing, or gamma_w or
+        gamma_theta is zero.
     ControllerError
-        If lambda_M is not known, c_3 is less than it can be, l is not positive and finite, or the theorem promises
-        nothing: one of (39) to (42) fails, or kappa_m does not exceed kappa_7.
+        If the bounds are no `Bounds`, lambda_M is not known, c_3 is less than it can be, l is not positive and finite,
+        or the theorem promises nothing: one of (39) to (42) fails, or kappa_m does not exceed kappa_7.
     """
+    _require(gains, NeuralAdaptivePidGains, bounds)
     if bounds.lambda_M is None:
         raise ControllerError("the bound lambda_M is not given: the region of attraction depends on it, (44)")
     for name in ("gamma_w", "gamma_theta"):
@@ -326,19 +339,25 @@ def region_of_attraction(
     least = 2 * math.hypot(1, report.alpha, report.beta)
     if bounds.c_3 < least * (1 - 1e-9):
         raise ControllerError(f"the bound c_3 is {bounds.c_3:g}: with these gains (27) needs at least {least:.6g}")
-    sides = _sides(report.alpha, report.beta, gains, bounds)
-
-    def kappa_m(l: float) -> float:  # noqa: E741
-        return min(left - right for left, right in (side(l) for side in sides.values()))
 
     def kappa_7(l: float) -> float:  # noqa: E741
         return 0.5 * ((bounds.c_1 + bounds.c_4) / l + 3 * bounds.c_3)
 
-    # The squared radius is this times a constant; it is concave in l, as every l kappa is
-    best = _argmax(lambda l: l * (kappa_m(l) - kappa_7(l))) if l is None else l  # noqa: E741
-    if not kappa_m(best) > kappa_7(best):
-        at, where = (report.l, "where all come nearest") if l is None else (l, "as given")
-        failing = ", ".join(name for name, side in sides.items() if not side(at)[0] > side(at)[1])
+    def squared(sides: Sides, l: float) -> float:  # noqa: E741
+        """Return the squared radius but for a constant factor; it is concave in l, as every l kappa is."""
+        return l * (_least_margin(sides, l) - kappa_7(l))
+
+    orders = []
+    for pair in _orders(gains):
+        sides = _sides(*pair, gains, bounds)
+        orders.append((pair, sides, _argmax(partial(squared, sides)) if l is None else l))
+    (alpha, beta), sides, best = max(orders, key=lambda order: squared(order[1], order[2]))
+    kappa_m = _least_margin(sides, best)
+    if not kappa_m > kappa_7(best):
+        at, where, tried = best, "as given", sides
+        if l is None:
+            at, where, tried = report.l, "where all come nearest", _sides(report.alpha, report.beta, gains, bounds)
+        failing = ", ".join(name for name, side in tried.items() if not side(at)[0] > side(at)[1])
         if failing:
             raise ControllerError(f"Theorem 1 promises nothing: not satisfied with l = {at:.4g}, {where}: {failing}")
         exceeds = "exceeds kappa_7, (52), for no l" if l is None else f"does not exceed kappa_7, (52), with l = {l:g}"
@@ -347,9 +366,17 @@ def region_of_attraction(
     lambda_x = 0.5 * min(low, bounds.lambda_m)
     lambda_vartheta = 0.5 * max(high, bounds.lambda_M, 1 / gains.gamma_w, 1 / gains.gamma_theta)
     kappa_8 = 0.5 * (bounds.c_2 + bounds.c_5) / best
-    room = kappa_m(best) - kappa_7(best)
+    room = kappa_m - kappa_7(best)
     radius = math.sqrt(lambda_x * room / (kappa_8 * lambda_vartheta)) if kappa_8 else math.inf
-    return RegionOfAttraction(radius, best, kappa_m(best), kappa_7(best), kappa_8, lambda_x, lambda_vartheta)
+    return RegionOfAttraction(radius, alpha, beta, best, kappa_m, kappa_7(best), kappa_8, lambda_x, lambda_vartheta)
+
+
+def _require(gains: object, gains_type: type[ObserverPidGains], bounds: object) -> None:
+    """Refuse what are no gains of this type or no bounds."""
+    if not isinstance(gains, gains_type):
+        raise GainError(f"the gains are {type(gains).__name__}: the theorem is about {gains_type.__name__}")
+    if not isinstance(bounds, Bounds):
+        raise ControllerError(f"the bounds are {bounds!r}: expected Bounds")
 
 
 def _largest(bearings: ArrayLike) -> float:
@@ -363,26 +390,35 @@ def _largest(bearings: ArrayLike) -> float:
     return float(magnitudes.max())
 
 
-def _alpha_beta(total: float, product: float, gains: ObserverPidGains) -> tuple[float, float]:
-    """Return the roots, in the order that comes nearest to (39), (40); NaN if they are not real."""
+def _orders(gains: ObserverPidGains) -> list[tuple[float, float]]:
+    """Return both orders of the roots alpha and beta; one pair of NaN if they are not real."""
+    total, product = gains.Lambda_0[0], gains.Lambda_1[0]  # type: ignore[index]
     discriminant = total * total - 4 * product
     if discriminant < 0:
-        return math.nan, math.nan
+        return [(math.nan, math.nan)]
     larger = (total + math.sqrt(discriminant)) / 2
     smaller = product / larger
-
-    def room(pair: tuple[float, float]) -> float:
-        intervals = _intervals(*pair, gains, None)
-        (low, _), (near, far) = intervals["(39)"], intervals["(40)"]
-        return far - max(low, near)
-
-    return max((smaller, larger), (larger, smaller), key=room)
+    return [(smaller, larger), (larger, smaller)]
 
 
-Side = Callable[[float], tuple[float, float]]
+def _report(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -> GainReport:
+    """Return the report on (39) to (42) for one order of alpha and beta."""
+    sides, intervals = _sides(alpha, beta, gains, bounds), _intervals(alpha, beta, gains, bounds)
+    best = 1.0 if math.isnan(alpha) else _argmax(partial(_least_margin, sides))
+    conditions = tuple(Condition(name, *side(best), *intervals[name]) for name, side in sides.items())
+    total, product = gains.Lambda_0[0], gains.Lambda_1[0]  # type: ignore[index]
+    return GainReport(alpha, beta, best, conditions, total * total - 4 * product)
 
 
-def _sides(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -> dict[str, Side]:
+Sides = dict[str, Callable[[float], tuple[float, float]]]
+
+
+def _least_margin(sides: Sides, l: float) -> float:  # noqa: E741
+    """Return the smallest difference of left and right side at a constant l."""
+    return min(left - right for left, right in (side(l) for side in sides.values()))
+
+
+def _sides(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -> Sides:
     """Return, for each condition, its left and right side as a function of l; every difference is concave in l."""
     low, high = min(gains.K_p), max(gains.K_p)  # type: ignore[arg-type]
     return {
@@ -393,23 +429,19 @@ def _sides(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -
     }
 
 
-def _intervals(
-    alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds | None
-) -> dict[str, tuple[float, float]]:
+def _intervals(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -> dict[str, tuple[float, float]]:
     """Return, for each condition, the open interval of l in which it holds; see the module's text."""
     low, high = min(gains.K_p), max(gains.K_p)  # type: ignore[arg-type]
     kappa = high / low
     never = (1 / kappa, 1 / kappa)
     root = math.sqrt(1 - kappa**2 / beta) if beta > kappa**2 else math.nan
-    found = {
+    ceiling = (gains.k_d * bounds.lambda_m - high) / (high + 0.5 * (bounds.c_4 + bounds.c_5))
+    return {
         "(39)": (kappa * (1 + beta) / (2 * alpha), math.inf) if alpha > 0 else (math.inf, math.inf),
         "(40)": never if math.isnan(root) else ((1 - root) / kappa, (1 + root) / kappa),
+        "(41)": (0.0, (low + bounds.lambda_d) / (high + 0.5 * (bounds.c_1 + bounds.c_2))),
+        "(42)": (0.0, max(0.0, ceiling)),
     }
-    if bounds is not None:
-        found["(41)"] = (0.0, (low + bounds.lambda_d) / (high + 0.5 * (bounds.c_1 + bounds.c_2)))
-        ceiling = (gains.k_d * bounds.lambda_m - high) / (high + 0.5 * (bounds.c_4 + bounds.c_5))
-        found["(42)"] = (0.0, max(0.0, ceiling))
-    return found
 
 
 def _argmax(function: Callable[[float], float]) -> float:

@@ -40,6 +40,33 @@ def posture_error(pose: ArrayLike, leader_pose: ArrayLike) -> Floats:
     return e.reshape(*shape, 4)
 
 
+def posture_error_rates(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> tuple[Floats, Floats]:
+    """J and S of (6) and (53): e_dot = J (v, omega) + S (v_d, omega_d), which is (5).
+
+    Parameters
+    ----------
+    pose, leader_pose
+        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+    vehicle
+        The vehicle of followers and leader.
+
+    Returns
+    -------
+    J, S : ndarray
+        Shape (..., 4, 2).
+
+    Raises
+    ------
+    ControllerError
+        If the shapes do not fit.
+    """
+    poses, leaders, shape = _pairs(pose, leader_pose)
+    j, s = np.zeros((2, len(poses), 4, 2))
+    j[:, 3, 1], s[:, 3, 1] = -1.0, 1.0
+    _posture_error_rates(poses, leaders, vehicle_record(vehicle), j, s)
+    return j.reshape(*shape, 4, 2), s.reshape(*shape, 4, 2)
+
+
 def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> Floats:
     """Virtual range [m] and bearing [rad] of followers with respect to the leader, q of (7) and (54).
 
@@ -208,6 +235,16 @@ def _pairs(pose: ArrayLike, leader_pose: ArrayLike) -> tuple[Floats, Floats, tup
 def _posture_error(pose: Floats, leader_pose: Floats, e: Floats) -> None:
     for i in range(len(pose)):
         e[i, 0], e[i, 1], e[i, 2], e[i, 3] = kinematics.posture_error(pose[i], leader_pose[i])
+
+
+@compiled
+def _posture_error_rates(pose: Floats, leader_pose: Floats, vehicle: NDArray[np.void], j: Floats, s: Floats) -> None:
+    for i in range(len(pose)):
+        e_1, e_2, e_3, _ = kinematics.posture_error(pose[i], leader_pose[i])
+        h, h_d = kinematics.steering_angle(pose[i], vehicle[0]), kinematics.steering_angle(leader_pose[i], vehicle[0])
+        j[i, 0, 0], j[i, 1, 0], j[i, 2, 0], s[i, 0, 0], s[i, 1, 0], s[i, 2, 0] = kinematics.posture_error_rates(
+            e_1, e_2, e_3, h, h_d, vehicle[0]["length"]
+        )
 
 
 @compiled

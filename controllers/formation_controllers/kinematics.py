@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation_controllers.compiled import compiled
+from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.vehicles import DRIVES, TractorTrailer, Vehicle
+from formation_controllers.vehicles import DRIVES, CarLike, TractorTrailer, Vehicle
 
 VEHICLE: Final = np.dtype(
     [("kind", np.int64), ("drive", np.int64), ("length", float), ("wheel_radius", float), ("half_track", float)]
@@ -40,11 +41,13 @@ FRONT_WHEEL: Final = DRIVES.index("front_wheel")
 
 
 def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
-    """Return a vehicle as a `VEHICLE` array of length 1."""
+    """Return a vehicle as a `VEHICLE` array of length 1; what is none is refused."""
     if isinstance(vehicle, TractorTrailer):
         record = (TRACTOR_TRAILER, 0, vehicle.hitch_length, vehicle.wheel_radius, vehicle.half_track)
-    else:
+    elif isinstance(vehicle, CarLike):
         record = (CAR_LIKE, DRIVES.index(vehicle.drive), vehicle.wheelbase, 0.0, 0.0)
+    else:
+        raise ControllerError(f"the vehicle is {vehicle!r}: expected a CarLike or a TractorTrailer")
     return np.array([record], dtype=VEHICLE)
 
 
@@ -62,6 +65,18 @@ def posture_error(pose: Floats, leader_pose: Floats) -> tuple[float, float, floa
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = leader_pose[0] - pose[0], leader_pose[1] - pose[1]
     return c * dx + s * dy, c * dy - s * dx, leader_pose[2] - pose[2], leader_pose[3] - pose[3]
+
+
+@compiled
+def posture_error_rates(
+    e_1: float, e_2: float, e_3: float, steering: float, leader_steering: float, length: float
+) -> tuple[float, float, float, float, float, float]:
+    """J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d): upper three of their first columns.
+
+    The fourth of these is zero; the second columns are (0, 0, 0, -1) and (0, 0, 0, 1).
+    """
+    t, t_d = math.tan(steering) / length, math.tan(leader_steering) / length
+    return -1.0 + e_2 * t, -e_1 * t, -t, math.cos(e_3), math.sin(e_3), t_d
 
 
 @compiled

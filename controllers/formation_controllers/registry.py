@@ -47,7 +47,8 @@ def installed() -> dict[str, Installed]:
     """
     found: dict[str, Installed] = {}
     for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
-        package, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
+        told = point.dist.metadata if point.dist else {"Name": "?", "Version": "?"}  # read once: it is a file
+        package, version = told["Name"], told["Version"]
         if point.name in found:
             raise ControllerError(
                 f"both {found[point.name].package} and {package} bring a controller named {point.name!r}: "

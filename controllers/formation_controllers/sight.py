@@ -57,7 +57,7 @@ TORQUE_SIGNALS: Final = (
     Signal(
         "drive_gain",
         "1",
-        "(1, 1) entry of B2, (3); of a tractor-trailer in 1/m, and it changes sign through infinity, not zero",
+        "(1, 1) entry of B2, (3), of a tractor-trailer times the wheel radius: 1/cos(theta_0 - theta_1), never zero",
         singular_at_zero="the law is singular",
         singular_below=NEAR,
     ),
@@ -115,6 +115,7 @@ class Sight(NamedTuple):
     b_12: float
     b_21: float
     b_22: float
+    drive_gain: float
     guard: float
     guarded: float
 
@@ -144,7 +145,8 @@ def look(pose: Floats, leader_pose: Floats, v_d: float, last_bearing: float, veh
     r_11, r_12, r_21, r_22 = kinematics.rate_matrix(far, phi, steered, vehicle)
     delta_1, delta_2 = kinematics.leader_rates(far, phi, e_3, v_d)
     b_11, b_12, b_21, b_22 = kinematics.input_matrix(pose[2], steered, vehicle)
-    if abs(r_11) < guard or abs(b_11) < guard:
+    drive_gain = b_11 * vehicle["wheel_radius"] if vehicle["kind"] == kinematics.TRACTOR_TRAILER else b_11
+    if abs(r_11) < guard or abs(drive_gain) < guard:
         guarded = 1.0
     return Sight(
         e_1,
@@ -168,6 +170,7 @@ def look(pose: Floats, leader_pose: Floats, v_d: float, last_bearing: float, veh
         b_12,
         b_21,
         b_22,
+        drive_gain,
         guard,
         guarded,
     )
@@ -189,7 +192,7 @@ def from_rates(sight: Sight, y_1: float, y_2: float) -> tuple[float, float]:
 @compiled
 def torque_of(sight: Sight, f_1: float, f_2: float) -> tuple[float, float]:
     """Return the torques B2^-1 f that make a force f along (v, omega). NaN where B2 is singular and not guarded."""
-    b_11 = away_from_zero(sight.b_11, sight.guard)
+    b_11 = math.copysign(sight.guard, sight.b_11) if abs(sight.drive_gain) < sight.guard else sight.b_11
     return kinematics.solve_2x2(b_11, sight.b_12, sight.b_21, sight.b_22, f_1, f_2)
 
 
@@ -203,7 +206,7 @@ def torque_of_formation_force(sight: Sight, u_1: float, u_2: float) -> tuple[flo
 def report(sight: Sight, tau_1: float, tau_2: float, out: np.void) -> None:
     """Write the `TORQUE_SIGNALS`."""
     out["torque_command"][0], out["torque_command"][1] = tau_1, tau_2
-    out["drive_gain"] = sight.b_11
+    out["drive_gain"] = sight.drive_gain
     out["det_R"] = sight.r_11 * sight.r_22 - sight.r_12 * sight.r_21
     out["relative_range"] = sight.relative_range
     out["cos_bearing"], out["cos_steering"] = sight.cos_bearing, sight.cos_steering

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+# Before NumPy and SciPy load their linear algebra: threads cost matrices of six rows ten times the time where they wait
+# for a core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numba
 import numpy as np
 import pytest
-from formation_controllers import load
+from formation_controllers import load as find
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 from formation_controllers.gains import Gains
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
@@ -18,6 +24,8 @@ from formation_controllers.interface import Desired, Leader, Team
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from formation_controllers.vehicles import CarLike, TractorTrailer
 from hypothesis import settings
+
+load = functools.cache(find)  # which searches every installed package
 
 # The first call of a compiled function takes its time, and the same examples every time make failures repeatable.
 settings.register_profile("formation-controllers", deadline=None, derandomize=True)
@@ -104,7 +112,9 @@ class FirstSimulation:
         return euler(states, torques, DRIVES[self.drive])
 
     def sensed(self):
-        pose = self.state[:, :4] + self.noise * self.random.standard_normal((len(self.rows), 4))
+        pose = self.state[:, :4].copy()
+        if self.noise:
+            pose += self.noise * self.random.standard_normal(pose.shape)
         return pose, Leader(self.leader[:4], self.leader[4:]), self.desired
 
     def tick(self):
@@ -116,15 +126,16 @@ class FirstSimulation:
         return torque
 
     def run(self, ticks):
-        """Return states (ticks + 1, N, 6), leader's states (ticks + 1, 6) and telemetry by name (ticks, ...)."""
+        """Return states (ticks + 1, N, 6), leader's states (ticks + 1, 6) and telemetry, a record (ticks, N)."""
         states, leaders, telemetry = [self.state], [self.leader], []
         for _ in range(ticks):
             self.tick()
             states.append(self.state)
             leaders.append(self.leader)
-            telemetry.append(self.controller.telemetry())
-        signals = {name: np.array([t[name] for t in telemetry]) for name in telemetry[0]}
-        return np.array(states), np.array(leaders), signals
+            telemetry.append(self.controller.telemetry_record.tobytes())
+        record = self.controller.telemetry_record
+        told = np.frombuffer(b"".join(telemetry), record.dtype).reshape(ticks, *record.shape)
+        return np.array(states), np.array(leaders), told
 
     def errors(self, states, leaders):
         """Return range [m] and bearing [rad] errors, shape (..., N, 2), the bearing unwrapped over time."""

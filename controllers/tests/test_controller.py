@@ -92,6 +92,8 @@ def test_inputs_may_be_lists_read_only_or_strided():
     frozen.flags.writeable = False
     for pose in (POSE.tolist(), frozen, np.asfortranarray(POSE), np.repeat(POSE, 2, axis=0)[::2]):
         np.testing.assert_array_equal(started().step(pose, LEADER, DESIRED), expected)
+    lists = Leader(LEADER.pose.tolist(), LEADER.velocity.tolist(), [0, 0]), Desired(*(a.tolist() for a in DESIRED))
+    np.testing.assert_array_equal(started().step(POSE, *lists), expected)
 
 
 @pytest.mark.parametrize(
@@ -138,6 +140,32 @@ def test_another_vehicle_is_refused():
 
     with pytest.raises(ControllerError, match="Integral serves vehicles of kind car_like, not hovercraft"):
         Integral(Team(Hovercraft(1.2), 3, 0.02))
+
+
+@pytest.mark.parametrize("team", [None, 3, (CarLike(1.2), 3, 0.02), Team])
+def test_a_team_that_is_none_is_refused(team):
+    with pytest.raises(ControllerError, match=r"the team of this Integral is .*: expected a Team"):
+        Integral(team)
+
+
+@pytest.mark.parametrize("given", [None, tuple(LEADER), [1.0], np.zeros(4), "ahead", DESIRED])
+def test_a_leader_that_is_none_is_refused_and_changes_nothing(given):
+    controller = started()
+    before = controller.to_bytes()
+    for call in (controller.step, controller.start):
+        with pytest.raises(ControllerError, match=rf"the leader is a {type(given).__name__}: expected a Leader"):
+            call(POSE, given, DESIRED)
+    assert controller.to_bytes() == before
+
+
+@pytest.mark.parametrize("given", [None, tuple(DESIRED), DESIRED.q, {"q": DESIRED.q}, LEADER])
+def test_what_is_desired_and_is_no_desired_is_refused_and_changes_nothing(given):
+    controller = started()
+    before = controller.to_bytes()
+    for call in (controller.step, controller.start):
+        with pytest.raises(ControllerError, match=rf"what is desired is a {type(given).__name__}: expected a Desired"):
+            call(POSE, LEADER, given)
+    assert controller.to_bytes() == before
 
 
 def test_gains_of_another_law_are_refused():
@@ -199,9 +227,9 @@ def test_shapes_that_do_not_fit_are_refused_and_change_nothing(inputs, message):
         ("leader.pose", (3,), None, "the leader's pose component gamma is {}"),
         ("leader.velocity", (1,), None, "the leader's velocity component omega is {}"),
         ("leader.acceleration", (0,), None, "the leader's acceleration component v is {}"),
-        ("desired.q", (2, 1), 2, "robot 2: desired q component bearing is {}"),
-        ("desired.q_dot", (0, 0), 0, "robot 0: desired q_dot component range is {}"),
-        ("desired.q_ddot", (0, 1), 0, "robot 0: desired q_ddot component bearing is {}"),
+        ("desired.q", (2, 1), 2, "robot 2: the desired q component bearing is {}"),
+        ("desired.q_dot", (0, 0), 0, "robot 0: the desired q_dot component range is {}"),
+        ("desired.q_ddot", (0, 1), 0, "robot 0: the desired q_ddot component bearing is {}"),
     ],
 )
 def test_numbers_that_are_not_finite_are_refused_by_robot_and_component(what, index, robot, message, value):

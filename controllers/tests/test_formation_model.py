@@ -308,3 +308,34 @@ def test_what_is_singular_or_of_the_wrong_shape_is_refused():
     bad = ReducedDynamics(np.eye(3), np.zeros((2, 2)), np.eye(2), np.eye(2))
     with pytest.raises(ControllerError, match=r"M2 has shape \(3, 3\): expected \(2, 2\)"):
         formation_model([0, 0, 0, 0], leader, [0, 0], CarLike(1.2), bad)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    ("name", "index", "message"),
+    [
+        ("pose", 2, "pose component psi is {}: expected a finite number"),
+        ("q_dot", 1, "q_dot component bearing is {}: expected a finite number"),
+        ("leader", 3, "the leader's pose component gamma is {}"),
+        ("velocity", 1, "the leader's velocity component omega is {}"),
+        ("acceleration", 0, "the leader's acceleration component v is {}"),
+    ],
+)
+def test_numbers_that_are_not_finite_are_refused_by_name(name, index, message, value):
+    reduced = ReducedDynamics.of_vehicle(CarLike(1.2))
+    leader = {"leader": np.array([4.0, 1, 0, 0]), "velocity": np.zeros(2), "acceleration": np.zeros(2)}
+    arrays = {"pose": np.zeros(4), "q_dot": np.zeros(2)} | leader
+    arrays[name][index] = value
+    told = Leader(*(arrays[part] for part in leader))
+    with pytest.raises(ControllerError, match=message.format(value)):
+        formation_model(arrays["pose"], told, arrays["q_dot"], CarLike(1.2), reduced)
+
+
+def test_what_is_no_leader_no_vehicle_or_no_array_is_refused():
+    reduced, leader = ReducedDynamics.of_vehicle(CarLike(1.2)), Leader(np.array([4.0, 1, 0, 0]), np.zeros(2))
+    with pytest.raises(ControllerError, match="the leader is a tuple: expected a Leader"):
+        formation_model(np.zeros(4), tuple(leader), np.zeros(2), CarLike(1.2), reduced)
+    with pytest.raises(ControllerError, match="the vehicle is None: expected a CarLike"):
+        formation_model(np.zeros(4), leader, np.zeros(2), None, reduced)
+    with pytest.raises(ControllerError, match="q_dot is not an array of numbers"):
+        formation_model(np.zeros(4), leader, "fast", CarLike(1.2), reduced)

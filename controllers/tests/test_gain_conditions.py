@@ -10,8 +10,9 @@ import pytest
 from formation_controllers import ControllerError, GainError
 from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
+from formation_controllers.neural_high_gain import NeuralHighGainGains
 from formation_controllers.observer_pid import ObserverPidGains
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 PRINTED = NeuralAdaptivePidGains()
@@ -94,10 +95,39 @@ def test_a_report_is_what_the_conditions_say(K_p, Lambda_0, share, k_d, c, eigen
         outside = (grid < condition.l_above * (1 - 1e-9)) | (grid > condition.l_below * (1 + 1e-9))
         assert (margins[inside] > -1e-9 * scale).all()
         assert (margins[outside] < 1e-9 * scale).all()
-    both = [literal(gains, bounds, *pair, grid) for pair in (roots(gains), roots(gains)[::-1])]
-    if any((margins[:2].min(axis=0) > 1e-9 * scale).any() for margins in both):
-        first, second = report["(39)"], report["(40)"]
-        assert max(first.l_above, second.l_above) < min(first.l_below, second.l_below)
+
+
+def test_the_order_of_alpha_and_beta_is_the_one_that_41_and_42_allow():
+    """With alpha < beta, (39) and (40) have more room for l, but above what (41) allows."""
+    gains = replace(PRINTED, Lambda_0=2.32, Lambda_1=1.326, K_p=10, k_d=1e4)
+    bounds = Bounds(0, 0, 0, 0, 0, lambda_m=5, lambda_d=0.5)
+    report = check_gains(gains, bounds)
+    assert report.satisfied
+    assert (report.alpha, report.beta) == pytest.approx((1.3, 1.02))
+    assert report.l == pytest.approx(0.99, abs=1e-3)
+    assert min(c.margin for c in report.conditions) == pytest.approx(0.1005, abs=1e-4)
+    assert literal(gains, bounds, 1.02, 1.3, grid).min(axis=0).max() == pytest.approx(-0.375, abs=1e-3)
+
+
+def test_no_order_and_no_l_of_a_search_by_brute_force_does_better():
+    """Of gains and bounds at random, some of which satisfy all conditions in one order alone, and either one does."""
+    random = np.random.default_rng(3)
+    fine = np.geomspace(1e-2, 1e2, 4001)
+    verdicts = set()
+    for _ in range(300):
+        alpha, beta, K_p = *random.uniform(0.8, 3, 2), random.uniform(5, 20)
+        gains = replace(PRINTED, Lambda_0=alpha + beta, Lambda_1=alpha * beta, K_p=K_p, k_d=random.uniform(2, 20))
+        bounds = Bounds(*random.uniform(0, 3, 5), random.uniform(0.1, 5), random.uniform(0, 8))
+        found = [literal(gains, bounds, *pair, fine).min(axis=0).max() for pair in ((alpha, beta), (beta, alpha))]
+        report = check_gains(gains, bounds)
+        least = min(c.margin for c in report.conditions)
+        assert max(found) <= least + 1e-9 * K_p
+        assert max(found) == pytest.approx(least, abs=0.01 * K_p * max(alpha, beta))
+        if abs(least) > 0.01 * K_p * max(alpha, beta):
+            assert report.satisfied == (max(found) > 0)
+        verdicts.add((report.satisfied, min(found) > 0, report.alpha > report.beta))
+    assert verdicts >= {(True, both, larger) for both in (False, True) for larger in (False, True)}
+    assert (False, False, True) in verdicts
 
 
 @given(
@@ -162,6 +192,24 @@ def test_what_the_theorem_does_not_cover_is_refused():
         propose_gains(PRINTED, BOUNDS, margin=0)
 
 
+@pytest.mark.parametrize("name", ["c_1", "lambda_m", "lambda_d"])
+@pytest.mark.parametrize("value", [None, "a", True, 1j, [1.0], math.nan, math.inf, -1])
+def test_a_bound_that_is_no_number_of_at_least_zero_is_refused(name, value):
+    with pytest.raises(ControllerError, match=rf"the bound {name} is .*: it must be a number, at least zero"):
+        replace(BOUNDS, **{name: value})
+
+
+def test_gains_of_another_law_and_bounds_that_are_none_are_refused():
+    other = "the gains are NeuralHighGainGains: the theorem is about"
+    for function in (check_gains, propose_gains, region_of_attraction):
+        with pytest.raises(GainError, match=other):
+            function(NeuralHighGainGains(), SMALL)
+        with pytest.raises(ControllerError, match="the bounds are None: expected Bounds"):
+            function(PRINTED, None)
+    with pytest.raises(GainError, match="the gains are ObserverPidGains: the theorem is about NeuralAdaptivePidGains"):
+        region_of_attraction(ObserverPidGains(), SMALL)
+
+
 # Region of attraction ----------------------------------------------------------------------------------------
 
 SMALL = Bounds(c_1=0.1, c_2=0.2, c_3=17, c_4=0.3, c_5=0.4, lambda_m=5, lambda_d=4, lambda_M=20)
@@ -208,7 +256,34 @@ def test_no_constant_l_of_a_grid_has_a_larger_radius(bounds):
     assert squares.max() == pytest.approx(region.radius**2, rel=1e-2)
 
 
+def test_no_order_of_alpha_and_beta_has_a_larger_radius():
+    """Of gains at random: the radius as printed over a grid of l in both orders, and at one l."""
+    random = np.random.default_rng(5)
+    fine = np.geomspace(1e-2, 1e2, 4001)
+    orders = set()
+    for _ in range(100):
+        alpha, beta, K_p = *random.uniform(1.2, 8, 2), random.uniform(150, 400)
+        gains = replace(SATISFYING, Lambda_0=alpha + beta, Lambda_1=alpha * beta, K_p=K_p, k_d=random.uniform(300, 900))
+        c = replace(SMALL, c_3=2 * math.hypot(1, alpha, beta), lambda_d=random.uniform(0, 200))
+        squares = []
+        for pair in ((alpha, beta), (beta, alpha)):
+            kappa_m = literal(gains, c, *pair, fine).min(axis=0)
+            room = kappa_m - 0.5 * ((c.c_1 + c.c_4) / fine + 3 * c.c_3)
+            squares.append(0.5 * c.lambda_m * room / (0.5 * (c.c_2 + c.c_5) / fine * 0.5 * max(K_p, c.lambda_M)))
+        if np.max(squares) < 1e-3:
+            continue
+        region = region_of_attraction(gains, c)
+        assert np.max(squares) <= region.radius**2 * (1 + 1e-12)
+        assert np.max(squares) == pytest.approx(region.radius**2, rel=0.02)
+        at = int(random.integers(1750, 2050))
+        if np.max(squares, axis=0)[at] > 0:
+            assert region_of_attraction(gains, c, l=fine[at]).radius ** 2 == pytest.approx(np.max(squares, axis=0)[at])
+        orders.add((region.alpha > region.beta, region.alpha == pytest.approx(alpha)))
+    assert len(orders) == 4
+
+
 @pytest.mark.parametrize("name", ["c_1", "c_2", "c_3", "c_4", "c_5", "lambda_M"])
+@settings(max_examples=15)
 @given(bounds=positive_bounds, factor=st.floats(1.05, 2))
 def test_a_larger_bound_never_enlarges_the_region(name, bounds, factor):
     larger = replace(bounds, **{name: getattr(bounds, name) * factor})
@@ -218,6 +293,7 @@ def test_a_larger_bound_never_enlarges_the_region(name, bounds, factor):
         assert after < before
 
 
+@settings(max_examples=25)
 @given(bounds=positive_bounds, factor=st.floats(1.05, 3))
 def test_more_inertia_damping_or_observer_gain_never_shrinks_the_region(bounds, factor):
     radius = region_of_attraction(SATISFYING, bounds).radius

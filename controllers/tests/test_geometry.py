@@ -11,6 +11,7 @@ from formation_controllers.geometry import (
     formation_rates,
     input_matrix,
     posture_error,
+    posture_error_rates,
     range_bearing,
     unwrapped_bearing,
 )
@@ -59,6 +60,29 @@ def test_posture_error_is_the_leader_in_the_followers_frame():
     # The follower looks along +y: the leader, 3 m further along y and 1 m along x, is ahead and to the right.
     e = posture_error([1.0, 2.0, math.pi / 2, 0.1], [2.0, 5.0, math.pi, 0.3])
     np.testing.assert_allclose(e, [3.0, -1.0, math.pi / 2, 0.2], atol=1e-15)
+
+
+@VEHICLES
+def test_rates_of_the_posture_error_are_its_time_derivative_and_5(vehicle):
+    """(6) and (53) against differences of (4), and against (5) and (53) written out."""
+    pose, leader = random_poses(200, vehicle=vehicle)
+    random = np.random.default_rng(1)
+    velocity, leader_velocity = random.uniform(-1, 1, (2, 200, 2))
+    J, S = posture_error_rates(pose, leader, vehicle)
+    e_dot = np.einsum("nij,nj->ni", J, velocity) + np.einsum("nij,nj->ni", S, leader_velocity)
+    pose_dot = np.einsum("nij,nj->ni", motion_basis(pose, vehicle), velocity)
+    leader_dot = np.einsum("nij,nj->ni", motion_basis(leader, vehicle), leader_velocity)
+    h = 1e-5
+    ahead = posture_error(pose + h * pose_dot, leader + h * leader_dot)
+    behind = posture_error(pose - h * pose_dot, leader - h * leader_dot)
+    np.testing.assert_allclose(e_dot, (ahead - behind) / (2 * h), atol=1e-8)
+
+    length = 1.5 if vehicle is TRACTOR else 1.2
+    e_1, e_2, e_3, _ = posture_error(pose, leader).T
+    (v, omega), (v_d, omega_d) = velocity.T, leader_velocity.T
+    turn, turn_d = v / length * np.tan(steering(pose, vehicle)), v_d / length * np.tan(steering(leader, vehicle))
+    printed = [-v + v_d * np.cos(e_3) + turn * e_2, -turn * e_1 + v_d * np.sin(e_3), turn_d - turn, omega_d - omega]
+    np.testing.assert_allclose(e_dot, np.column_stack(printed), rtol=1e-12, atol=1e-12)
 
 
 def test_range_and_bearing_are_seen_from_the_front_axle_and_relative_to_the_steered_wheel():
@@ -158,6 +182,7 @@ def test_leading_dimensions_broadcast():
     assert R.shape == (6, 3, 2, 2)
     assert delta.shape == (6, 3, 2)
     assert posture_error(np.zeros((0, 4)), leader[0]).shape == (0, 4)
+    assert posture_error_rates(pose[:, None], leader[None, :3], CAR)[1].shape == (6, 3, 4, 2)
 
 
 def test_rates_at_range_zero_are_not_a_number():
@@ -203,6 +228,12 @@ def test_shapes_that_do_not_fit_are_refused():
         range_bearing(np.zeros((2, 4)), np.zeros((3, 4)), CAR)
     with pytest.raises(ControllerError, match="speed"):
         formation_rates(np.zeros((2, 4)), np.zeros(4), np.zeros(3), CAR)
+
+
+@pytest.mark.parametrize("vehicle", [None, CarLike, "car_like"])
+def test_a_vehicle_that_is_none_is_refused(vehicle):
+    with pytest.raises(ControllerError, match=r"the vehicle is .*: expected a CarLike or a TractorTrailer"):
+        range_bearing(np.zeros(4), np.zeros(4), vehicle)
 
 
 @pytest.mark.parametrize("wheelbase", [0.0, -1.0, math.nan, math.inf])

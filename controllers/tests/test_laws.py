@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import math
-import os
-import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import FunctionType
 
 import numba
 import numpy as np
@@ -21,9 +22,9 @@ from formation_controllers import (
     Leader,
     Team,
     TractorTrailer,
-    load,
     sight,
 )
+from formation_controllers import load as find
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
@@ -35,7 +36,9 @@ from formation_controllers.neural_high_gain import NeuralHighGain, NeuralHighGai
 from formation_controllers.observer_pid import ObserverPid, ObserverPidGains
 from formation_controllers.testing import check_controller
 
+PACKAGE = "formation_controllers"
 SECOND = 50  # ticks
+load = functools.cache(find)  # which searches every installed package
 NAMES = ["feedback-linearisation", "lqg", "neural-adaptive-pid", "neural-high-gain", "observer-pid"]
 ALL = pytest.mark.parametrize("name", NAMES)
 
@@ -108,8 +111,8 @@ def test_observer_pid_is_the_papers_law_without_adaptation(first_simulation):
     expected, _, told = still.run(10 * SECOND)
     found, _, plain_told = plain.run(10 * SECOND)
     np.testing.assert_array_equal(found, expected)
-    for name, value in plain_told.items():
-        np.testing.assert_array_equal(value, told[name])
+    for name in plain_told.dtype.names:
+        np.testing.assert_array_equal(plain_told[name], told[name])
     assert not told["weight_norm"].any()
 
 
@@ -193,7 +196,7 @@ def test_one_tick_of_the_comparator_is_58_and_59_in_matrix_form():
     controller = NeuralHighGain(Team(vehicle, n, h), g)
     controller.start(pose, leader, desired)
     state = {name: random.normal(size=value.shape) for name, value in controller.get_state().items()}
-    state["ticks"] = np.ones(n)
+    state["ticks"] = np.arange(n) % 3.0
     q = range_bearing(pose, leader.pose, vehicle)
     state["bearing"] = q[:, 1]
     controller.set_state(state)
@@ -205,7 +208,8 @@ def test_one_tick_of_the_comparator_is_58_and_59_in_matrix_form():
         R_inverse, z_1 = np.linalg.inv(R[i]), q[i] - desired.q[i]
         alpha = R_inverse @ (desired.q_dot[i] - np.multiply(g.K_1, z_1) - delta[i])
         v_hat = R_inverse @ (own["pi_2"] / g.epsilon - delta[i])
-        Z = np.concatenate([q[i], v_hat, alpha, (alpha - own["alpha_1"]) / h])
+        alpha_dot = (alpha - own["alpha_1"]) / h if own["ticks"] else np.zeros(2)  # at first there is no last one
+        Z = np.concatenate([q[i], v_hat, alpha, alpha_dot])
         S = np.exp(-((Z - np.arange(-4, 5)[:, None]) ** 2).sum(axis=1) / 100)
         force = -R[i].T @ z_1 - np.multiply(g.K_2, v_hat - alpha) + own["Theta"] @ S
         np.testing.assert_allclose(torque[i], np.linalg.solve(B2[i], force), rtol=1e-9, atol=1e-9)
@@ -359,6 +363,28 @@ def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, 
         assert told(controller, signal) == pytest.approx(expected(signal, vehicle, distance), rel=1e-6, abs=1e-15)
 
 
+@pytest.mark.parametrize("vehicle", [CAR, TRACTOR, CarLike(0.4)], ids=["car", "tractor", "short"])
+@ALL
+def test_the_guard_of_the_range_is_a_share_of_the_length(name, vehicle):
+    """Just within it and just beyond."""
+    pytest.importorskip("control") if name == "lqg" else None
+    length = vehicle.hitch_length if vehicle is TRACTOR else vehicle.wheelbase
+    for share, guarded in ((0.49, 1), (0.51, 0)):
+        _, controller = first_torque(load(name), vehicle, ([-share * length, 0, 0, 0], [length, 0, 0, 0]), guard=0.5)
+        assert told(controller, "relative_range") == pytest.approx(share)
+        assert told(controller, "guarded") == guarded
+
+
+@ALL
+def test_both_cosines_are_told_of_the_measured_angles_where_the_guard_turns_the_steering(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    pose, leader_pose = [0, 0, 0.2, 1.4], [5, 3, 0, 0]
+    _, controller = first_torque(load(name), CAR, (pose, leader_pose), guard=0.5)
+    assert told(controller, "guarded") == 1
+    assert told(controller, "cos_steering") == pytest.approx(math.cos(1.4))
+    assert told(controller, "cos_bearing") == pytest.approx(math.cos(range_bearing(pose, leader_pose, CAR)[1]))
+
+
 @PLACES
 @ALL
 def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
@@ -371,6 +397,19 @@ def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
     np.testing.assert_array_equal(torque, literal)
     for stated in load(name).signals:
         assert not np.any(np.abs(controller.telemetry()[stated.name]) < stated.singular_below), stated.name
+
+
+@pytest.mark.parametrize("radius", [0.15, 20.0])
+@ALL
+def test_the_drive_gain_of_a_tractor_trailer_has_no_unit_and_needs_no_guard(name, radius):
+    """It is 1/cos(theta_0 - theta_1) whatever the wheels, and never below 1: no guard touches it."""
+    pytest.importorskip("control") if name == "lqg" else None
+    vehicle, poses = TractorTrailer(1.5, radius, 0.4), ([0, 0, 0.3, 0.7], [5, 1, 0.1, 0.2])
+    literal, _ = first_torque(load(name), vehicle, poses)
+    torque, controller = first_torque(load(name), vehicle, poses, guard=0.5)
+    assert told(controller, "drive_gain") == pytest.approx(1 / math.cos(0.4), rel=1e-14)
+    assert told(controller, "guarded") == 0
+    np.testing.assert_array_equal(torque, literal)
 
 
 @ALL
@@ -425,32 +464,41 @@ def test_weights_stand_still_exactly_while_a_torque_is_beyond_its_limit(first_si
 
 # Plain Python ----------------------------------------------------------------------------------------------
 
-PLAIN_RUN = """
-import importlib.util, sys
-import numba
-spec = importlib.util.spec_from_file_location("conftest", sys.argv[1])
-conftest = importlib.util.module_from_spec(spec)
-sys.modules["conftest"] = conftest
-spec.loader.exec_module(conftest)
-assert numba.config.DISABLE_JIT == int(sys.argv[2])
-courses = conftest.FirstSimulation, conftest.SecondSimulation, conftest.ThirdSimulation
-print("\\n".join(conftest.bits(name, course) for name in sys.argv[3:] for course in courses))
-"""
+
+@contextmanager
+def second_package(disable_jit):
+    """Import package and simulations a second time, as plain Python or compiled, beside those that are there."""
+
+    def ours():
+        return {name: module for name, module in sys.modules.items() if name.split(".")[0] == PACKAGE}
+
+    first = ours()
+    spec = importlib.util.spec_from_file_location("second_conftest", Path(__file__).with_name("conftest.py"))
+    simulations = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numba.config, "DISABLE_JIT", disable_jit)
+        patch.setitem(sys.modules, spec.name, simulations)
+        for name in first:
+            del sys.modules[name]
+        try:
+            spec.loader.exec_module(simulations)
+            yield simulations
+        finally:
+            for name in ours():
+                del sys.modules[name]
+            sys.modules.update(first)
 
 
 def test_plain_python_gives_the_same_bits(first_simulation, second_simulation, third_simulation, bits_of_a_run):
-    """With NUMBA_DISABLE_JIT=1 the same formulas run uncompiled: not a bit differs after 2 s, in any law."""
+    """The same formulas uncompiled: not a bit differs after 2 s, in any law."""
     names = [name for name in NAMES if name != "lqg" or importlib.util.find_spec("control")]
-    other = str(1 - numba.config.DISABLE_JIT)  # what this process is not
-    found = subprocess.run(
-        [sys.executable, "-c", PLAIN_RUN, str(Path(__file__).with_name("conftest.py")), other, *names],
-        env=os.environ | {"NUMBA_DISABLE_JIT": other},
-        capture_output=True,
-        check=True,
-        text=True,
-    ).stdout.splitlines()
     courses = first_simulation, second_simulation, third_simulation
-    assert found == [bits_of_a_run(name, course) for name in names for course in courses]
+    compiled = [bits_of_a_run(name, course) for name in names for course in courses]
+    with second_package(1 - numba.config.DISABLE_JIT) as other:  # what this process is not
+        assert (type(other.euler) is FunctionType) == bool(numba.config.DISABLE_JIT)
+        courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation
+        found = [other.bits(name, course) for name in names for course in courses]
+    assert found == compiled
 
 
 # An older controller ---------------------------------------------------------------------------------------

@@ -37,7 +37,10 @@ bases = arrays(float, HIDDEN, elements=st.floats(0, 1))
 bounds = st.floats(1e-3, 1e4)
 
 
-@settings(max_examples=100)
+few = settings(max_examples=50)  # an example has some thirty numbers
+
+
+@few
 @given(W=weights, steps=st.lists(st.tuples(errors, bases), max_size=20), W_m=bounds, gamma_w=st.floats(0, 1e3))
 def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
     for s, sigma in steps:
@@ -45,6 +48,7 @@ def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
         assert np.trace(W.T @ W) <= W_m * (1 + 1e-12)
 
 
+@few
 @given(W=weights, s=errors, sigma=bases)
 def test_inside_the_bound_weights_follow_the_gradient(W, s, sigma):
     W_m = 4 * np.trace(W.T @ W) + 1e6
@@ -53,6 +57,7 @@ def test_inside_the_bound_weights_follow_the_gradient(W, s, sigma):
     np.testing.assert_allclose(W, expected, rtol=1e-13, atol=1e-13)
 
 
+@few
 @given(W=weights, s=errors, sigma=bases, W_m=bounds)
 def test_on_the_bound_the_rate_has_no_outward_part(W, s, sigma, W_m):
     if not np.trace(W.T @ W) > 1e-6:
@@ -66,6 +71,7 @@ def test_on_the_bound_the_rate_has_no_outward_part(W, s, sigma, W_m):
         np.testing.assert_array_equal(rate, np.outer(s, sigma))
 
 
+@few
 @given(W=weights, ideal=weights, s=errors, sigma=bases, W_m=bounds)
 def test_projection_does_not_hurt_the_lyapunov_function(W, ideal, s, sigma, W_m):
     """The second inequality of (50), for any ideal weights within the bound."""
@@ -90,6 +96,7 @@ def test_the_robust_gain_grows_up_to_its_bound(theta_m, norms):
         theta = stepped
 
 
+@few
 @given(W=weights, s=errors, sigma=bases, W_m=bounds, theta=st.floats(0, 10), theta_m=st.floats(0, 10))
 def test_steps_follow_the_rates(W, s, sigma, W_m, theta, theta_m):
     """Where a short step does not meet the bound it is the rate times the period."""

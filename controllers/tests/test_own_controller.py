@@ -23,9 +23,19 @@ pytestmark = [
 ]
 
 
+OUTSIDE = """
+import sys
+import pytest
+from formation_controllers import installed, load
+found = installed()["look-ahead"]
+print(found.package, found.version, load(found.name))
+sys.exit(pytest.main(sys.argv[1:]))
+"""
+
+
 @pytest.fixture(scope="module")
-def installed_example(tmp_path_factory):
-    """Return an environment in which the example is installed, and a folder outside of the project."""
+def from_outside(tmp_path_factory):
+    """Install the example into a place of its own; find it and run its tests from outside of the project."""
     folder = tmp_path_factory.mktemp("own")
     source, site, outside = folder / "source", folder / "site", folder / "outside"
     shutil.copytree(EXAMPLE, source, ignore=shutil.ignore_patterns("__pycache__", ".*"))
@@ -33,39 +43,25 @@ def installed_example(tmp_path_factory):
     pip = [sys.executable, "-m", "pip", "--no-input", "--disable-pip-version-check", "install", "--quiet", "--no-index"]
     command = [*pip, "--no-deps", "--no-build-isolation", "--target", str(site), str(source)]
     subprocess.run(command, check=True, capture_output=True, cwd=outside)
-    return os.environ | {"PYTHONPATH": str(site)}, outside, source
-
-
-def run(environment, outside, *arguments):
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, env=environment, cwd=outside, capture_output=True, text=True, check=False)
-
-
-def test_an_installed_package_brings_its_controller(installed_example):
-    environment, outside, _ = installed_example
-    code = (
-        "from formation_controllers import *; i = installed()['look-ahead']; print(i.package, i.version, load(i.name))"
+    tests = ["-q", "-p", "no:cacheprovider", "-c", str(source / "pyproject.toml"), str(source)]
+    return subprocess.run(
+        [sys.executable, "-c", OUTSIDE, *tests],
+        env=os.environ | {"PYTHONPATH": str(site)},
+        cwd=outside,
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    done = run(environment, outside, "-c", code)
-    assert done.stdout.strip() == "look-ahead-controller 0.1.0 <class 'look_ahead.LookAhead'>", done.stderr
 
 
-def test_its_own_tests_pass_from_outside(installed_example):
-    environment, outside, source = installed_example
-    done = run(
-        environment,
-        outside,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-c",
-        str(source / "pyproject.toml"),
-        str(source),
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "4 passed" in done.stdout
+def test_an_installed_package_brings_its_controller(from_outside):
+    first = from_outside.stdout.partition("\n")[0]
+    assert first == "look-ahead-controller 0.1.0 <class 'look_ahead.LookAhead'>", from_outside.stderr
+
+
+def test_its_own_tests_pass_from_outside(from_outside):
+    assert from_outside.returncode == 0, from_outside.stdout + from_outside.stderr
+    assert "4 passed" in from_outside.stdout
 
 
 def test_the_page_shows_the_example_as_it_is():
