@@ -166,14 +166,15 @@ class Fleet:
         _give(given, self._inputs, rows.rows, rows.inputs)
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
-        _advance_all(rows.rows, rows.scratch, rows.work, time, step)
+        failed = _advance_all(rows.rows, rows.scratch, rows.work, time, step)
         failures = {}
         for index, plant in self._external.items():
             try:
                 plant.finish(self._slice(rows.outputs, rows.first_output, index))
             except PlantError as error:
                 failures[index] = str(error)
-        self._check(time, _take(rows.outputs, self._outputs, self._state), (tick + 1) * step, failures)
+        found = _FAILED if failed or failures else _take(rows.outputs, self._outputs, self._state)
+        self._check(time, found, (tick + 1) * step, failures)
 
     def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Take many steps in one call, with all inputs given.
