@@ -41,7 +41,7 @@ WHEN = 0.5
 BEFORE = 26
 """Samples up to then: one each 20 ms, and that at 0."""
 ALL = 31
-LIMIT = 0.3
+LIMIT = 0.5
 """What a plant that hangs may take [s]."""
 
 Make = Callable[..., Path]
@@ -236,9 +236,9 @@ DEADLY = {
     "segfault": ": its process crashed (SIGSEGV)",
     "abort": ": its process crashed (SIGABRT)",
     "exit": ": its process exited with status 7",
-    "hang": " within 0.3 s; its process was ended",
-    "hang_stubborn": " within 0.3 s; its process was ended",
-    "spin": " within 0.3 s; its process was ended",
+    "hang": " within 0.5 s; its process was ended",
+    "hang_stubborn": " within 0.5 s; its process was ended",
+    "spin": " within 0.5 s; its process was ended",
 }
 """Behaviours, and how the end of the process is told."""
 
@@ -276,7 +276,7 @@ def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str)
     how = {
         "segfault": "it did not start: its process crashed (SIGSEGV); it had logged:",
         "exit": "it did not start: its process exited with status 7; it had logged:",
-        "hang": "it did not start within 0.3 s; its process was ended; it had logged:",
+        "hang": "it did not start within 0.5 s; its process was ended; it had logged:",
     }
     said = f"{how.get(behaviour, '')} {place} {'goes into' if behaviour in how else 'returns'} {behaviour}".strip()
     assert "bad.xml:4:" in printed

@@ -211,9 +211,10 @@ class Instance:
         return reason.replace(f"{self.spec.directory}{os.sep}", "")
 
     def _initialise(self) -> None:
-        fmu, stop = self._fmu, self.spec.stop_time
+        fmu = self._fmu
+        stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
         if self._version == 1:
-            self._initialise_slave()
+            self._initialise_slave(stop)
         else:
             if self._version == 2:
                 fmu.setupExperiment(startTime=0.0, stopTime=stop)
@@ -228,11 +229,11 @@ class Instance:
             fmu.enterContinuousTimeMode()
             self._numbers = self._counted()
 
-    def _initialise_slave(self) -> None:
+    def _initialise_slave(self, stop: float) -> None:
         """Initialise an FMI 1.0 instance; FMPy takes the status that is returned for a string."""
         function = self._fmu.dll[f"{self.spec.identifier}_fmiInitializeSlave"]
         function.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_char, ctypes.c_double)
-        status = function(self.component, 0.0, fmi1.fmi1True, self.spec.stop_time)
+        status = function(self.component, 0.0, fmi1.fmi1True, stop)
         if status > WARNING:
             raise FMICallException("fmiInitializeSlave", status)
 
