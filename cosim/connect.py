@@ -99,6 +99,7 @@ def plant(
         solver_steps=source.solver_steps,
         tolerance=source.tolerance,
         time_limit=source.time_limit,
+        logging=source.logging,
     )
     return Member(
         spec=spec,

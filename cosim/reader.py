@@ -160,6 +160,7 @@ class _Reader:
             tolerance=float(element.get("tolerance", DEFAULT_TOLERANCE)),
             isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
             time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
+            logging="log" in element.attrib,
             parameters=self._settings(element, "parameter"),
             where=self.document.where(element),
         )

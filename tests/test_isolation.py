@@ -166,7 +166,7 @@ def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
         "error": "bad.fmu did not return the derivatives of its states (status Error): step returns error",
         "discard": "did not return the derivatives of its states (status Discard): step returns discard",
         "terminate": "follower_1 at t = 0.5 s: the plant bad.fmu asks to end the simulation",
-        "nan": "follower_1 at t = 0.5 s: the motion has diverged: x = nan m",
+        "nan": "follower_1 at t = 0.5 s: the plant bad.fmu has diverged: x = nan m",
     }[behaviour] in printed
     assert result is not None
     assert result.sizes["time"] == (BEFORE if behaviour != "nan" else BEFORE - 1)
@@ -179,7 +179,7 @@ def test_numbers_that_are_none(run: Run, reference: xr.Dataset, behaviour: str, 
     """They are caught at the communication point where they first appear, before anyone computes with them."""
     status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)
     assert status == 3
-    assert f"follower_1 at t = 0.5 s: the motion has diverged: {what}" in printed
+    assert f"follower_1 at t = 0.5 s: the plant bad.fmu has diverged: {what}" in printed
     assert recorded(result, reference, BEFORE - 1)
 
 

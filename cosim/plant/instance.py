@@ -146,6 +146,8 @@ class Instance:
                 what = END if self._fmu.getBooleanStatus(fmi2.fmi2Terminated) else what
             except FMICallException as error:
                 self._note(error)
+        if not said and status > WARNING and not self.spec.logging:
+            said = 'it does not say why; log="on" of its <plant> may let it'
         return failure(what, status, said)
 
     def close(self) -> None:
@@ -192,13 +194,13 @@ class Instance:
         except Exception as error:
             raise PlantError(f"its binary cannot be loaded: {self._why_not(error)}") from None
         if self._version == 1:
-            self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=False)
+            self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=spec.logging)
         elif self._version == 2:
-            self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=False)
+            self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=spec.logging)
         else:
             # Without Event Mode, early return and intermediate update, which an FMU may offer but not demand
             # (FMI 3.0, section 4.2), it handles its events within a step.
-            self._fmu.instantiate(loggingOn=False, logMessage=self.log.log_message)
+            self._fmu.instantiate(loggingOn=spec.logging, logMessage=self.log.log_message)
         if not self._fmu.component:  # FMPy overlooks this in FMI 1.0
             raise PlantError(self.log.take() or "it does not instantiate")
 
