@@ -153,7 +153,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         with timed(timing, "load"):
             fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
         cleanup.callback(fmu.close)
-        understand(fmu, source.parameters)
+        _understood(fmu, source, source.parameters)
         check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
@@ -211,6 +211,12 @@ def _fmu_path(source: PlantSource) -> Path:
         return plants.build(source.model)
     except plants.PlantError as error:
         raise InputError(str(error), source.where) from None
+
+
+def _understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
+    """Return the values of parameters; of an FMU that took the place of another, the message names the way out."""
+    way_out = '"formation swap" writes a variant of a scenario without what an FMU lacks' if source.fmu else ""
+    return understand(fmu, settings, way_out)
 
 
 def _plants_of(scenario: Scenario) -> list[str]:
@@ -310,7 +316,8 @@ def _robot(
     contract = fmu.binding.contract
     named = {setting.name for setting in own}
     common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
-    parameters = understand(fmu, [*common, *own])
+    source = scenario.plants[plant]
+    parameters = _understood(fmu, source, [*common, *own])
     try:
         vehicle = _VEHICLES[contract.vehicle](**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
@@ -329,7 +336,6 @@ def _robot(
     for event in _events_of(scenario, name):
         if event.stops:
             torque[tick_at(event.time, scenario.step) :] = 0.0
-    source = scenario.plants[plant]
     return RobotSetup(
         name=name,
         where=source.where,
@@ -344,7 +350,7 @@ def _robot(
         torque=torque,
         inputs=tuple(bound for bound, _ in others),
         samples=np.column_stack([np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in others)]),
-        changes=_changes(scenario, fmu, name),
+        changes=_changes(scenario, fmu, source, name),
     )
 
 
@@ -433,10 +439,10 @@ def _stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
     )
 
 
-def _changes(scenario: Scenario, fmu: Fmu, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
+def _changes(scenario: Scenario, fmu: Fmu, source: PlantSource, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
     changes: dict[int, tuple[ParameterValue, ...]] = {}
     for event in _events_of(scenario, robot):
-        values = understand(fmu, event.parameters)
+        values = _understood(fmu, source, event.parameters)
         for value in values:
             if value.variable.variability != "tunable":
                 raise InputError(

@@ -70,6 +70,15 @@ def test_with_another_plant(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cosim.run(path)["pose"], cosim.run(path, changes)["pose"])
 
 
+def test_a_parameter_that_another_plant_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path, plants.build("car_like"), '<parameter name="m_c" value="30 kg"/>')
+    options = [f"--plant=car={renamed(tmp_path / 'vendor.fmu')}", f"--binding=car={binding(tmp_path / 'b.xml')}"]
+    assert main(["check", str(path), *options]) == 2
+    said = capsys.readouterr().err
+    assert "the FMU vendor.fmu has no parameter 'm_c': " in said
+    assert '"formation swap" writes a variant of a scenario without what an FMU lacks' in said
+
+
 @pytest.mark.parametrize(
     ("option", "sentence"),
     [
