@@ -14,7 +14,7 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_name, unit_of
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location, nearest
 from cosim.expectation import Recorded, check, recorded
@@ -390,11 +390,10 @@ def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
             source.where,
         )
     variable = known[source.name]
-    has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
     try:
         if variable.dimensions:
             raise UnitError("it is an array: a binding gives one of its elements a role")
-        unit = unit_of(fmu.description, variable) if has_unit else units.parse("1")
+        unit = unit_of(fmu.description, variable) if unit_name(variable) else units.parse("1")
     except UnitError as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where

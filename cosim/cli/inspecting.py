@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.binding import match, shape_of
+from cosim.binding import match, shape_of, unit_name
 from cosim.cli.console import out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import (
@@ -155,13 +155,12 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
     for heading in ("name", "causality", "variability", "type", "unit", "start", "description"):
         shown.add_column(heading, overflow="fold")
     for variable in variables[:rows]:
-        kind = variable.declaredType
         cells = (
             variable.name,
             variable.causality,
             variable.variability,
             variable.type + _dimensions(package.description, variable),
-            variable.unit or (kind and kind.unit),
+            unit_name(variable),
             _start(variable),
             variable.description,
         )
@@ -201,8 +200,6 @@ def _print_contracts(console: Console, package: Package) -> None:
         elif proposal.plausible and len(proposal.missing) == len(best.missing):
             complete = "" if not proposal.open else ", once it is complete"
             _print_roles(console, f"{title}: it can be driven with a binding{complete}", proposal)
-            reasons = "; it ".join(problem.text for problem in problems)
-            console.print(f"without a binding: it {safe(reasons)}", soft_wrap=True)
             said = f'"formation swap SCENARIO.xml --plant ID={package.path}" writes the binding to a file'
             console.print(printable(said), markup=False, soft_wrap=True)
         else:
