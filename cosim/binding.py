@@ -16,6 +16,8 @@ from cosim.scenario import BindingSource, RoleSource
 from plants import UnitError, units
 
 REAL_TYPES = ("Real", "Float64")
+NEGATED = "negatedAlias"
+"""The causality, here, of a variable of FMI 1.0 that is another with the opposite sign."""
 _TWICE: Any = object()
 """Stands for variables of the same name, which FMI forbids."""
 _ELEMENT = re.compile(r"(.+)\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\]")
@@ -260,6 +262,11 @@ def _found(
         raise ValueError(f"has more than one variable {name!r}")
     if variable is None and source.where is not None:
         raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(variables))}")
+    if variable is not None and variable.causality == NEGATED:
+        raise ValueError(
+            f"has {name!r} as a negated alias, whose sign would be lost: bind the variable whose alias it is, "
+            'with factor="-1"'
+        )
     if variable is None or (source.where is None and variable.causality not in _ALLOWED[causality]):
         raise ValueError(f"lacks the {causality} {name!r}" + (f" [{role.unit}]" if role.unit else ""))
     if variable.causality not in _ALLOWED[causality]:

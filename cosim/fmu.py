@@ -10,6 +10,7 @@ import stat
 import tempfile
 import zipfile
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -18,7 +19,7 @@ from xml.parsers import expat
 import fmpy
 from lxml import etree
 
-from cosim.binding import Binding, bind
+from cosim.binding import NEGATED, Binding, bind
 from cosim.errors import InputError, Location
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
@@ -149,6 +150,7 @@ def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, t
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
     problems: tuple[str, ...] = ()
     try:
+        _check_root(directory / "modelDescription.xml")
         try:
             description = fmpy.read_model_description(str(directory))
         except fmpy.model_description.ValidationError as error:
@@ -156,17 +158,33 @@ def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, t
                 raise
             problems = tuple(map(str, error.problems))
             description = fmpy.read_model_description(str(directory), validate=False)
-        if description.fmiVersion == "1.0" and description.coSimulation is not None:
-            _complete(description.coSimulation, directory)
+        if description.fmiVersion == "1.0":
+            _complete(description, directory)
         return description, problems
     except Exception as error:
         said = str(error).replace(f"{directory}{os.sep}", "")
         raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
 
 
-def _complete(about: Any, directory: Path) -> None:
-    """Add what FMPy does not read of an FMI 1.0 model description: the capabilities."""
-    [implementation] = etree.parse(directory / "modelDescription.xml").getroot().iterfind("Implementation")
+def _check_root(path: Path) -> None:
+    """Refuse another root element than that of FMI, which FMPy stumbles over; what is not XML, FMPy says better."""
+    with path.open("rb") as file, suppress(etree.XMLSyntaxError):
+        _, root = next(etree.iterparse(file, events=("start",), resolve_entities=False, no_network=True))
+        if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
+            raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
+
+
+def _complete(description: Any, directory: Path) -> None:
+    """Add what FMPy does not read of an FMI 1.0 model description: negated aliases, and the capabilities."""
+    root = etree.parse(directory / "modelDescription.xml", _PARSER).getroot()
+    elements = root.iterfind("ModelVariables/ScalarVariable")
+    negated = {element.get("name") for element in elements if element.get("alias") == NEGATED}
+    for variable in description.modelVariables:
+        if variable.name in negated:
+            variable.causality = NEGATED
+    if (about := description.coSimulation) is None:
+        return
+    [implementation] = root.iterfind("Implementation")
     about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
     for capabilities in implementation.iterfind("*/Capabilities"):
         for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):

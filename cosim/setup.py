@@ -23,7 +23,7 @@ from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.recorder import Channel
-from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
+from cosim.scenario import DEFAULT_SOLVER, LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
 from cosim.signals import input_samples
 from cosim.team import Law, find_law, gains_of
@@ -48,8 +48,6 @@ class RobotSetup:
     ----------
     source : PlantSource
         How its plant is run.
-    isolated : bool
-        Whether that is in a process of its own.
     parameters : tuple of ParameterValue
         Those of its plant, with its own in their place.
     vehicle : formation_controllers.vehicles.Vehicle
@@ -72,7 +70,6 @@ class RobotSetup:
     where: Location
     fmu: Fmu
     source: PlantSource
-    isolated: bool
     parameters: tuple[ParameterValue, ...]
     vehicle: Vehicle
     pose: tuple[float, ...]
@@ -154,6 +151,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
             fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
         cleanup.callback(fmu.close)
         _understood(fmu, source, source.parameters)
+        check_solver(fmu, source)
         check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
@@ -223,15 +221,31 @@ def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
 
 
-def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
-    """Refuse an FMU whose fixed internal step does not divide the communication step, and a solver besides its own."""
-    if fmu.interface == CO_SIMULATION and (source.solver or source.solver_steps > 1):
+def check_solver(fmu: Fmu, source: PlantSource) -> None:
+    """Refuse what is said of a solver that an FMU does not use."""
+    asked = {"solver": source.solver or None, "solver_step": source.solver_steps, "tolerance": source.tolerance}
+    given = [name for name, value in asked.items() if value is not None]
+    if fmu.interface == CO_SIMULATION and given:
         other = (
-            f'; with interface="{MODEL_EXCHANGE}" the solver would be asked'
+            f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
             if len(interfaces(fmu.description)) > 1
             else ""
         )
-        raise InputError(f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver{other}", source.where)
+        raise InputError(
+            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver, with which no "
+            f"{' and no '.join(given)} goes{other}",
+            source.where,
+        )
+    solver = source.solver or DEFAULT_SOLVER
+    if source.tolerance is not None and solver != "cvode":
+        raise InputError(
+            f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
+            source.where,
+        )
+
+
+def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
+    """Refuse an FMU whose fixed internal step does not divide the communication step."""
     internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
     if not internal:
         return
@@ -341,7 +355,6 @@ def _robot(
         where=source.where,
         fmu=fmu,
         source=source,
-        isolated=source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess),
         parameters=parameters,
         vehicle=vehicle,
         pose=(0.0,) * 4 if pose is None else _entries(pose, contract, contract.pose),

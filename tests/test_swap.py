@@ -153,6 +153,11 @@ def test_what_contradicts_a_constant_of_the_binding_is_left_out(swap, scenario: 
         assert (reason or "") in " ".join(warned.split())
 
 
+def test_a_folder_is_no_file(swap, scenario: Path, tmp_path: Path) -> None:
+    _, warned = swap(scenario, "--plant", f"car={renamed(tmp_path / 'v.fmu')}", "--out", tmp_path, "--force", status=2)
+    assert f"--out {tmp_path} is a folder: name the file of the variant, such as {tmp_path / 'swapped.xml'}" in warned
+
+
 def test_an_event_of_which_nothing_is_left_is_removed(swap, scenario: Path, tmp_path: Path) -> None:
     simplified(scenario, '<parameter name="d_x" value="27 N.s/m"/>')
     fmu = renamed(tmp_path / "vendor.fmu")

@@ -23,6 +23,11 @@ def swap_plants(options: argparse.Namespace) -> int:
     bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
     with ExitStack() as cleanup:
         swapped = swap(options.scenario, fmus, bindings, options.out, cleanup)
+        if swapped.variant.is_dir():
+            raise InputError(
+                f"--out {swapped.variant} is a folder: name the file of the variant, such as "
+                f"{swapped.variant / 'swapped.xml'}"
+            )
         if not options.force:
             _refuse_to_overwrite(swapped)
         for path, text in swapped.texts.items():

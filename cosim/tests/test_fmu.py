@@ -92,6 +92,13 @@ def test_invalid_description(car: Path, tmp_path: Path) -> None:
     assert "has no valid model description" in refused(path)
 
 
+def test_another_root_element(car: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", "<model/>")
+    assert "it begins with <model>; expected is <fmiModelDescription fmiVersion=...>" in refused(path)
+
+
 def test_no_binary_for_this_machine(car: Path, tmp_path: Path) -> None:
     path = repack(car, tmp_path / "a.fmu", leave_out="binaries")
     assert "has no binary for this machine" in refused(path)
