@@ -95,6 +95,7 @@ def plant(
         solver_steps=source.solver_steps or 1,
         tolerance=source.tolerance or DEFAULT_TOLERANCE,
         time_limit=source.time_limit,
+        logging=source.logging,
     )
     return Member(
         spec=spec,

@@ -9,6 +9,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+_LONGEST_SLEEP = 0.2
+"""For how long [s] nobody is asked whether to go on waiting."""
+
 
 @dataclass(frozen=True)
 class PaceReport:
@@ -79,8 +82,8 @@ class Pacer:
         self._ticks = self._overruns = 0
         self._worst = self._worst_time = self._jitter = 0.0
 
-    def wait(self, tick: int) -> None:
-        """Return when a tick is due; the first that is waited for is due at once."""
+    def wait(self, tick: int, given_up: Callable[[], bool] = lambda: False) -> None:
+        """Return when a tick is due, or waiting is given up; the first that is waited for is due at once."""
         now = self._clock()
         if self._start is None:
             self._start, self._first = now, tick
@@ -91,9 +94,12 @@ class Pacer:
             if now - due > self._worst:
                 self._worst, self._worst_time = now - due, tick * self._step
             return
-        if now < due:
-            self._sleep(due - now)
-            self._jitter = max(self._jitter, self._clock() - due)
+        if now == due:
+            return
+        while now < due and not given_up():
+            self._sleep(min(due - now, _LONGEST_SLEEP))
+            now = self._clock()
+        self._jitter = max(self._jitter, now - due)
 
     @property
     def report(self) -> PaceReport:

@@ -159,6 +159,7 @@ class _Reader:
             tolerance=self._tolerance(element),
             isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
             time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
+            logging="log" in element.attrib,
             parameters=self._settings(element, "parameter"),
             where=self.document.where(element),
         )

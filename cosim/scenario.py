@@ -97,6 +97,8 @@ class PlantSource:
         Relative tolerance of a solver with variable steps; None if nothing is said, for the default.
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
+    logging : bool
+        Whether the FMU logs all that it can.
     time_limit : float
         Of such a process [s], for the start, a step and the end.
     """
@@ -112,6 +114,7 @@ class PlantSource:
     tolerance: float | None = None
     isolated: bool = False
     time_limit: float = TIME_LIMIT
+    logging: bool = False
     parameters: tuple[Setting, ...] = ()
 
 

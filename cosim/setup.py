@@ -332,6 +332,7 @@ def _robot(
     common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
     source = scenario.plants[plant]
     parameters = _understood(fmu, source, [*common, *own])
+    _check_free(fmu, parameters)
     try:
         vehicle = _VEHICLES[contract.vehicle](**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
@@ -389,6 +390,18 @@ def _joined(inputs: Sequence[InputSource]) -> Iterable[InputSource]:
     return sources.values()
 
 
+def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
+    """Refuse a value for a parameter that gives the initial value of a pose entry."""
+    for bound in fmu.binding.of(fmu.binding.contract.pose):
+        for parameter in parameters:
+            if bound is not None and bound.initial is not None and parameter.variable is bound.initial.variable:
+                raise InputError(
+                    f"the parameter {parameter.variable.name!r} of {fmu.path.name} follows from the <pose>: by the "
+                    f"binding it gives the initial {bound.role.name!r}",
+                    parameter.where,
+                )
+
+
 def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
     """Return the input of an FMU that a source names, by its role or its own name, and the unit of its samples."""
     contract = fmu.binding.contract
@@ -403,6 +416,12 @@ def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
             source.where,
         )
     variable = known[source.name]
+    for role in (*contract.torque, *contract.disturbance):
+        plays = fmu.binding.bound.get(role.name)
+        if plays is not None and plays.played_by is not None and plays.played_by.variable is variable:
+            raise InputError(
+                f"the input {source.name!r} of {fmu.path.name} plays the role {role.name!r}: name that", source.where
+            )
     try:
         if variable.dimensions:
             raise UnitError("it is an array: a binding gives one of its elements a role")

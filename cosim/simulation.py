@@ -64,7 +64,7 @@ class Simulation:
         self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
-        self._override: list[tuple[int, NDArray[np.float64]]] = []  # rows and torques of this tick
+        self._ended = ""  # why there are no more steps
         visible = self._state.view()
         visible.flags.writeable = False
         self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
@@ -116,25 +116,30 @@ class Simulation:
         Raises
         ------
         InputError
-            There is no such robot, its motion is given, or these are not two finite numbers.
+            There is no such robot, its motion is given, or these are not two finite numbers; or the run has ended,
+            failed or been closed.
         SimulationError
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
         """
         if self.finished:
             raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
-        self._override = self._understood(torques) if torques else []
+        if self._ended:
+            raise InputError(f"the run cannot go on: {self._ended}")
+        override = self._understood(torques) if torques else {}
         try:
             self._sense()
             self._control()
-            self._actuate()
+            self._actuate(override)
             self._record()
             if self.tick < self.scenario.ticks:
                 self._step_plants()
         except SimulationError as error:
+            self._ended = str(error)
             error.result = self.result()
             raise
         except Exception as error:  # a fault of ours must not lose what was computed either
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
+            self._ended = str(failure)
             failure.result = self.result()
             raise failure from error
         self.tick += 1
@@ -157,13 +162,13 @@ class Simulation:
             first = self.tick == 0
             self._command[team.place] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
 
-    def _actuate(self) -> None:
+    def _actuate(self, override: Mapping[int, NDArray[np.float64]]) -> None:
         command = self._command
-        self._torque[0] = self._external[self.tick, 0]
-        if self._override:  # of this tick alone: what the controllers have commanded may be held longer
+        self._torque[0] = override.get(0, self._external[self.tick, 0])
+        if override:  # of this tick alone: what the controllers have commanded may be held longer
             command = command.copy()
-            for row, torque in self._override:
-                (self._torque if row == 0 else command)[max(row - 1, 0)] = torque
+            for row in override.keys() - {0}:
+                command[row - 1] = override[row]
         self._actuators.apply(self.tick, command, self._torque[1:])
         if self._disturbed:
             self._torque[1:] += self._external[self.tick, 1:]
@@ -190,18 +195,22 @@ class Simulation:
         if self.setup.motion is not None and not self.finished:
             self._state[0] = self.setup.motion.state[self.tick]
 
-    def _understood(self, torques: Mapping[str, Sequence[float]]) -> list[tuple[int, NDArray[np.float64]]]:
+    def _understood(self, torques: Mapping[str, Sequence[float]]) -> dict[int, NDArray[np.float64]]:
+        """Return torques by the row of the robot."""
         robots = list(self.poses)
-        override = []
+        override = {}
         for robot, torque in torques.items():
             if robot not in robots:
                 raise InputError(f"the scenario has no robot {robot!r}: {nearest(robot, robots)}")
             if robot == LEADER and self.setup.motion is not None:
                 raise InputError("the leader's motion is given by its <trajectory>: no torque drives it")
-            values = np.asarray(torque, dtype=np.float64)
+            try:
+                values = np.asarray(torque, dtype=np.float64)
+            except (TypeError, ValueError):
+                values = np.empty(0)
             if values.shape != (2,) or not np.isfinite(values).all():
                 raise InputError(f"the torque of {robot} is {torque!r}; expected are two finite numbers [N.m]")
-            override.append((robots.index(robot), values))
+            override[robots.index(robot)] = values
         return override
 
     # The whole run -----------------------------------------------------------------------------------------
@@ -239,7 +248,7 @@ class Simulation:
                     if progress:
                         progress(self.tick)
                     if pacer:
-                        pacer.wait(self.tick)
+                        pacer.wait(self.tick, lambda: signals.received > 0)
                     with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
                         self.step()
             except KeyboardInterrupt:
@@ -254,7 +263,8 @@ class Simulation:
         return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages)
 
     def close(self) -> None:
-        """End all plant instances and remove what was unpacked."""
+        """End all plant instances and remove what was unpacked; `result` stays."""
+        self._ended = self._ended or "it is closed"
         self._cleanup.close()
 
     def __enter__(self) -> Self:

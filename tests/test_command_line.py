@@ -284,8 +284,8 @@ def test_a_plant_that_fails(
     """A leader's torque that is not a number, from the third tick on."""
     original = Simulation._actuate
 
-    def breaks(self: Simulation) -> None:
-        original(self)
+    def breaks(self: Simulation, override: object) -> None:
+        original(self, override)
         if self.tick == 3:
             self._torque[0, 1] = float("nan")
 

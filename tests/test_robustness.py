@@ -226,8 +226,8 @@ def test_a_fault_of_the_master_loses_nothing_either(
 ) -> None:
     original = Simulation._actuate
 
-    def breaks(self: Simulation) -> None:
-        original(self)
+    def breaks(self: Simulation, override: object) -> None:
+        original(self, override)
         if self.tick == 7:
             raise IndexError("off by one")
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,7 @@ from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import PlantSpec, Value
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
-
-if TYPE_CHECKING:
-    from cosim.plant.cvode import CvodePlant
+from cosim.plant.stepwise import StepwisePlant
 
 STATE = 6
 """Pose entries and pseudo-velocities of a plant."""
@@ -127,15 +125,26 @@ class Fleet:
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
         with ExitStack() as cleanup:
             cleanup.callback(_go_back, os.getcwd())  # from where an FMU may have gone
-            self._external = self._start_processes(cleanup)
+            self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_cvode(cleanup)
             self._instances = self._start_instances(cleanup)
             self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
             rows = self._rows
-            self._inputs = _links([member.inputs for member in members], rows.first_input)
-            self._outputs = _links([member.outputs for member in members], rows.first_output)
+            self._arrays = _Arrays(
+                rows.rows,
+                rows.inputs,
+                rows.outputs,
+                rows.scratch,
+                rows.work,
+                _links([member.inputs for member in members], rows.first_input),
+                _links([member.outputs for member in members], rows.first_output),
+                state,
+            )
             for index, plant in self._external.items():
                 self._slice(rows.outputs, rows.first_output, index)[:] = plant.first_outputs
-            self._check(0.0, _read(rows.rows, rows.outputs, self._outputs, self._state), 0.0)
+            found = _read(self._arrays)
+            for index, failure in self._failed().items() if found == _FAILED else ():
+                raise self._not_started(index, PlantError(f"it {failure}"))
+            self._check(0.0, found, 0.0)
             self._check_start()
             self._cleanup = cleanup.pop_all()
 
@@ -156,24 +165,21 @@ class Fleet:
             messages.
         """
         rows, time = self._rows, tick * step
-        links = (self._inputs, self._outputs)
         if not self._external:
-            diverged = _tick(
-                rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work, *links, given, self._state, time, step
-            )
-            self._check(time, diverged, (tick + 1) * step)
+            self._check(time, _tick(self._arrays, given, time, step), (tick + 1) * step)
             return
-        _give(given, self._inputs, rows.rows, rows.inputs)
+        _give(self._arrays, given)
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
-        _advance_all(rows.rows, rows.scratch, rows.work, time, step)
+        failed = _advance_all(self._arrays, time, step)
         failures = {}
         for index, plant in self._external.items():
             try:
                 plant.finish(self._slice(rows.outputs, rows.first_output, index))
             except PlantError as error:
                 failures[index] = str(error)
-        self._check(time, _take(rows.outputs, self._outputs, self._state), (tick + 1) * step, failures)
+        found = _FAILED if failed or failures else _take(self._arrays)
+        self._check(time, found, (tick + 1) * step, failures)
 
     def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Take many steps in one call, with all inputs given.
@@ -192,17 +198,13 @@ class Fleet:
         SimulationError
             See `step`; what was reached is in `out`.
         """
-        rows = self._rows
         if self._external:
             for k, now in enumerate(given):
                 self.step(first + k, step, now)
                 out[k] = self._state
             return
-        links = (self._inputs, self._outputs)
-        tick, diverged = _run(
-            rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work, *links, given, self._state, first, step, out
-        )
-        self._check(tick * step, diverged, (tick + 1) * step)
+        tick, found = _run(self._arrays, given, first, step, out)
+        self._check(tick * step, found, (tick + 1) * step)
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Give parameters of a plant other values at a communication point [s].
@@ -226,7 +228,7 @@ class Fleet:
 
     # Starting ----------------------------------------------------------------------------------------------------
 
-    def _start_processes(self, cleanup: ExitStack) -> dict[int, ProcessPlant | CvodePlant]:
+    def _start_processes(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
         processes: dict[int, ProcessPlant] = {}
         cleanup.callback(end, processes.values())
         for index, member in enumerate(self.members):
@@ -242,22 +244,28 @@ class Fleet:
                 raise self._not_started(index, error) from None
         return dict(processes)
 
+    def _start_cvode(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
+        plants: dict[int, StepwisePlant] = {}
+        for index, member in enumerate(self.members):
+            if member.spec.uses_cvode and not member.isolated:
+                from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
+
+                try:
+                    plants[index] = CvodePlant(member.spec)
+                except PlantError as error:
+                    raise self._not_started(index, error) from None
+                cleanup.callback(plants[index].close)
+        return plants
+
     def _start_instances(self, cleanup: ExitStack) -> dict[int, Instance]:
         instances: dict[int, Instance] = {}
         for index, member in enumerate(self.members):
-            if member.isolated:
-                continue
-            try:
-                if member.spec.uses_cvode:
-                    from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
-
-                    self._external[index] = CvodePlant(member.spec)
-                    cleanup.callback(self._external[index].close)
-                else:
+            if index not in self._external:
+                try:
                     instances[index] = Instance(member.spec)
-                    cleanup.callback(instances[index].close)
-            except PlantError as error:
-                raise self._not_started(index, error) from None
+                except PlantError as error:
+                    raise self._not_started(index, error) from None
+                cleanup.callback(instances[index].close)
         return instances
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
@@ -280,28 +288,35 @@ class Fleet:
 
     # What has become of a step ----------------------------------------------------------------------------------
 
-    def _check(self, time: float, diverged: int, after: float, failures: dict[int, str] | None = None) -> None:
-        """Raise what has failed at a communication point, or after the step from there; keep what was logged."""
+    def _check(self, time: float, found: int, after: float, failures: dict[int, str] | None = None) -> None:
+        """Keep what was logged, and raise what has failed at a communication point or after the step from there."""
         failures = dict(failures or {})
-        if diverged != _FINE or failures:
-            for index in np.flatnonzero(self._rows.rows["what"] != FINE).tolist():
-                row = self._rows.rows[index]
-                failures[index] = self._instances[index].failure(int(row["what"]), int(row["status"]))
-            if failures:
-                raise SimulationError(*self._failures(failures, time))
-            index, column = divmod(diverged, STATE)
-            link = self.members[index].outputs[column]
-            value = self._state[index, column]
-            raise SimulationError(
-                self.members[index].spec.robot,
-                after,
-                f"the motion has diverged: {link.name} = {value:.4g} {link.unit}",
-            )
+        if found == _FAILED:
+            failures |= self._failed()
+        elif found == _DIVERGED:
+            time, failures = after, self._diverged()
         if Log.pending:
             for index, instance in self._instances.items():
                 self._keep(index, instance.log.take(), time)
         for index, plant in self._external.items():
             self._keep(index, plant.take_messages(), time)
+        if failures:
+            raise SimulationError(*self._failures(failures, time))
+
+    def _failed(self) -> dict[int, str]:
+        """Return what has become of each plant that is called here and has failed."""
+        failed = np.flatnonzero(self._rows.rows["what"] != FINE).tolist()
+        told = {index: (int(self._rows.rows[index]["what"]), int(self._rows.rows[index]["status"])) for index in failed}
+        return {index: self._instances[index].failure(*outcome) for index, outcome in told.items()}
+
+    def _diverged(self) -> dict[int, str]:
+        """Return how the motion of each plant has diverged whose motion has."""
+        diverged: dict[int, str] = {}
+        for index, member in enumerate(self.members):
+            for link, value in zip(member.outputs, self._state[index].tolist(), strict=True):
+                if link.place >= 0 and not abs(value) < link.bound:
+                    diverged.setdefault(index, f"has diverged: {link.name} = {value:.4g} {link.unit}")
+        return diverged
 
     def _failures(self, failures: dict[int, str], time: float) -> tuple[str, float, str]:
         """Return the arguments of an error that reports all of them."""
@@ -312,9 +327,14 @@ class Fleet:
         return specs[first].robot, time, text
 
     def _keep(self, index: int, said: str, time: float) -> None:
-        if said and self._kept[index] < KEPT_MESSAGES:
-            self._kept[index] += 1
-            self.messages.append(f"{self.members[index].spec.robot}, t = {time:.6g} s: {said}")
+        if not said:
+            return
+        self._kept[index] += 1
+        if self._kept[index] > KEPT_MESSAGES + 1:
+            return
+        if self._kept[index] > KEPT_MESSAGES:
+            said = "more messages, which are not kept"
+        self.messages.append(f"{self.members[index].spec.robot}, t = {time:.6g} s: {said}")
 
     @staticmethod
     def _slice(values: NDArray[np.float64], first: NDArray[np.int64], index: int) -> NDArray[np.float64]:
@@ -339,103 +359,86 @@ def _links(links: Sequence[Sequence[Link]], first: NDArray[np.int64]) -> NDArray
 
 # Compiled ---------------------------------------------------------------------------------------------------------
 
-_FINE, _FAILED = -1, -2
-"""What `_tick` and the like return, if it is not the number of a state that is out of bounds."""
+_FINE, _FAILED, _DIVERGED = range(3)
+"""What `_tick` and the like find: a call that failed, a state that is out of bounds."""
+
+
+class _Arrays(NamedTuple):
+    """What compiled code needs of a fleet: the arrays of `Rows`, the links of inputs and outputs, and the state."""
+
+    rows: NDArray[np.void]
+    inputs: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+    scratch: NDArray[np.float64]
+    work: NDArray[np.float64]
+    in_links: NDArray[np.void]
+    out_links: NDArray[np.void]
+    state: NDArray[np.float64]
 
 
 @compiled
-def _give(
-    given: NDArray[np.float64], links: NDArray[np.void], rows: NDArray[np.void], inputs: NDArray[np.float64]
-) -> None:
-    for j in range(len(links)):
-        link = links[j]
+def _give(plants: _Arrays, given: NDArray[np.float64]) -> None:
+    for j in range(len(plants.in_links)):
+        link = plants.in_links[j]
         value = (given[j] - link["offset"]) / link["scale"]
-        if inputs[link["place"]] != value:
-            rows[link["row"]]["in_changed"] = 1
-        inputs[link["place"]] = value
+        if plants.inputs[link["place"]] != value:
+            plants.rows[link["row"]]["in_changed"] = 1
+        plants.inputs[link["place"]] = value
 
 
 @compiled
-def _take(outputs: NDArray[np.float64], links: NDArray[np.void], state: NDArray[np.float64]) -> int:
-    """Write the state; return the number of the first entry that is not finite or out of bounds."""
-    diverged = _FINE
-    for j in range(len(links)):
-        link = links[j]
+def _take(plants: _Arrays) -> int:
+    """Write the state; return whether all of it is finite and within its bounds."""
+    found = _FINE
+    for j in range(len(plants.out_links)):
+        link = plants.out_links[j]
         if link["place"] < 0:
             continue
-        value = link["scale"] * outputs[link["place"]] + link["offset"]
-        state[j // STATE, j % STATE] = value
-        if not abs(value) < link["bound"] and diverged == _FINE:  # not finite is not smaller
-            diverged = j
-    return diverged
+        value = link["scale"] * plants.outputs[link["place"]] + link["offset"]
+        plants.state[j // STATE, j % STATE] = value
+        if not abs(value) < link["bound"]:  # not finite is not smaller
+            found = _DIVERGED
+    return found
 
 
 @compiled
-def _read(
-    rows: NDArray[np.void], outputs: NDArray[np.float64], links: NDArray[np.void], state: NDArray[np.float64]
-) -> int:
+def _read(plants: _Arrays) -> int:
     failed = False
-    for i in range(len(rows)):
-        row = rows[i]
+    for i in range(len(plants.rows)):
+        row = plants.rows[i]
         if row["kind"] != EXTERNAL:
             row["what"], row["status"] = read_outputs(row)
             failed = failed or row["what"] != FINE
-    return _FAILED if failed else _take(outputs, links, state)
+    return _FAILED if failed else _take(plants)
 
 
 @compiled
-def _advance_all(
-    rows: NDArray[np.void], scratch: NDArray[np.float64], work: NDArray[np.float64], time: float, step: float
-) -> bool:
+def _advance_all(plants: _Arrays, time: float, step: float) -> bool:
     failed = False
-    for i in range(len(rows)):
-        row = rows[i]
+    for i in range(len(plants.rows)):
+        row = plants.rows[i]
         if row["kind"] != EXTERNAL:
-            row["what"], row["status"] = advance(row, scratch[i], work, time, step)
+            row["what"], row["status"] = advance(row, plants.scratch[i], plants.work, time, step)
             failed = failed or row["what"] != FINE
     return failed
 
 
 @compiled
-def _tick(
-    rows: NDArray[np.void],
-    inputs: NDArray[np.float64],
-    outputs: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-    work: NDArray[np.float64],
-    in_links: NDArray[np.void],
-    out_links: NDArray[np.void],
-    given: NDArray[np.float64],
-    state: NDArray[np.float64],
-    time: float,
-    step: float,
-) -> int:
-    _give(given, in_links, rows, inputs)
-    if _advance_all(rows, scratch, work, time, step):
+def _tick(plants: _Arrays, given: NDArray[np.float64], time: float, step: float) -> int:
+    _give(plants, given)
+    if _advance_all(plants, time, step):
         return _FAILED
-    return _take(outputs, out_links, state)
+    return _take(plants)
 
 
 @compiled
 def _run(
-    rows: NDArray[np.void],
-    inputs: NDArray[np.float64],
-    outputs: NDArray[np.float64],
-    scratch: NDArray[np.float64],
-    work: NDArray[np.float64],
-    in_links: NDArray[np.void],
-    out_links: NDArray[np.void],
-    given: NDArray[np.float64],
-    state: NDArray[np.float64],
-    first: int,
-    step: float,
-    out: NDArray[np.float64],
+    plants: _Arrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
 ) -> tuple[int, int]:
-    """Return the last tick and what `_tick` returned there."""
+    """Return the last tick and what `_tick` found there."""
     for k in range(len(given)):
-        time = (first + k) * step
-        found = _tick(rows, inputs, outputs, scratch, work, in_links, out_links, given[k], state, time, step)
+        found = _tick(plants, given[k], (first + k) * step, step)
         if found != _FINE:
             return first + k, found
-        out[k] = state
+        out[k] = plants.state
     return first + len(given) - 1, _FINE

@@ -146,6 +146,8 @@ class Instance:
                 what = END if self._fmu.getBooleanStatus(fmi2.fmi2Terminated) else what
             except FMICallException as error:
                 self._note(error)
+        if not said and status > WARNING and not self.spec.logging:
+            said = 'it does not say why; log="on" of its <plant> may let it'
         return failure(what, status, said)
 
     def close(self) -> None:
@@ -192,13 +194,13 @@ class Instance:
         except Exception as error:
             raise PlantError(f"its binary cannot be loaded: {self._why_not(error)}") from None
         if self._version == 1:
-            self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=False)
+            self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=spec.logging)
         elif self._version == 2:
-            self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=False)
+            self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=spec.logging)
         else:
             # Without Event Mode, early return and intermediate update, which an FMU may offer but not demand
             # (FMI 3.0, section 4.2), it handles its events within a step.
-            self._fmu.instantiate(loggingOn=False, logMessage=self.log.log_message)
+            self._fmu.instantiate(loggingOn=spec.logging, logMessage=self.log.log_message)
         if not self._fmu.component:  # FMPy overlooks this in FMI 1.0
             raise PlantError(self.log.take() or "it does not instantiate")
 
@@ -211,9 +213,10 @@ class Instance:
         return reason.replace(f"{self.spec.directory}{os.sep}", "")
 
     def _initialise(self) -> None:
-        fmu, stop = self._fmu, self.spec.stop_time
+        fmu = self._fmu
+        stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
         if self._version == 1:
-            self._initialise_slave()
+            self._initialise_slave(stop)
         else:
             if self._version == 2:
                 fmu.setupExperiment(startTime=0.0, stopTime=stop)
@@ -228,11 +231,11 @@ class Instance:
             fmu.enterContinuousTimeMode()
             self._numbers = self._counted()
 
-    def _initialise_slave(self) -> None:
+    def _initialise_slave(self, stop: float) -> None:
         """Initialise an FMI 1.0 instance; FMPy takes the status that is returned for a string."""
         function = self._fmu.dll[f"{self.spec.identifier}_fmiInitializeSlave"]
         function.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_char, ctypes.c_double)
-        status = function(self.component, 0.0, fmi1.fmi1True, self.spec.stop_time)
+        status = function(self.component, 0.0, fmi1.fmi1True, stop)
         if status > WARNING:
             raise FMICallException("fmiInitializeSlave", status)
 

@@ -95,7 +95,9 @@ class Log:
         if not self._received:
             return ""
         text = printable(" ".join("; ".join(self._messages).split()))
-        if self._received > len(self._messages):
+        if len(self._messages) == 1 < self._received:
+            text = f"{text} ({self._received} times)"
+        elif self._received > len(self._messages):
             text = f"{self._received} messages, the last of them: {text}"
         self._forget()
         return text

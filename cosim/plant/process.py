@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import site
 import subprocess
 import sys
 import threading
@@ -205,12 +206,10 @@ def end(plants: Iterable[ProcessPlant]) -> None:
 
 
 def _launched() -> subprocess.Popen[bytes]:
-    paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(path for path in paths if path),
-        PLAIN: "1",  # compiling for one plant would take longer than it saves
-    }
+    environment = {**os.environ, PLAIN: "1"}  # compiling for one plant would take longer than it saves
+    root = str(Path(__file__).parents[2])
+    if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     options: dict[str, Any] = (
         {"start_new_session": True}  # Ctrl-C is the harness's
         if os.name == "posix"

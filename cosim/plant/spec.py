@@ -70,6 +70,8 @@ class PlantSpec:
         Relative tolerance of a solver with variable steps.
     time_limit : float
         Of a process of its own: how long [s] the plant may take to start, for a step, and to end.
+    logging : bool
+        Whether the FMU logs all that it can, or only what it does unasked.
     """
 
     robot: str
@@ -90,6 +92,7 @@ class PlantSpec:
     solver_steps: int = 1
     tolerance: float = 1e-6
     time_limit: float = 10.0
+    logging: bool = False
 
     @property
     def uses_cvode(self) -> bool:

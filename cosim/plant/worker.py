@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import traceback
-from typing import Protocol
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,33 +23,10 @@ from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs
+from cosim.plant.stepwise import StepwisePlant
 
 _ORPHAN_CHECK = 1.0
 """How often [s] it is checked whether the harness is still there."""
-
-
-class StepwisePlant(Protocol):
-    """A plant that is stepped one call at a time.
-
-    Legal call order: `begin` and `finish` by turns, `change` and `take_messages` in between, `close` once.
-    """
-
-    first_outputs: list[float]
-
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Begin a communication step."""
-
-    def finish(self, outputs: NDArray[np.float64]) -> None:
-        """Wait for its end and write the outputs, or raise PlantError."""
-
-    def change(self, values: tuple[Value, ...]) -> None:
-        """Change parameters, or raise PlantError."""
-
-    def take_messages(self) -> str:
-        """Return what was logged since the last time."""
-
-    def close(self) -> None:
-        """End it."""
 
 
 class LocalPlant:
@@ -65,7 +42,7 @@ class LocalPlant:
         self._instance = Instance(spec)
         try:
             self._rows = Rows([self._instance], [(len(spec.inputs.start), len(spec.outputs.start))])
-            self._check(*read_outputs(self._rows.rows[0]))
+            self._check(*read_outputs(self._rows.rows[0]), subject="it ")
         except BaseException:
             self.close()
             raise
@@ -90,7 +67,7 @@ class LocalPlant:
         self._check(*advance(rows.rows[0], rows.scratch[0], rows.work, *self._pending))
         outputs[:] = rows.outputs
 
-    def change(self, values: tuple[Value, ...]) -> None:
+    def change(self, values: Sequence[Value]) -> None:
         """See `Instance.change`."""
         self._instance.change(values)
         self._rows.rows["next_event"] = self._instance.next_event
@@ -103,9 +80,9 @@ class LocalPlant:
         """End the plant."""
         self._instance.close()
 
-    def _check(self, what: int, status: int) -> None:
+    def _check(self, what: int, status: int, subject: str = "") -> None:
         if what != FINE:
-            raise PlantError(self._instance.failure(what, status))
+            raise PlantError(subject + self._instance.failure(what, status))
 
 
 def start(spec: PlantSpec) -> StepwisePlant:

@@ -34,6 +34,7 @@ def fleet(
     interface: str = "",
     isolated: bool | Sequence[bool] = False,
     horizon: float = 100.0,
+    solvers: Sequence[str] = (),
     **about: Any,
 ) -> Iterator[tuple[Fleet, np.ndarray]]:
     """Start robots and yield their fleet and its state (robots, 6)."""
@@ -46,7 +47,7 @@ def fleet(
                 replace(
                     plant(
                         fmu,
-                        source(**about),
+                        source(**about | ({"solver": solvers[number - 1]} if solvers else {})),
                         name=f"robot_{number}",
                         parameters=(),
                         pose=pose,

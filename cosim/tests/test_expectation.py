@@ -432,8 +432,8 @@ def test_a_comparison_with_a_run_that_fails(
     failing = written(tmp_path, "failing.xml", "<regular/>")
     original = Simulation._actuate
 
-    def breaks(self: Simulation) -> None:
-        original(self)
+    def breaks(self: Simulation, override: object) -> None:
+        original(self, override)
         if self.scenario.path == failing and self.tick == 5:
             raise SimulationError("follower_1", self.time, "out of fuel")
 

@@ -1,9 +1,13 @@
 """FMUs come from strangers: each kind of bad file has its sentence, and what fits is bound by role and unit."""
 
+import tempfile
+import time
 import zipfile
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import plants
@@ -11,6 +15,10 @@ from cosim.errors import InputError, Location
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import geometry, understand
 from cosim.scenario import BindingSource, RoleSource, Setting
+from tests.stub.broken import BROKEN, EVIL, make_broken
+from tests.stub.stub import Options, description, make_fmu
+
+from .driving import drive, fleet
 
 HERE = Location("scenario.xml", 3, 5)
 
@@ -192,3 +200,133 @@ def test_an_enumeration_is_set_by_the_role_that_it_plays(car: Path, tmp_path: Pa
     with closing(open_fmu(path, HERE, BindingSource("car_like", (role,), HERE))) as opened:
         values = understand(opened, [setting("drive", "rear_wheel")])
         assert geometry(opened, values, HERE)["drive"] == "rear_wheel"
+
+
+# Broken files, each in one way ----------------------------------------------------------------------------------------
+
+OPENED = {
+    "empty_file": "is not an FMU: File is not a zip file",
+    "no_zip": "is not an FMU: File is not a zip file",
+    "empty_zip": "is not an FMU: it holds no modelDescription.xml",
+    "truncated": "is not an FMU: File is not a zip file",
+    "crc": "cannot be unpacked: Bad CRC-32 for file 'binaries/",
+    "description_crc": "is not an FMU: Bad CRC-32 for file 'modelDescription.xml'",
+    "encrypted": "is not an FMU: File 'modelDescription.xml' is encrypted",
+    "no_description": "is not an FMU: it holds no modelDescription.xml",
+    "two_descriptions": "has the entry 'modelDescription.xml' twice",
+    "no_xml": "has no valid model description: Start tag expected",
+    "no_utf8": "has no valid model description: Error reading file 'modelDescription.xml': Invalid bytes in character",
+    "fmi_4": "has no valid model description: Unsupported FMI version: 4.0",
+    "entity_bomb": "declares a document type in its modelDescription.xml",
+    "external_entity": "declares a document type in its modelDescription.xml",
+    "parent_entry": f"has the entry '../{EVIL}', outside of itself",
+    "backslash_entry": f"has the entry '..\\\\{EVIL}', outside of itself",
+    "absolute_entry": f"has the entry '/tmp/{EVIL}', outside of itself",
+    "link_entry": "has the symbolic link 'resources/link', not a file",
+    "identifier_outside": f"has the model identifier '../../{EVIL}', which is no C identifier",
+    "no_identifier": "has the model identifier '', which is no C identifier",
+    "duplicate_names": "it has more than one variable 'x'",
+    "duplicate_references": "it cannot be given 'x' and 'y' through the same number, 'y'",
+    "no_binaries": "has no binary for this machine",
+    "other_platforms": "has no binary for this machine",
+    "misnamed_binary": "only: another",
+}
+"""What is refused when the file is opened, and how."""
+STARTED = {
+    "wrong_token": "the token {00000000-0000-0000-0000-000000000000} is not that of this binary",
+    "other_machine": "its binary cannot be loaded: it is made for another machine",
+    "text_binary": "its binary cannot be loaded: binaries/",
+    "empty_binary": "its binary cannot be loaded: binaries/",
+    "no_do_step": "its binary cannot be loaded: binaries/",
+}
+"""What is refused when a robot is started, and how."""
+WORKS = ("undefined_unit", "no_start")
+
+
+def test_all_are_known() -> None:
+    assert {*OPENED, *STARTED, *WORKS} == set(BROKEN)
+
+
+Broken = Callable[[str, str], Path]
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Broken:
+    return lambda kind, fmi: make_broken(tmp_path_factory.mktemp("broken"), kind, fmi=fmi)
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+@pytest.mark.parametrize("kind", OPENED)
+def test_refused_when_it_is_opened(
+    broken: Broken, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, fmi: str
+) -> None:
+    """With a sentence on one line, that names no temporary folder; nothing is left behind, in there or elsewhere."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    path = broken(kind, fmi)
+    said = refused(path)
+    assert OPENED[kind] in said
+    assert "\n" not in said
+    assert str(tmp_path) not in said.replace(str(path), "")
+    assert list(tmp_path.iterdir()) == []
+    assert not list(path.parent.rglob(EVIL))
+    assert not Path(f"/tmp/{EVIL}").exists()
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["in_process", "isolated"])
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+@pytest.mark.parametrize("kind", STARTED)
+def test_refused_when_it_is_started(
+    broken: Broken,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    fmi: str,
+    isolated: bool,
+) -> None:
+    if isolated and fmi != "2.0":
+        return
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(InputError) as caught, fleet(broken(kind, fmi), isolated=isolated):
+        pass
+    assert caught.value.where == HERE
+    assert caught.value.message.startswith(f"the FMU {kind}.fmu cannot be started as robot_1: {STARTED[kind]}")
+    assert str(tmp_path) not in caught.value.message
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+@pytest.mark.parametrize("kind", WORKS)
+def test_what_works_all_the_same(broken: Broken, kind: str, fmi: str) -> None:
+    moved = drive(broken(kind, fmi), np.tile([10.0, 0.0], (50, 1)))
+    assert moved[-1, 4] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("entry", ["./modelDescription.xml", "x/../modelDescription.xml", "binaries//../../x"])
+def test_one_file_by_two_names(car: Path, tmp_path: Path, entry: str) -> None:
+    said = refused(repack(car, tmp_path / "a.fmu", extra=entry))
+    assert "twice" in said or "outside of itself" in said
+
+
+def test_many_variables_take_no_time(tmp_path: Path) -> None:
+    """Ten thousand take some tenths of a second; the limit allows for a busy machine, and for nothing quadratic."""
+    path = make_fmu(tmp_path, fillers=10_000)
+    begin = time.process_time()
+    with fleet(path) as (started, state):
+        started.step(0, 0.02, np.array([10.0, 0.0]))
+    assert time.process_time() - begin < 5.0
+    assert state[0, 4] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("tool", [False, True])
+def test_what_an_fmu_of_fmi_1_can_do_is_read(tmp_path: Path, tool: bool) -> None:
+    path = make_fmu(tmp_path, fmi="1.0", once=True)
+    if tool:
+        model = '<Model entryPoint="file:///x" manualStart="false" type="x"/>'
+        text = description(Options(fmi="1.0", once=True, when=1.0))
+        alone = text[text.index("<CoSimulation_StandAlone>") : text.index("</Implementation>")]
+        of_a_tool = f"<CoSimulation_Tool><Capabilities/>{model}</CoSimulation_Tool>"
+        path = repack(path, tmp_path / "tool.fmu", alone, of_a_tool)
+    with closing(open_fmu(path)) as opened:
+        assert opened.about_interface.canBeInstantiatedOnlyOncePerProcess == (not tool)
+        assert opened.about_interface.canHandleVariableCommunicationStepSize == (not tool)
+        assert opened.about_interface.needsExecutionTool == tool

@@ -144,8 +144,8 @@ def test_all_scenarios_of_a_command(
 ) -> None:
     original = Simulation._actuate
 
-    def breaks(self: Simulation) -> None:
-        original(self)
+    def breaks(self: Simulation, override: object) -> None:
+        original(self, override)
         if self.scenario.name == "broken" and self.tick == 5:
             raise ZeroDivisionError("no such luck")
 

@@ -54,6 +54,14 @@ def test_an_overrun_is_counted_and_made_up_for() -> None:
     assert "2 of 6 ticks overran, the worst by 30 ms at t = 0.04 s" in str(report)
 
 
+def test_waiting_can_be_given_up() -> None:
+    clock = Clock()
+    pacer = Pacer(0.02, 1e-300, clock, clock.sleep)
+    pacer.wait(0)
+    pacer.wait(1, lambda: clock.now > 101.1)
+    assert clock.now == pytest.approx(101.2)
+
+
 @pytest.mark.parametrize("factor", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_pace_is_positive(factor: float) -> None:
     with pytest.raises(ValueError, match="must be a positive number"):

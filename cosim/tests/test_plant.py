@@ -55,6 +55,13 @@ def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
     return made
 
 
+class Names(dict[str, str]):
+    """Other names of variables, that can tell one stub from another."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(self.items()))
+
+
 def declared(path: Path, roles: str) -> BindingSource:
     path.write_text(f'<binding xmlns="{NAMESPACE}" vehicle="car_like">{roles}</binding>', encoding="utf-8")
     return read_binding(path)
@@ -467,6 +474,29 @@ def test_what_needs_a_tool_says_so_where_it_cannot_be_started(make: Make, tmp_pa
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>')
     with pytest.raises(InputError, match="it says that it needs an execution tool, which must be there"):
         Simulation(read_scenario(path))
+
+
+def test_a_parameter_that_follows_from_the_pose_cannot_be_set(make: Make, tmp_path: Path) -> None:
+    roles = "".join(f'<role name="{name}" variable="{name}" initial="{name}0"/>' for name in ("x", "y", "psi", "gamma"))
+    binding = f'<binding vehicle="car_like">{roles}</binding><parameter name="y0" value="1 m"/>'
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(initial="parameters")}">{binding}</plant>')
+    with pytest.raises(InputError, match=r"'y0' of stub\.fmu follows from the <pose>: by the binding it gives"):
+        Simulation(read_scenario(path))
+
+
+def test_an_input_that_plays_a_role_is_named_by_the_role(make: Make, tmp_path: Path) -> None:
+    binding = '<binding vehicle="car_like"><role name="tau_drive" variable="torque"/></binding>'
+    plant = f'<plant id="car" fmu="{make(names=Names(tau_drive="torque"))}">{binding}</plant>'
+    for name in ("torque", "tau_drive"):
+        text = scenario(tmp_path / "s.xml", plant).read_text("utf-8")
+        added = f'<input name="{name}"><constant value="1 N.m"/></input>'
+        path = tmp_path / f"{name}.xml"
+        path.write_text(text.replace("  <leader", f"  {added}\n  <leader"), "utf-8")
+        if name == "torque":
+            with pytest.raises(InputError, match=r"'torque' of stub\.fmu plays the role 'tau_drive': name that"):
+                Simulation(read_scenario(path))
+        else:
+            Simulation(read_scenario(path)).close()
 
 
 def test_messages_have_robot_and_time(make: Make, tmp_path: Path) -> None:

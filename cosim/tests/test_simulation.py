@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.errors import InputError
+from cosim.errors import InputError, SimulationError
 from cosim.reader import read_scenario
 from cosim.simulation import Simulation
 
@@ -85,6 +85,7 @@ def test_a_held_command_is_held_beyond_an_override(scenarios: Path) -> None:
         ({"follower1": (0.0, 0.0)}, "the scenario has no robot 'follower1': did you mean 'follower_1'?"),
         ({"follower_1": (0.0,)}, "the torque of follower_1 is (0.0,); expected are two finite numbers [N.m]"),
         ({"follower_1": (0.0, float("nan"))}, "expected are two finite numbers"),
+        ({"follower_1": ("much", 0.0)}, "expected are two finite numbers"),
     ],
 )
 def test_torques_that_cannot_be(simulation: Simulation, torques: dict[str, tuple[float, ...]], sentence: str) -> None:
@@ -100,3 +101,21 @@ def test_a_leader_on_a_trajectory_takes_no_torque(scenarios: Path) -> None:
         assert np.isfinite(simulation.poses["leader"]).all()
         with pytest.raises(InputError, match="no torque drives it"):
             simulation.step({"leader": (1.0, 0.0)})
+
+
+def test_there_is_no_step_after_the_end(simulation: Simulation) -> None:
+    simulation.step()
+    simulation.close()
+    with pytest.raises(InputError, match="the run cannot go on: it is closed"):
+        simulation.step()
+    assert simulation.result().sizes["time"] == 1
+
+
+def test_there_is_no_step_after_a_failure(simulation: Simulation) -> None:
+    simulation.step()
+    simulation._state[2, 0] = np.nan  # a controller refuses to see this
+    with pytest.raises(SimulationError) as caught:
+        simulation.step()
+    with pytest.raises(InputError) as refused:
+        simulation.step()
+    assert str(refused.value) == f"the run cannot go on: {caught.value}"

@@ -1,0 +1,35 @@
+"""The interface of plants that are stepped one call at a time, not by compiled code with all others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.spec import Value
+
+
+class StepwisePlant(Protocol):
+    """A plant that is stepped one call at a time.
+
+    Legal call order: `begin` and `finish` by turns, `change` and `take_messages` in between, `close` once.
+    """
+
+    first_outputs: list[float]
+
+    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
+        """Begin a communication step."""
+
+    def finish(self, outputs: NDArray[np.float64]) -> None:
+        """Wait for its end and write the outputs, or raise PlantError."""
+
+    def change(self, values: Sequence[Value]) -> None:
+        """Change parameters, or raise PlantError."""
+
+    def take_messages(self) -> str:
+        """Return what was logged since the last time."""
+
+    def close(self) -> None:
+        """End it."""
