@@ -157,3 +157,11 @@ def test_no_such_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     path = scenario(tmp_path, make_fmu(tmp_path))
     assert main(["check", str(path), "--untrusted", str(tmp_path / "none")]) == 2
     assert "none: there is no such folder" in capsys.readouterr().err
+
+
+def test_a_folder_that_no_plant_lies_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path, make_fmu(tmp_path / "here"))
+    (tmp_path / "there").mkdir()
+    for folder in ("here", "there"):
+        assert main(["check", str(path), "--untrusted", str(tmp_path / folder)]) == 0
+    assert capsys.readouterr().err == f"warning: --untrusted {tmp_path / 'there'}: no FMU of {path} lies there\n"

@@ -10,7 +10,7 @@ from pathlib import Path
 from cosim.cli.console import out, safe, warn
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
-from cosim.fmu import obstacle
+from cosim.fmu_facts import obstacle
 from cosim.reader import read_scenario
 from cosim.result import write
 from cosim.setup import set_up
