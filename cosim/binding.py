@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,8 @@ from cosim.scenario import BindingSource, RoleSource
 from plants import UnitError, units
 
 REAL_TYPES = ("Real", "Float64")
+NEGATED = "negatedAlias"
+"""The causality, here, of a variable of FMI 1.0 that is another with the opposite sign."""
 _TWICE: Any = object()
 """Stands for variables of the same name, which FMI forbids."""
 _ELEMENT = re.compile(r"(.+)\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\]")
@@ -108,8 +110,11 @@ def bind(description: Any, file: str, declared: BindingSource | None = None, whe
                     source.where,
                 )
         bound, problems = match(contract, description, declared.roles)
-        for problem in problems:
-            raise InputError(f"the FMU {file} {problem.text}", problem.where or declared.where)
+        if problems:
+            places = [problem.where or declared.where for problem in problems]
+            sentences = [problem.sentence(f"the FMU {file}") for problem in problems]
+            others = (f"\n  {place}: {text}" for place, text in zip(places[1:], sentences[1:], strict=True))
+            raise InputError(sentences[0] + "".join(others), places[0])
         return Binding(contract, bound)
     reasons = []
     for contract in CONTRACTS:
@@ -124,13 +129,22 @@ def bind(description: Any, file: str, declared: BindingSource | None = None, whe
     )
 
 
+class _BindingError(ValueError):
+    """Something that a binding says makes no sense, whatever the FMU is."""
+
+
 @dataclass(frozen=True)
 class Problem:
-    """Why a role is not played; the FMU is the subject of the text."""
+    """Why a role is not played; the FMU is the subject of the text, unless that is about the binding alone."""
 
     role: Role
     text: str
     where: Location | None = None
+    about_binding: bool = False
+
+    def sentence(self, fmu: str = "the FMU") -> str:
+        """Return the text with its subject."""
+        return self.text if self.about_binding else f"{fmu} {self.text}"
 
 
 def match(
@@ -155,22 +169,23 @@ def match(
             bound[role.name] = _bound(contract, role, description, variables, source)
         except (ValueError, UnitError) as error:
             if source.where is not None or not role.optional:
-                problems.append(Problem(role, str(error), source.where))
+                problems.append(Problem(role, str(error), source.where, isinstance(error, _BindingError)))
     return bound, problems + list(_shared(bound, sources))
 
 
 def _shared(bound: dict[str, BoundRole], sources: dict[str, RoleSource]) -> Iterator[Problem]:
-    """Return why roles cannot be played together: what is set has one value."""
-    first: dict[tuple[str, int, int], str] = {}
+    """Return why roles cannot be played together: what is set has one value. Two lengths may be the same parameter."""
+    first: dict[tuple[str, int, int], Role] = {}
     for name, one in bound.items():
-        number = one.played_by if one.role.causality == "input" else one.initial
+        number = one.initial if one.role.causality == "output" else one.played_by
         if number is None:
             continue
         place = (number.variable.type, number.variable.valueReference, number.element)
-        if place in first:
-            text = f"cannot be given {first[place]!r} and {name!r} through the same number, {number_name(number)!r}"
-            yield Problem(one.role, text, sources[name].where if name in sources else None)
-        first.setdefault(place, name)
+        before = first.setdefault(place, one.role)
+        if before is not one.role and not before.causality == one.role.causality == "parameter":
+            text = f"cannot be given {before.name!r} and {name!r} through the same number, {number_name(number)!r}"
+            at = sources.get(name) or sources.get(before.name)
+            yield Problem(one.role, text, at.where if at is not None else None)
 
 
 def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
@@ -181,12 +196,13 @@ def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
 def _bound(
     contract: Contract, role: Role, description: Any, variables: dict[str, Any], source: RoleSource
 ) -> BoundRole:
-    if source.initial and role not in contract.pose:
-        raise ValueError(f"cannot have initial={source.initial!r} for the role {role.name!r}: only a pose entry can")
+    if source.initial:
+        with _about(source, "initial"):
+            if role not in contract.pose:
+                raise ValueError("only a pose entry has an initial value")
     if source.value:
-        if role.causality != "parameter":
-            raise ValueError(f"cannot have value={source.value!r} for the role {role.name!r}: only a parameter can")
-        return BoundRole(role, None, constant=quantity(source.value, role.unit) if role.unit else source.value)
+        with _about(source, "value"):
+            return BoundRole(role, None, constant=_constant(role, source.value))
     variable, element = _found(role, description, variables, source.variable, source)
     if not role.unit:
         if variable.type != "Enumeration":
@@ -208,6 +224,29 @@ def _bound(
     return BoundRole(role, played_by, played_by)
 
 
+@contextmanager
+def _about(source: RoleSource, attribute: str) -> Iterator[None]:
+    """Let an error say which attribute of which role it is about."""
+    try:
+        yield
+    except (ValueError, UnitError) as error:
+        said = getattr(source, attribute)
+        raise _BindingError(f'{attribute}="{said}" of the role {source.name!r}: {error}') from None
+
+
+def _constant(role: Role, text: str) -> float | str:
+    if role.causality != "parameter":
+        raise ValueError(f"only a parameter has a constant value, and this is an {role.causality}")
+    if not role.unit:
+        if text not in role.items:
+            raise ValueError(f"{text!r} is none of its items: {nearest(text, list(role.items))}")
+        return text
+    value = quantity(text, role.unit)
+    if value <= 0:
+        raise ValueError(f"{text!r} is no length; expected is one greater than zero")
+    return value
+
+
 def _found(
     role: Role, description: Any, variables: dict[str, Any], name: str, source: RoleSource, parameter: bool = False
 ) -> tuple[Any, int]:
@@ -223,8 +262,16 @@ def _found(
         raise ValueError(f"has more than one variable {name!r}")
     if variable is None and source.where is not None:
         raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(variables))}")
-    if variable is None or variable.causality not in _ALLOWED[causality]:
+    if variable is not None and variable.causality == NEGATED:
+        raise ValueError(
+            f"has {name!r} as a negated alias, whose sign would be lost: bind the variable whose alias it is, "
+            'with factor="-1"'
+        )
+    if variable is None or (source.where is None and variable.causality not in _ALLOWED[causality]):
         raise ValueError(f"lacks the {causality} {name!r}" + (f" [{role.unit}]" if role.unit else ""))
+    if variable.causality not in _ALLOWED[causality]:
+        cannot = "cannot give the initial value of" if parameter else f"cannot play the {role.causality}"
+        raise ValueError(f"has {name!r} as {variable.causality}, which {cannot} {role.name!r}")
     if source.where is None and variable.causality != causality:
         raise ValueError(f"has {name!r} as {variable.causality}, not as {causality}")
     if role.unit and variable.type not in REAL_TYPES:
@@ -257,30 +304,37 @@ def _element(description: Any, variable: Any, name: str, indices: list[int]) -> 
 
 
 def _read_as(role: Role, description: Any, variable: Any, element: int, source: RoleSource) -> BoundVariable:
-    own, wanted = _unit(description, variable, source.unit), units.parse(role.unit)
-    number, name = split(source.factor) if source.factor else (1.0, "1")
-    if number == 0 or not math.isfinite(number):
-        raise ValueError(f"cannot play {role.name!r} with factor={source.factor!r}: it must be finite and not zero")
-    read = own * units.parse(name)
+    own, wanted = _unit(description, variable, source), units.parse(role.unit)
+    number, factor, offset = 1.0, units.parse("1"), 0.0
+    if source.factor:
+        with _about(source, "factor"):
+            number, name = split(source.factor)
+            factor = units.parse(name)
+            if number == 0 or not math.isfinite(number):
+                raise ValueError("it must be finite and not zero")
+    if source.offset:
+        with _about(source, "offset"):
+            offset = quantity(source.offset, role.unit)
+    read = own * factor
     if read.exponents != wanted.exponents:
         times = f" times {source.factor}" if source.factor else ""
         raise UnitError(f"offers a unit that does not fit: {variable.name!r} is in {own}{times}, not in {wanted}")
     scale = number * read.factor / wanted.factor
-    return BoundVariable(variable, element, scale, quantity(source.offset, role.unit) if source.offset else 0.0)
+    return BoundVariable(variable, element, scale, offset)
 
 
-def _unit(description: Any, variable: Any, stated: str) -> units.Unit:
+def _unit(description: Any, variable: Any, source: RoleSource) -> units.Unit:
     """Return the unit of a variable: as the FMU has it, else as a binding states it."""
-    if not stated:
+    if not source.unit:
         return unit_of(description, variable)
-    unit = units.parse(stated)
+    with _about(source, "unit"):
+        unit = units.parse(source.unit)
     try:
         own = unit_of(description, variable)
     except UnitError:  # it has none, or one that nobody knows
         return unit
     if not _same(own, unit):
-        name = variable.unit or variable.declaredType.unit
-        raise UnitError(f"has {variable.name!r} in {name}, not in {stated} as the binding states")
+        raise UnitError(f"has {variable.name!r} in {unit_name(variable)}, not in {source.unit} as the binding states")
     return units.Unit(unit.exponents, own.factor)
 
 
@@ -332,6 +386,11 @@ def start_of(description: Any, variable: Any) -> tuple[float, ...]:
     return numbers if len(numbers) == size else (numbers or (0.0,)) * size
 
 
+def unit_name(variable: Any) -> str:
+    """Return the name of the unit that a variable has, of its own or by its type; empty if it has none."""
+    return str(variable.unit or (variable.declaredType.unit if variable.declaredType else None) or "")
+
+
 def unit_of(description: Any, variable: Any) -> units.Unit:
     """Return the unit of a variable: as the FMU defines it, or by its name where it is not defined.
 
@@ -340,7 +399,7 @@ def unit_of(description: Any, variable: Any) -> units.Unit:
     plants.UnitError
         The variable has no unit, or one that is not known.
     """
-    name = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    name = unit_name(variable)
     if not name:
         raise UnitError(f'has {variable.name!r} without a unit: a binding states it, unit="..."')
     for definition in description.unitDefinitions:

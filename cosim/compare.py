@@ -19,10 +19,11 @@ from cosim.errors import InputError, Location, SimulationError, nearest
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.fleet import STATE, Fleet
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
 from cosim.quantity import split
 from cosim.reader import read_binding
 from cosim.scenario import PlantSource, Setting
-from cosim.setup import check_step
+from cosim.setup import check_solver, check_step
 from cosim.table import read_table
 from plants import UnitError, units
 
@@ -59,6 +60,14 @@ class PlantFile:
     interface: str = ""
     solver: str = ""
     parameters: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for what, said, known in (
+            ("interface", self.interface, (CO_SIMULATION, MODEL_EXCHANGE)),
+            ("solver", self.solver, SOLVERS),
+        ):
+            if said and said not in known:
+                raise InputError(f"there is no {what} {said!r}: {nearest(said, list(known))}")
 
 
 @dataclass(frozen=True)
@@ -290,11 +299,14 @@ class _Run:
             interface=file.interface,
             solver=file.solver,
             isolated=isolated and not built_in,
-            parameters=tuple(Setting(key, value, Location(f"{key}={value}")) for key, value in file.parameters.items()),
-            where=Location(str(path)),
+            parameters=tuple(
+                Setting(key, value, Location(f"--parameter {key}={value}")) for key, value in file.parameters.items()
+            ),
+            where=Location(f"plant {name}"),
         )
         self.fmu: Fmu = open_fmu(path, None, self.source.binding, self.source.interface)
         cleanup.callback(self.fmu.close)
+        check_solver(self.fmu, self.source)
         check_step(self.fmu, self.source, step)
         self.parameters: tuple[ParameterValue, ...] = understand(self.fmu, self.source.parameters)
         self.geometry = geometry(self.fmu, self.parameters, self.source.where)
@@ -319,14 +331,12 @@ class _Run:
 
     def __call__(self, pose: Sequence[float], torques: NDArray[np.float64]) -> _Result:
         """Run from a pose with torques (T, 2); what is not reached is NaN."""
-        once = bool(self.fmu.about_interface.canBeInstantiatedOnlyOncePerProcess)
         member = plant(
             self.fmu,
             self.source,
             name=self.name,
             parameters=self.parameters,
             pose=pose,
-            isolated=self.source.isolated or once,
             stop_time=self.ticks * self.step,
         )
         state = np.empty((1, STATE))

@@ -13,7 +13,7 @@ from cosim.fmu import Fmu
 from cosim.parameters import ParameterValue
 from cosim.plant.fleet import Link, Member
 from cosim.plant.spec import Block, PlantSpec, Value
-from cosim.scenario import PlantSource
+from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, PlantSource
 from cosim.setup import RobotSetup
 
 DIVERGED_POSE = 1e9
@@ -39,7 +39,6 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         parameters=robot.parameters,
         pose=robot.pose,
         inputs=robot.inputs,
-        isolated=robot.isolated,
         stop_time=stop_time,
     )
 
@@ -52,7 +51,6 @@ def plant(
     parameters: Iterable[ParameterValue],
     pose: Sequence[float],
     inputs: Iterable[BoundRole] = (),
-    isolated: bool,
     stop_time: float,
 ) -> Member:
     """Return an FMU as a plant.
@@ -69,8 +67,6 @@ def plant(
         Initial pose in the contract's order and units.
     inputs
         Those that are given besides the torques.
-    isolated
-        Whether in a process of its own.
     stop_time
         End of the run [s].
     """
@@ -95,9 +91,9 @@ def plant(
         states=description.numberOfContinuousStates,
         event_indicators=description.numberOfEventIndicators,
         completed_steps=bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
-        **({"solver": source.solver} if source.solver else {}),
-        solver_steps=source.solver_steps,
-        tolerance=source.tolerance,
+        solver=source.solver or DEFAULT_SOLVER,
+        solver_steps=source.solver_steps or 1,
+        tolerance=source.tolerance or DEFAULT_TOLERANCE,
         time_limit=source.time_limit,
         logging=source.logging,
     )
@@ -109,10 +105,15 @@ def plant(
             for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
         ),
         pose=tuple(pose),
-        isolated=isolated,
+        isolated=in_own_process(fmu, source),
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
         where=source.where,
     )
+
+
+def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
+    """Return whether each robot's FMU runs in a process of its own, as asked for or as it must."""
+    return source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess)
 
 
 def _block(description: Any, roles: Sequence[BoundRole | None]) -> tuple[Block, list[int]]:

@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from formation_controllers.vehicles import DRIVES
+
 
 @dataclass(frozen=True)
 class Role:
     """What a variable is for: its name in the contract, which causality it must have, and the unit used.
 
     A role without a unit is played by an enumeration, all others by a real variable. A plant may lack an optional role.
-    Its meaning says where zero is and which way is positive.
+    Its meaning says where zero is and which way is positive. `items` are those of the enumeration.
     """
 
     name: str
@@ -22,6 +24,7 @@ class Role:
     unit: str
     optional: bool = False
     meaning: str = ""
+    items: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,11 @@ CAR_LIKE = Contract(
     geometry={
         "wheelbase": Role("a", "parameter", "m", meaning="the wheelbase"),
         "drive": Role(
-            "drive", "parameter", "", meaning="how the drive torque acts: as_printed, front_wheel or rear_wheel"
+            "drive",
+            "parameter",
+            "",
+            meaning="how the drive torque acts: as_printed, front_wheel or rear_wheel",
+            items=DRIVES,
         ),
     },
 )

@@ -25,6 +25,8 @@ from cosim.variant import vary
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 50
 MAX_VARIANTS = 20
+_ARCHIVE = b"PK\x03\x04"
+"""How a zip archive begins."""
 
 
 @dataclass(frozen=True)
@@ -192,14 +194,22 @@ def _validate(root: etree._Element, places: Mapping[etree._Element, Location], c
 def _read_bytes(path: Path) -> bytes:
     place = Location(str(path))
     too_large = InputError(f"is larger than {MAX_BYTES // 1024**2} MiB, so it is no scenario file", place)
+    archive = InputError(
+        'is an archive (zip), perhaps an FMU; expected is XML. "formation inspect" shows an FMU, which a <plant> '
+        "or --plant names",
+        place,
+    )
     try:
         status = path.stat()
         if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):  # a pipe or a device may never end
             raise InputError("is not a regular file", place)
-        if stat.S_ISREG(status.st_mode) and status.st_size > MAX_BYTES:
-            raise too_large
         with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(len(_ARCHIVE))
+            if data == _ARCHIVE:
+                raise archive
+            if stat.S_ISREG(status.st_mode) and status.st_size > MAX_BYTES:
+                raise too_large
+            data += file.read(MAX_BYTES + 1 - len(data))
     except FileNotFoundError:
         raise InputError("there is no such file", place) from None
     except OSError as error:

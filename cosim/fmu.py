@@ -10,6 +10,7 @@ import stat
 import tempfile
 import zipfile
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -18,7 +19,7 @@ from xml.parsers import expat
 import fmpy
 from lxml import etree
 
-from cosim.binding import Binding, bind
+from cosim.binding import NEGATED, Binding, bind
 from cosim.errors import InputError, Location
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
@@ -26,7 +27,7 @@ from cosim.scenario import BindingSource
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
 
-_PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 _OF_THE_SCHEMA = re.compile(r"[A-Z]+ \(line ")
 """How FMPy writes that a model description breaks the schema of its version."""
 
@@ -125,8 +126,8 @@ def open_fmu(
     """
     package = open_package(path, where)
     try:
-        chosen = _choose_interface(package, interface, where)
-        _check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
+        chosen = choose_interface(package, interface, where)
+        check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
         binding = bind(package.description, str(path), declared, where)
         return Fmu(**vars(package), interface=chosen, binding=binding)
     except BaseException:
@@ -149,6 +150,7 @@ def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, t
         raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
     problems: tuple[str, ...] = ()
     try:
+        _check_root(directory / "modelDescription.xml")
         try:
             description = fmpy.read_model_description(str(directory))
         except fmpy.model_description.ValidationError as error:
@@ -156,17 +158,33 @@ def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, t
                 raise
             problems = tuple(map(str, error.problems))
             description = fmpy.read_model_description(str(directory), validate=False)
-        if description.fmiVersion == "1.0" and description.coSimulation is not None:
-            _complete(description.coSimulation, directory)
+        if description.fmiVersion == "1.0":
+            _complete(description, directory)
         return description, problems
     except Exception as error:
         said = str(error).replace(f"{directory}{os.sep}", "")
         raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
 
 
-def _complete(about: Any, directory: Path) -> None:
-    """Add what FMPy does not read of an FMI 1.0 model description: the capabilities."""
-    [implementation] = etree.parse(directory / "modelDescription.xml").getroot().iterfind("Implementation")
+def _check_root(path: Path) -> None:
+    """Refuse another root element than that of FMI, which FMPy stumbles over; what is not XML, FMPy says better."""
+    with path.open("rb") as file, suppress(etree.XMLSyntaxError):
+        _, root = next(etree.iterparse(file, events=("start",), resolve_entities=False, no_network=True))
+        if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
+            raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
+
+
+def _complete(description: Any, directory: Path) -> None:
+    """Add what FMPy does not read of an FMI 1.0 model description: negated aliases, and the capabilities."""
+    root = etree.parse(directory / "modelDescription.xml", PARSER).getroot()
+    elements = root.iterfind("ModelVariables/ScalarVariable")
+    negated = {element.get("name") for element in elements if element.get("alias") == NEGATED}
+    for variable in description.modelVariables:
+        if variable.name in negated:
+            variable.causality = NEGATED
+    if (about := description.coSimulation) is None:
+        return
+    [implementation] = root.iterfind("Implementation")
     about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
     for capabilities in implementation.iterfind("*/Capabilities"):
         for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):
@@ -218,7 +236,14 @@ def has_document_type(xml: bytes) -> bool:
     return False
 
 
-def _choose_interface(package: Package, wanted: str, where: Location | None) -> str:
+def choose_interface(package: Package, wanted: str, where: Location | None) -> str:
+    """Return the interface that is used of an FMU: the wanted one, or the first that it offers.
+
+    Raises
+    ------
+    InputError
+        It does not offer it, or nothing that can be used here.
+    """
     description = package.description
     version = description.fmiVersion
     offered = interfaces(description)
@@ -248,11 +273,18 @@ def _choose_interface(package: Package, wanted: str, where: Location | None) -> 
     return chosen
 
 
-def _check_binary(package: Package, identifier: str, where: Location | None) -> None:
+def check_binary(package: Package, identifier: str, where: Location | None) -> None:
+    """Refuse an FMU that has no binary for this machine.
+
+    Raises
+    ------
+    InputError
+        It has none: for which it has one.
+    """
     platform = this_machine(package.description)
     folder = package.directory / "binaries" / platform
     if not folder.is_dir():
-        sources = "" if "c-code" not in platforms_of(package) else '; "fmpy compile" may make one of the sources in it'
+        sources = '; "fmpy compile" may make one of the sources in it' if has_sources(package) else ""
         raise InputError(
             f"the FMU {package.path} has no binary for this machine ({platform}), only for: "
             f"{', '.join(machines(package)) or 'none'}{sources}",
@@ -275,61 +307,6 @@ def machines(package: Package) -> list[str]:
     return sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
 
 
-def platforms_of(package: Package) -> list[str]:
-    """Return the platforms for which an FMU has binaries, as FMPy names them."""
-    return list(fmpy.supported_platforms(str(package.directory)))
-
-
-# What it says of itself -------------------------------------------------------------------------------------
-
-
-SCHEDULED_EXECUTION = "scheduled_execution"
-_INTERFACES = {
-    "CoSimulation": CO_SIMULATION,
-    "ModelExchange": MODEL_EXCHANGE,
-    "ScheduledExecution": SCHEDULED_EXECUTION,
-}
-_MOST_NAMES_CHECKED = 2000
-"""How many names of variables are checked against the grammar, which takes a millisecond each."""
-
-
-def capabilities(package: Package) -> dict[str, dict[str, str]]:
-    """Return the attributes of each interface that an FMU offers, by the interface's name, also of those unusable here.
-
-    FMPy does not read all of them: none of FMI 1.0, and not ``providesDirectionalDerivatives`` of FMI 3.0.
-    """
-    root = etree.parse(package.directory / "modelDescription.xml", _PARSER).getroot()
-    if package.description.fmiVersion != "1.0":
-        return {
-            name: dict(element.attrib) for tag, name in _INTERFACES.items() if (element := root.find(tag)) is not None
-        }
-    implementation = root.find("Implementation")
-    if implementation is None:
-        return {MODEL_EXCHANGE: {}}
-    said = implementation.find(".//Capabilities")
-    attributes = {} if said is None else dict(said.attrib)
-    if implementation.find("CoSimulation_Tool") is not None:
-        attributes["needsExecutionTool"] = "true"
-    return {CO_SIMULATION: attributes}
-
-
-def obstacle(package: Package) -> str:
-    """Return why an FMU cannot be run on this machine; empty if it can, as far as its file tells."""
-    try:
-        chosen = _choose_interface(package, "", None)
-        _check_binary(package, interfaces(package.description)[chosen].modelIdentifier, None)
-    except InputError as error:
-        return error.message
-    return ""
-
-
-def complaints(package: Package) -> list[str]:
-    """Return what FMPy's validation finds wrong with an FMU, each in a line."""
-    few = len(package.description.modelVariables) <= _MOST_NAMES_CHECKED
-    try:
-        fmpy.read_model_description(str(package.directory), validate_variable_names=few, validate_model_structure=True)
-    except fmpy.model_description.ValidationError as error:
-        return [" ".join(problem.partition("\n")[0].split()) for problem in error.problems]
-    except Exception as error:  # it stumbles over what it validates
-        return [f"{type(error).__name__}: {error}"]
-    return []
+def has_sources(package: Package) -> bool:
+    """Return whether an FMU brings C sources that FMPy can compile."""
+    return "c-code" in fmpy.supported_platforms(str(package.directory))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.binding import REAL_TYPES, BoundVariable, start_of, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of, unit_name, unit_of
+from cosim.contract import Role
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
 from cosim.plant.spec import Value
@@ -29,23 +31,36 @@ class ParameterValue:
         return Value(self.variable.name, self.variable.type, self.variable.valueReference, (self.value,))
 
 
-def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, ...]:
+def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tuple[ParameterValue, ...]:
     """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
+
+    A role that has a constant value in the binding may be set to this value, which then sets nothing.
+
+    Parameters
+    ----------
+    fmu, settings
+        The FMU, and what is set.
+    way_out
+        What can be done if the FMU has no such parameter, for the message.
 
     Raises
     ------
     InputError
-        The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration.
+        The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
     """
     parameters = {v.name: v for v in fmu.description.modelVariables if v.causality == "parameter"}
     values = []
     for setting in settings:
         variable = parameters.get(setting.name)
-        player = _player(fmu, setting.name) if variable is None else None
-        if variable is None and player is None:
-            known = nearest(setting.name, list(parameters))
+        bound = _geometry_role(fmu, setting.name) if variable is None else None
+        player = _player(bound)
+        if variable is None and player is None and (bound is None or bound.played_by is not None):
+            known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
             raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
         try:
+            if bound is not None and bound.played_by is None:
+                check_constant(bound.role, bound.constant, setting.value)
+                continue
             if player is not None:
                 value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
             else:
@@ -56,20 +71,43 @@ def understand(fmu: Fmu, settings: Iterable[Setting]) -> tuple[ParameterValue, .
     return tuple(values)
 
 
-def _player(fmu: Fmu, name: str) -> BoundVariable | None:
-    """Return what plays a role of the geometry, if it is a parameter of the FMU."""
-    roles = {role.name for role in fmu.binding.contract.geometry.values() if role.unit}
-    bound = fmu.binding.bound.get(name) if name in roles else None
+def check_constant(role: Role, constant: float | str | None, text: str) -> None:
+    """Refuse a value of a role that is not the constant one.
+
+    Raises
+    ------
+    ValueError
+        It is another one, or does not fit.
+    """
+    same = (
+        math.isclose(quantity(text, role.unit), float(constant or 0), rel_tol=1e-12) if role.unit else text == constant
+    )
+    if not same:
+        said = f"{constant:g} {role.unit}" if isinstance(constant, float) else constant
+        raise ValueError(f"{text!r} contradicts the binding, which says {said}")
+
+
+def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
+    """Return a role of the geometry with what plays it."""
+    roles = {role.name for role in fmu.binding.contract.geometry.values()}
+    return fmu.binding.bound.get(name) if name in roles else None
+
+
+def _player(bound: BoundRole | None) -> BoundVariable | None:
+    """Return what plays a role, if it is a parameter of the FMU."""
     if bound is None or bound.played_by is None or bound.played_by.variable.causality != "parameter":
         return None
     return bound.played_by
 
 
-def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float:
+def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float | int | bool | str:
     """Return the number that a parameter gets for a value of the role that it plays."""
+    role = fmu.binding.bound[setting.name].role
+    if not role.unit:
+        return value_of(fmu.description, player.variable, setting.value)
     if player.variable.dimensions:
         raise ValueError("it is an array, which a scenario cannot set")
-    value = quantity(setting.value, fmu.binding.bound[setting.name].role.unit)
+    value = quantity(setting.value, role.unit)
     number = (value - player.offset) / player.scale
     _check_bounds(player.variable, number, setting.value)
     return number
@@ -124,8 +162,7 @@ def value_of(description: Any, variable: Any, text: str) -> float | int | bool |
     if variable.dimensions:
         raise ValueError("it is an array, which a scenario cannot set")
     if variable.type in (*REAL_TYPES, "Float32"):
-        has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
-        value = quantity(text, unit_of(description, variable) if has_unit else "1")
+        value = quantity(text, unit_of(description, variable) if unit_name(variable) else "1")
         _check_bounds(variable, value, text)
         return value
     if variable.type in _INTEGERS:

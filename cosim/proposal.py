@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from cosim.binding import REAL_TYPES, match, may_be_started, shape_of, unit_of
+from cosim.binding import REAL_TYPES, match, may_be_started, shape_of, unit_name, unit_of
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import Location, printable
 from cosim.grammar import NAMESPACE
@@ -128,7 +128,7 @@ def propose(description: Any, contract: Contract) -> Proposal:
     ]
     settled = [s.source for s in suggestions if s.source is not None and not s.open]
     _, problems = match(contract, description, settled)
-    unfit = {problem.role: f"the FMU {problem.text}" for problem in problems}
+    unfit = {problem.role: problem.sentence() for problem in problems}
     return Proposal(
         contract,
         tuple(
@@ -246,7 +246,7 @@ class _Reading(NamedTuple):
 
 def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
     """Return how a variable can be read in the unit of a role; None if it measures something else."""
-    name = _unit_name(variable)
+    name = unit_name(variable)
     wanted = units.parse(role.unit)
     if not name:
         return _Reading(
@@ -263,10 +263,6 @@ def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
             factor=OPEN, open=f'{variable.name!r} is in {name}, a pure number: if this is in rad, state factor="1 rad"'
         )
     return None
-
-
-def _unit_name(variable: Any) -> str:
-    return variable.unit or (variable.declaredType.unit if variable.declaredType else None) or ""
 
 
 # The roles --------------------------------------------------------------------------------------------------
@@ -294,7 +290,7 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: Iterable
             continue
         reading = _reading(description, number.variable, role)
         if reading is None:
-            unfit.append(f"{number.name!r} is in {_unit_name(number.variable)}")
+            unfit.append(f"{number.name!r} is in {unit_name(number.variable)}")
             continue
         fitting.append(((rank[0], _ALLOWED[role.causality].index(causality), rank[1]), number, reading))
     best = _best(fitting)
@@ -336,7 +332,7 @@ def _rank(role: Role, contract: Contract, number: _Number, words: tuple[str, ...
     recognition = RECOGNITIONS[contract.vehicle].get(role.name)
     if recognition is None:
         return None
-    rank = recognition.rank(words, has_unit=bool(_unit_name(number.variable)))
+    rank = recognition.rank(words, has_unit=bool(unit_name(number.variable)))
     return None if rank is None else (rank[0] + 1, rank[1])
 
 

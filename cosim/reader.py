@@ -15,7 +15,6 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
-    DEFAULT_TOLERANCE,
     LEADER,
     OPEN,
     TIME_LIMIT,
@@ -157,7 +156,7 @@ class _Reader:
             interface=element.get("interface", ""),
             solver=element.get("solver", ""),
             solver_steps=self._solver_steps(element),
-            tolerance=float(element.get("tolerance", DEFAULT_TOLERANCE)),
+            tolerance=self._tolerance(element),
             isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
             time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
             logging="log" in element.attrib,
@@ -182,11 +181,17 @@ class _Reader:
                 raise self._error(plant, message) from None
             raise
 
-    def _solver_steps(self, element: etree._Element) -> int:
-        if not float(element.get("tolerance", DEFAULT_TOLERANCE)) > 0:
+    def _tolerance(self, element: etree._Element) -> float | None:
+        if "tolerance" not in element.attrib:
+            return None
+        tolerance = float(element.get("tolerance", ""))
+        if not tolerance > 0:
             raise self._error(element, f'tolerance="{element.get("tolerance")}" of <plant> must be greater than zero')
+        return tolerance
+
+    def _solver_steps(self, element: etree._Element) -> int | None:
         if "solver_step" not in element.attrib:
-            return 1
+            return None
         if element.get("solver") == "cvode":
             raise self._error(element, "cvode chooses its steps itself: there is no solver_step of it")
         length = self._positive(element, "solver_step", "s")

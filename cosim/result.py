@@ -90,6 +90,23 @@ def save(result: xr.Dataset, path: Path) -> None:
     write(path, buffer.getbuffer())
 
 
+def writable_folder(folder: Path, option: str) -> Path:
+    """Make the folder that an option names and try it, before anything is computed.
+
+    Raises
+    ------
+    OutputError
+        Nothing can be written there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(f"results cannot be written to {folder}: {error.strerror}; choose another {option}") from None
+    return folder
+
+
 def write(path: Path, data: bytes | memoryview) -> None:
     """Write a file whole or not at all.
 

@@ -10,10 +10,12 @@ from cosim.errors import Location
 
 LEADER = "leader"
 
+DEFAULT_SOLVER = "runge_kutta_4"
+"""What integrates a Model Exchange FMU."""
 DEFAULT_TOLERANCE = 1e-6
 """Relative tolerance of solvers with variable steps."""
 TIME_LIMIT = 10.0
-"""What a plant in a process of its own may take for a step [s]."""
+"""What a plant in a process of its own may take for the start, for a step and for the end [s]."""
 
 OPEN = "..."
 """What stands in a binding for something that the user must fill in."""
@@ -89,10 +91,10 @@ class PlantSource:
         ``co_simulation`` or ``model_exchange``; empty for what the FMU offers, Co-Simulation first.
     solver : str
         Of a Model Exchange FMU; empty for the default.
-    solver_steps : int
-        How many of the solver's steps make a communication step.
-    tolerance : float
-        Relative tolerance of a solver with variable steps.
+    solver_steps : int or None
+        How many of the solver's steps make a communication step; None if nothing is said, for one.
+    tolerance : float or None
+        Relative tolerance of a solver with variable steps; None if nothing is said, for the default.
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
     logging : bool
@@ -108,8 +110,8 @@ class PlantSource:
     binding: BindingSource | None = None
     interface: str = ""
     solver: str = ""
-    solver_steps: int = 1
-    tolerance: float = DEFAULT_TOLERANCE
+    solver_steps: int | None = None
+    tolerance: float | None = None
     isolated: bool = False
     time_limit: float = TIME_LIMIT
     logging: bool = False

@@ -14,7 +14,7 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_name, unit_of
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location, nearest
 from cosim.expectation import Recorded, check, recorded
@@ -23,7 +23,7 @@ from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.recorder import Channel
-from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
+from cosim.scenario import DEFAULT_SOLVER, LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
 from cosim.signals import input_samples
 from cosim.team import Law, find_law, gains_of
@@ -48,8 +48,6 @@ class RobotSetup:
     ----------
     source : PlantSource
         How its plant is run.
-    isolated : bool
-        Whether that is in a process of its own.
     parameters : tuple of ParameterValue
         Those of its plant, with its own in their place.
     vehicle : formation_controllers.vehicles.Vehicle
@@ -72,7 +70,6 @@ class RobotSetup:
     where: Location
     fmu: Fmu
     source: PlantSource
-    isolated: bool
     parameters: tuple[ParameterValue, ...]
     vehicle: Vehicle
     pose: tuple[float, ...]
@@ -153,7 +150,8 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         with timed(timing, "load"):
             fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
         cleanup.callback(fmu.close)
-        understand(fmu, source.parameters)
+        _understood(fmu, source, source.parameters)
+        check_solver(fmu, source)
         check_step(fmu, source, scenario.step)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
@@ -213,19 +211,41 @@ def _fmu_path(source: PlantSource) -> Path:
         raise InputError(str(error), source.where) from None
 
 
+def _understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
+    """Return the values of parameters; of an FMU that took the place of another, the message names the way out."""
+    way_out = '"formation swap" writes a variant of a scenario without what an FMU lacks' if source.fmu else ""
+    return understand(fmu, settings, way_out)
+
+
 def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
 
 
-def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
-    """Refuse an FMU whose fixed internal step does not divide the communication step, and a solver besides its own."""
-    if fmu.interface == CO_SIMULATION and (source.solver or source.solver_steps > 1):
+def check_solver(fmu: Fmu, source: PlantSource) -> None:
+    """Refuse what is said of a solver that an FMU does not use."""
+    asked = {"solver": source.solver or None, "solver_step": source.solver_steps, "tolerance": source.tolerance}
+    given = [name for name, value in asked.items() if value is not None]
+    if fmu.interface == CO_SIMULATION and given:
         other = (
-            f'; with interface="{MODEL_EXCHANGE}" the solver would be asked'
+            f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
             if len(interfaces(fmu.description)) > 1
             else ""
         )
-        raise InputError(f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver{other}", source.where)
+        raise InputError(
+            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver, with which no "
+            f"{' and no '.join(given)} goes{other}",
+            source.where,
+        )
+    solver = source.solver or DEFAULT_SOLVER
+    if source.tolerance is not None and solver != "cvode":
+        raise InputError(
+            f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
+            source.where,
+        )
+
+
+def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
+    """Refuse an FMU whose fixed internal step does not divide the communication step."""
     internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
     if not internal:
         return
@@ -310,7 +330,8 @@ def _robot(
     contract = fmu.binding.contract
     named = {setting.name for setting in own}
     common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
-    parameters = understand(fmu, [*common, *own])
+    source = scenario.plants[plant]
+    parameters = _understood(fmu, source, [*common, *own])
     _check_free(fmu, parameters)
     try:
         vehicle = _VEHICLES[contract.vehicle](**geometry(fmu, parameters, where))
@@ -330,13 +351,11 @@ def _robot(
     for event in _events_of(scenario, name):
         if event.stops:
             torque[tick_at(event.time, scenario.step) :] = 0.0
-    source = scenario.plants[plant]
     return RobotSetup(
         name=name,
         where=source.where,
         fmu=fmu,
         source=source,
-        isolated=source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess),
         parameters=parameters,
         vehicle=vehicle,
         pose=(0.0,) * 4 if pose is None else _entries(pose, contract, contract.pose),
@@ -345,7 +364,7 @@ def _robot(
         torque=torque,
         inputs=tuple(bound for bound, _ in others),
         samples=np.column_stack([np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in others)]),
-        changes=_changes(scenario, fmu, name),
+        changes=_changes(scenario, fmu, source, name),
     )
 
 
@@ -403,11 +422,10 @@ def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
             raise InputError(
                 f"the input {source.name!r} of {fmu.path.name} plays the role {role.name!r}: name that", source.where
             )
-    has_unit = variable.unit or (variable.declaredType and variable.declaredType.unit)
     try:
         if variable.dimensions:
             raise UnitError("it is an array: a binding gives one of its elements a role")
-        unit = unit_of(fmu.description, variable) if has_unit else units.parse("1")
+        unit = unit_of(fmu.description, variable) if unit_name(variable) else units.parse("1")
     except UnitError as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
@@ -452,10 +470,10 @@ def _stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
     )
 
 
-def _changes(scenario: Scenario, fmu: Fmu, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
+def _changes(scenario: Scenario, fmu: Fmu, source: PlantSource, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
     changes: dict[int, tuple[ParameterValue, ...]] = {}
     for event in _events_of(scenario, robot):
-        values = understand(fmu, event.parameters)
+        values = _understood(fmu, source, event.parameters)
         for value in values:
             if value.variable.variability != "tunable":
                 raise InputError(

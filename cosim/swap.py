@@ -14,16 +14,16 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.binding import REAL_TYPES
-from cosim.contract import CONTRACTS, Contract
+from cosim.contract import CONTRACTS, Contract, Role
 from cosim.document import read_document
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.fmu import Package, open_package
 from cosim.grammar import NAMESPACE
-from cosim.parameters import value_of
+from cosim.parameters import check_constant, value_of
 from cosim.proposal import Proposal, binding_xml, proposals, propose
 from cosim.quantity import quantity
 from cosim.reader import read_binding, read_scenario
-from cosim.scenario import LEADER, Follower, Leader, RoleSource, Scenario, Setting
+from cosim.scenario import LEADER, OPEN, Follower, Leader, RoleSource, Scenario, Setting
 from plants import UnitError
 
 BINDING_SUFFIX = ".binding.xml"
@@ -281,18 +281,23 @@ class _Writer:
         """Return the name of a parameter in the FMU that takes a plant's place; an empty one if it has no such."""
         package = replacement.package
         parameters = {v.name: v for v in package.description.modelVariables if v.causality == "parameter"}
-        roles = {role.name: role for role in replacement.contract.geometry.values() if role.unit}
-        player = {role.name: role.variable for role in replacement.roles if role.name in roles}.get(setting.name)
+        roles = {role.name: role for role in replacement.contract.geometry.values()}
+        bound = {source.name: source for source in replacement.roles if source.name in roles}.get(setting.name)
+        player = bound.variable if bound is not None and bound.variable else None
         # By the role that it plays, unless the FMU has a parameter of this name that is something else.
         name = setting.name if player is None or setting.name not in parameters else player
         variable = parameters.get(setting.name if player is None else player)
-        if variable is None:
+        if variable is None and bound is not None and bound.value:
+            if (contradiction := _contradiction(roles[setting.name], bound.value, setting.value)) is None:
+                return ""  # the binding says the same
+            reason = contradiction
+        elif variable is None:
             reason = f"{package.path.name} has no such parameter"
         elif tunable and variable.variability != "tunable":
             reason = f"{package.path.name} has it {variable.variability} for the whole run"
         else:
             try:
-                if name == variable.name:
+                if name == variable.name or not roles[setting.name].unit:
                     value_of(package.description, variable, setting.value)
                 else:
                     quantity(setting.value, roles[setting.name].unit)
@@ -339,6 +344,17 @@ class _Writer:
         if text != " ".join(text.split()):
             raise InputError(f"the path {text!r} cannot be written in a scenario: its white space would not be kept")
         return text
+
+
+def _contradiction(role: Role, constant: str, value: str) -> str | None:
+    """Return why a value of a role does not go with the constant that a binding has for it; None if it does."""
+    if constant == OPEN:
+        return f"the binding is to say what {role.name} is"
+    try:
+        check_constant(role, quantity(constant, role.unit) if role.unit else constant, value)
+    except (ValueError, UnitError) as error:
+        return str(error)
+    return None
 
 
 def _rule(tag: str, select: str, *children: etree._Element, value: str | None = None) -> etree._Element:

@@ -6,6 +6,9 @@ import pytest
 
 from cosim.cli import main
 from cosim.reader import read_scenario
+from cosim.tests.driving import scenario
+
+from .stub.stub import make_fmu
 
 
 def test_the_overview(scenarios: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,6 +55,39 @@ def test_the_overview_of_what_happens(scenarios: Path, tmp_path: Path, capsys: p
         assert line in lines
 
 
+def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    roles = '<role name="x" variable="px"/><role name="y" variable="py" factor="-1"/>'
+    names = {"x": "px", "y": "py"}
+    kinds = {
+        "plain": ({}, "", "FMI 2.0 Co-Simulation, in the harness"),
+        "apart": ({"fmi": "3.0"}, 'isolate="process"', "FMI 3.0 Co-Simulation, each robot in a process of its own"),
+        "once": ({"once": True}, "", "FMI 2.0 Co-Simulation, each robot in a process of its own"),
+        "steps": (
+            {"interface": "model_exchange"},
+            'solver_step="5 ms"',
+            "FMI 2.0 Model Exchange, runge_kutta_4 in steps of 0.005 s, in the harness",
+        ),
+        "cvode": (
+            {"interface": "model_exchange"},
+            'solver="cvode"',
+            "FMI 2.0 Model Exchange, cvode with a tolerance of 1e-06, in the harness",
+        ),
+    }
+    plants_ = ""
+    for name, (about, attributes, _) in kinds.items():
+        fmu = make_fmu(tmp_path / name, names=names, **about)
+        plants_ += f'<plant id="{name}" fmu="{fmu}" {attributes}><binding vehicle="car_like">{roles}</binding></plant>'
+    plants_ += '<plant id="ours" model="car_like"/><plant id="ours_apart" model="car_like" isolate="process"/>'
+    path = scenario(tmp_path / "s.xml", plants_, leader="ours", followers=[*kinds, "ours_apart"])
+    assert main(["check", str(path)]) == 0
+    printed = capsys.readouterr().out
+    for name, (_, _, said) in kinds.items():
+        line = f"plant {name}: stub.fmu, {said}; x: px; y: -1 * py; all other roles by their names"
+        assert line in printed.splitlines()
+    assert "plant ours_apart: each robot in a process of its own" in printed
+    assert "plant ours:" not in printed
+
+
 @pytest.mark.parametrize("name", ["clmr_line", "half_power"])
 def test_what_is_resolved_is_a_scenario_of_its_own(
     scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
@@ -61,9 +97,9 @@ def test_what_is_resolved_is_a_scenario_of_its_own(
     printed = capsys.readouterr().out
     saved = tmp_path / "saved.xml"
     saved.write_text(printed, encoding="utf-8")
-    scenario = read_scenario(saved)
-    assert (scenario.name, scenario.seed) == (name, 7)
-    assert printed == scenario.text == read_scenario(path, ["//simulation/@seed=7"]).text
+    resolved = read_scenario(saved)
+    assert (resolved.name, resolved.seed) == (name, 7)
+    assert printed == resolved.text == read_scenario(path, ["//simulation/@seed=7"]).text
 
 
 def test_a_scenario_is_printed_byte_for_byte(scenarios: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:

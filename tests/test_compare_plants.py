@@ -1,16 +1,19 @@
 """``formation compare-plants``: equal plants are equal, others are as far apart as they are, and failures are told."""
 
+import io
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import cosim
 import plants
 from cosim import PlantFile, compare_plants
 from cosim.cli import main
+from cosim.cli.comparing import _print
 from cosim.compare import TOLERANCE
 from cosim.contract import CAR_LIKE
 
@@ -222,7 +225,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         "[red]vendor.fmu (FMI 2.0",
         "2 s in steps of 0.02 s, from x = 1 m, y = -2 m, psi = 90 deg, gamma = 10 deg",
         "they differ: the wheelbase of A is 1.2, of B 1.3",
-        "role largest at [s] RMS A's own range tolerance first beyond [s]",
+        "at A's own beyond",
+        "role unit largest [s] RMS range tolerance from [s]",
         "results in ",
     ):
         assert text in printed
@@ -259,7 +263,7 @@ def test_a_plant_that_fails(compare, tmp_path: Path, behaviour: str) -> None:
     printed, warned = compare("car_like", fmu, "--within", "1 m", status=3)
     assert "compared up to 1 s" in warned or "compared up to 0.98 s" in warned
     assert "error: B at t = 1" in warned
-    assert "role largest" in printed
+    assert "role unit largest" in printed
     report = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert 0.9 < report["reached"] < 1.1
     assert len(report["failures"]) == 1
@@ -308,6 +312,12 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
         (["car_like", "car_like", "--within", "-1 m"], "is not negative"),
         (["car_like", "car_like", "--within", "wide"], "'wide' is not a number with a unit"),
         (["car_like", "car_like", "--seed", "-1"], "the seed -1 is not a whole number from 0 on"),
+        (
+            ["car_like", "car_like", "--parameter", "a=1"],
+            "--parameter a=1: error: parameter a of car_like.fmu: ",
+        ),
+        (["{both}", "car_like", "--solver-a", "cvode"], "plant A: error: the FMU {both} is used by Co-Simulation and "),
+        (["{both}", "car_like", "--solver-a", "cvode"], "with the interface model_exchange the solver would be asked"),
         (["{fixed}", "car_like"], "has a fixed internal step of 0.03 s, which does not divide"),
         (["car_like", "{fixed}"], "has a fixed internal step of 0.03 s, which does not divide"),
     ],
@@ -317,8 +327,9 @@ def test_bad_input(compare, tmp_path: Path, arguments: list[str], sentence: str)
     table.write_text("time [s],wind [N]\n0,1\n")
     made = {"renamed": renamed(tmp_path / "r.fmu"), "table": table}
     made["fixed"] = make_fmu(tmp_path, fmi="3.0", fixed_step=0.03)
+    made["both"] = make_fmu(tmp_path / "both", interface="both")
     _, warned = compare(*(argument.format(**made) for argument in arguments), status=2)
-    assert sentence in warned
+    assert sentence.replace("{both}", str(made["both"])) in warned
     assert not (tmp_path / "out").exists()
 
 
@@ -326,7 +337,32 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureF
     (tmp_path / "file").touch()
     arguments = ["compare-plants", "car_like", "car_like", "--duration", "1 s", "--out", str(tmp_path / "file" / "x")]
     assert main(arguments) == 2
-    assert "cannot be written to: Not a directory" in capsys.readouterr().err
+    printed = capsys.readouterr()
+    assert f"cannot be written to {tmp_path / 'file' / 'x'}: Not a directory; choose another --out" in printed.err
+    assert printed.out == "", "before anything is computed"
+
+
+def test_a_folder_that_was_there_stays(compare, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    main(["compare-plants", "car_like", "none.fmu", "--out", str(tmp_path / "out")])
+    assert (tmp_path / "out").exists()
+
+
+def test_an_interface_or_solver_that_there_is_not() -> None:
+    with pytest.raises(cosim.InputError, match="there is no solver 'rk4': known: cvode, euler, runge_kutta_4"):
+        PlantFile("car_like", solver="rk4")
+    with pytest.raises(cosim.InputError, match="there is no interface 'cosimulation': did you mean 'co_simulation'"):
+        PlantFile("car_like", interface="cosimulation")
+
+
+def test_the_table_fits_80_columns() -> None:
+    out = io.StringIO()
+    different = compare_plants("car_like", PlantFile("car_like", parameters={"a": "1.3 m"}), **SHORT)
+    _print(Console(file=out, width=80, force_terminal=True, color_system=None), different)
+    text = out.getvalue()
+    assert "…" not in text
+    for role in different.roles:
+        assert f" {role.role.name} " in text
 
 
 def test_from_python() -> None:

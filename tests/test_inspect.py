@@ -138,7 +138,6 @@ def test_a_binding_is_proposed(inspect, tmp_path: Path) -> None:
         'x m the rear axle\'s midpoint along X pos_x initial="x0"',
         'psi rad the heading, counter-clockwise from X heading initial="psi0"',
         "tau_drive N.m the drive torque, forward drive_torque",
-        "without a binding: it lacks the output 'x' [m]; it has no start value of 'y' that could be set",
         f'"formation swap SCENARIO.xml --plant ID={path}" writes the binding to a file',
     ):
         assert text in printed

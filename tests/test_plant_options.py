@@ -70,6 +70,15 @@ def test_with_another_plant(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cosim.run(path)["pose"], cosim.run(path, changes)["pose"])
 
 
+def test_a_parameter_that_another_plant_lacks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path, plants.build("car_like"), '<parameter name="m_c" value="30 kg"/>')
+    options = [f"--plant=car={renamed(tmp_path / 'vendor.fmu')}", f"--binding=car={binding(tmp_path / 'b.xml')}"]
+    assert main(["check", str(path), *options]) == 2
+    said = capsys.readouterr().err
+    assert "the FMU vendor.fmu has no parameter 'm_c': " in said
+    assert '"formation swap" writes a variant of a scenario without what an FMU lacks' in said
+
+
 @pytest.mark.parametrize(
     ("option", "sentence"),
     [
@@ -148,3 +157,11 @@ def test_no_such_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     path = scenario(tmp_path, make_fmu(tmp_path))
     assert main(["check", str(path), "--untrusted", str(tmp_path / "none")]) == 2
     assert "none: there is no such folder" in capsys.readouterr().err
+
+
+def test_a_folder_that_no_plant_lies_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path, make_fmu(tmp_path / "here"))
+    (tmp_path / "there").mkdir()
+    for folder in ("here", "there"):
+        assert main(["check", str(path), "--untrusted", str(tmp_path / folder)]) == 0
+    assert capsys.readouterr().err == f"warning: --untrusted {tmp_path / 'there'}: no FMU of {path} lies there\n"

@@ -136,6 +136,28 @@ def test_what_does_not_carry_over_is_left_out_and_said(swap, scenario: Path, tmp
     assert "one at 1 s: m_c = 45 kg" in " ".join(changed.text.split())
 
 
+def test_what_contradicts_a_constant_of_the_binding_is_left_out(swap, scenario: Path, tmp_path: Path) -> None:
+    fmu = renamed(tmp_path / "vendor.fmu", NAMES | {"tau_d_x": "Wind.longitudinal", "drive": "kind"})
+    roles = "".join(f'<role name="{role}" variable="{name}"/>' for role, name in NAMES.items() if role != "m_c")
+    for constant, reason in (
+        ("rear_wheel", None),
+        ("as_printed", "as 'rear_wheel' contradicts the binding, which says as_printed: plant car: drive = rear_wheel"),
+    ):
+        binding = tmp_path / f"{constant}.xml"
+        binding.write_text(
+            '<binding xmlns="urn:formation-cosim:scenario:1" vehicle="car_like">'
+            f'{roles}<role name="drive" value="{constant}"/></binding>'
+        )
+        _, warned = swap(scenario, "--plant", f"car={fmu}", "--binding", f"car={binding}", "--force")
+        assert ("drive" in warned) == (reason is not None)
+        assert (reason or "") in " ".join(warned.split())
+
+
+def test_a_folder_is_no_file(swap, scenario: Path, tmp_path: Path) -> None:
+    _, warned = swap(scenario, "--plant", f"car={renamed(tmp_path / 'v.fmu')}", "--out", tmp_path, "--force", status=2)
+    assert f"--out {tmp_path} is a folder: name the file of the variant, such as {tmp_path / 'swapped.xml'}" in warned
+
+
 def test_an_event_of_which_nothing_is_left_is_removed(swap, scenario: Path, tmp_path: Path) -> None:
     simplified(scenario, '<parameter name="d_x" value="27 N.s/m"/>')
     fmu = renamed(tmp_path / "vendor.fmu")

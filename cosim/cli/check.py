@@ -6,7 +6,7 @@ import argparse
 from contextlib import ExitStack
 
 from cosim.cli.console import out, report, verbatim
-from cosim.cli.overview import print_overview
+from cosim.cli.overview import described_plants, print_overview
 from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError
 from cosim.setup import set_up
@@ -21,7 +21,7 @@ def check(options: argparse.Namespace) -> int:
         try:
             scenario = read(path, options)
             with ExitStack() as cleanup:
-                set_up(scenario, cleanup, {})
+                plants = list(described_plants(scenario, set_up(scenario, cleanup, {})))
         except FormationError as error:
             report(error)
             status = max(status, error.exit_status)
@@ -35,5 +35,5 @@ def check(options: argparse.Namespace) -> int:
                 markup=False,
                 soft_wrap=True,
             )
-            print_overview(out(), scenario)
+            print_overview(out(), scenario, plants)
     return status

@@ -6,7 +6,9 @@ import argparse
 import json
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -15,9 +17,9 @@ from cosim.cli.reading import pairs
 from cosim.compare import PlantComparison, PlantFile, compare_plants
 from cosim.compare_figure import SHOWN, save_comparison_figure
 from cosim.contract import CONTRACTS
-from cosim.errors import InputError, OutputError, nearest
+from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
-from cosim.result import write
+from cosim.result import writable_folder, write
 
 BEYOND = 1
 
@@ -26,22 +28,25 @@ def compare(options: argparse.Namespace) -> int:
     """Drive two plants, say how far apart they are, and draw it; return 1 if that is more than is asked for."""
     a, b = (_plant(options, side) for side in "ab")
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
-    comparison = compare_plants(
-        a,
-        b,
-        duration=_quantity("--duration", options.duration, "s"),
-        step=_quantity("--step", options.step, "s"),
-        pose=dict(_pose(options.pose)),
-        torque=options.torque,
-        seed=options.seed,
-        within=options.within,
-    )
+    arguments: dict[str, Any] = {
+        "duration": _quantity("--duration", options.duration, "s"),
+        "step": _quantity("--step", options.step, "s"),
+        "pose": dict(_pose(options.pose)),
+        "torque": options.torque,
+        "seed": options.seed,
+        "within": options.within,
+    }
+    existed = folder.exists()
+    writable_folder(folder, "--out")
+    try:
+        comparison = compare_plants(a, b, **arguments)
+    except BaseException:
+        if not existed:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
     console = out()
     _print(console, comparison)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"--out {folder}: cannot be written to: {error.strerror}") from None
     write(folder / "compare.json", (json.dumps(comparison.to_dict(), indent=2) + "\n").encode())
     if options.figure:
         save_comparison_figure(comparison, folder / "compare.png")
@@ -88,7 +93,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         shown = f"the built-in model {Path(about['file']).stem}" if about["built_in"] else about["file"]
         console.print(f"[bold]{name}[/]  {safe(shown)} ({safe(said)})", soft_wrap=True)
     pose = ", ".join(
-        f"{role.name} = {_shown(float(comparison.states[0][0, i]), role.unit, 6)}"
+        f"{role.name} = {_shown(float(comparison.states[0][0, i]), role.unit)}"
         for i, role in enumerate(comparison.contract.pose)
     )
     console.print(
@@ -102,17 +107,26 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         if first != second:
             console.print(f"[yellow]they differ:[/] {safe(text)}", soft_wrap=True)
     differences = table(console, "Difference of B from A")
-    for heading in ("role", "largest", "at [s]", "RMS", "A's own range", "tolerance", "first beyond [s]"):
-        differences.add_column(
-            heading.replace("[", r"\["), justify="left" if heading == "role" else "right", no_wrap=True
-        )
+    for heading in (
+        "role",
+        "unit",
+        "largest",
+        "at\n\\[s]",
+        "RMS",
+        "A's own\nrange",
+        "tolerance",
+        "beyond\nfrom \\[s]",
+    ):
+        left = heading in ("role", "unit")
+        differences.add_column(heading, justify="left" if left else "right", no_wrap=True, overflow="fold")
     for found in comparison.roles:
+        unit, factor = SHOWN.get(found.role.unit, (found.role.unit, 1.0))
         figures = (found.largest, found.rms, found.span, found.tolerance)
-        largest, rms, span, tolerance = (_shown(figure, found.role.unit) for figure in figures)
+        largest, rms, span, tolerance = (f"{figure * factor:.3g}" for figure in figures)
         beyond = "never" if found.first_beyond is None else f"{found.first_beyond:g}"
         if not math.isfinite(found.tolerance):
             tolerance, beyond = "any", ""
-        differences.add_row(found.role.name, largest, f"{found.at:g}", rms, span, tolerance, beyond)
+        differences.add_row(found.role.name, unit, largest, f"{found.at:g}", rms, span, tolerance, beyond)
     console.print(differences)
     absent = comparison.to_dict()["not_offered"]
     if absent:
@@ -123,6 +137,6 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         warn(f"compared up to {comparison.reached:g} s only: a plant failed")
 
 
-def _shown(value: float, unit: str, digits: int = 3) -> str:
+def _shown(value: float, unit: str) -> str:
     unit, factor = SHOWN.get(unit, (unit, 1.0))
-    return f"{value * factor:.{digits}g} {unit}"
+    return f"{value * factor:.6g} {unit}"

@@ -9,22 +9,12 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.binding import match, shape_of
+from cosim.binding import match, shape_of, unit_name
 from cosim.cli.console import out, safe, table, warn
 from cosim.errors import printable
-from cosim.fmu import (
-    SCHEDULED_EXECUTION,
-    Package,
-    capabilities,
-    complaints,
-    interfaces,
-    machines,
-    obstacle,
-    open_package,
-    platforms_of,
-    this_machine,
-)
-from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
+from cosim.fmu_facts import NAMES, capabilities, complaints, obstacle
+from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
 from cosim.scenario import OPEN, RoleSource
 
@@ -33,11 +23,6 @@ ROWS = 60
 MESSAGES = 20
 """How many of FMPy's messages are shown, unless all are asked for."""
 
-_NAMES = {
-    CO_SIMULATION: "Co-Simulation",
-    MODEL_EXCHANGE: "Model Exchange",
-    SCHEDULED_EXECUTION: "Scheduled Execution",
-}
 _CAN = {
     "needsExecutionTool": "says that it needs the tool that made it",
     "canBeInstantiatedOnlyOncePerProcess": "only once per process (each robot then has a process of its own)",
@@ -108,7 +93,7 @@ def _print_identity(console: Console, package: Package) -> None:
 
 def _platforms(package: Package) -> str:
     here, names = this_machine(package.description), machines(package)
-    sources = "; it brings its C sources" if "c-code" in platforms_of(package) else ""
+    sources = "; it brings its C sources" if has_sources(package) else ""
     whether = f"this machine, {here}, is {'' if here in names else 'not '}among them"
     return f"{', '.join(names) or 'no machine'}: {whether}{sources}"
 
@@ -129,7 +114,7 @@ def _print_interfaces(console: Console, package: Package) -> None:
         shown.add_column(heading, no_wrap=heading != "what it can")
     for name, said in capabilities(package).items():
         shown.add_row(
-            _NAMES[name],
+            NAMES[name],
             "supported" if name in usable else "not supported",
             safe(", ".join(_capabilities(name, said))),
         )
@@ -155,13 +140,12 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
     for heading in ("name", "causality", "variability", "type", "unit", "start", "description"):
         shown.add_column(heading, overflow="fold")
     for variable in variables[:rows]:
-        kind = variable.declaredType
         cells = (
             variable.name,
             variable.causality,
             variable.variability,
             variable.type + _dimensions(package.description, variable),
-            variable.unit or (kind and kind.unit),
+            unit_name(variable),
             _start(variable),
             variable.description,
         )
@@ -201,8 +185,6 @@ def _print_contracts(console: Console, package: Package) -> None:
         elif proposal.plausible and len(proposal.missing) == len(best.missing):
             complete = "" if not proposal.open else ", once it is complete"
             _print_roles(console, f"{title}: it can be driven with a binding{complete}", proposal)
-            reasons = "; it ".join(problem.text for problem in problems)
-            console.print(f"without a binding: it {safe(reasons)}", soft_wrap=True)
             said = f'"formation swap SCENARIO.xml --plant ID={package.path}" writes the binding to a file'
             console.print(printable(said), markup=False, soft_wrap=True)
         else:

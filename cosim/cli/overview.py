@@ -10,13 +10,30 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import safe, table
-from cosim.scenario import Effect, Event, Expectation, Follower, InputSource, Leader, Scenario, Setting, Trajectory
+from cosim.connect import in_own_process
+from cosim.fmu_facts import NAMES
+from cosim.plant.spec import MODEL_EXCHANGE
+from cosim.scenario import (
+    DEFAULT_SOLVER,
+    DEFAULT_TOLERANCE,
+    Effect,
+    Event,
+    Expectation,
+    Follower,
+    InputSource,
+    Leader,
+    PlantSource,
+    Scenario,
+    Setting,
+    Trajectory,
+)
+from cosim.setup import Setup
 
 _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
 
 
-def print_overview(console: Console, scenario: Scenario) -> None:
-    """Print tables of a scenario's robots, events and expectations."""
+def print_overview(console: Console, scenario: Scenario, described: Iterable[str]) -> None:
+    """Print tables of a scenario's robots, what is known of its plants, and its events and expectations."""
     sensors, actuators = (
         Counter(_effects(getattr(follower, part)) for follower in scenario.followers).most_common(1)[0][0]
         for part in ("sensor", "actuator")
@@ -40,6 +57,8 @@ def print_overview(console: Console, scenario: Scenario) -> None:
         sources = (plants[follower.plant], laws[follower.controller])
         robots.add_row(*map(safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
     console.print(robots)
+    for text in described:
+        console.print(safe(text), soft_wrap=True)
     for what, text in (("sensor", sensors), ("actuator", actuators)):
         console.print(f"{what} of followers, unless another is named: {safe(text)}", soft_wrap=True)
     for text in _inputs(scenario.inputs):
@@ -50,7 +69,32 @@ def print_overview(console: Console, scenario: Scenario) -> None:
         console.print(f"expected: {safe(_expected(expectation))}", soft_wrap=True)
 
 
+def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
+    """Return how each FMU that is used is run and what plays its roles; of a built-in model only what is unusual."""
+    for name, fmu in setup.fmus.items():
+        source = scenario.plants[name]
+        how = "each robot in a process of its own" if in_own_process(fmu, source) else "in the harness"
+        if source.model is not None:
+            if in_own_process(fmu, source):
+                yield f"plant {name}: {how}"
+            continue
+        solver = f", {_solver(source, scenario.step)}" if fmu.interface == MODEL_EXCHANGE else ""
+        players = {role: player for role, player in fmu.binding.described().items() if player != role}
+        roles = [f"{role}: {player}" for role, player in players.items()]
+        if len(players) < len(fmu.binding.bound):
+            roles.append(f"all {'other ' if players else ''}roles by their names")
+        version = f"FMI {fmu.description.fmiVersion} {NAMES[fmu.interface]}"
+        yield f"plant {name}: {fmu.path.name}, {version}{solver}, {how}; {'; '.join(roles)}"
+
+
 # In words ---------------------------------------------------------------------------------------------------
+
+
+def _solver(source: PlantSource, step: float) -> str:
+    name = source.solver or DEFAULT_SOLVER
+    if name == "cvode":
+        return f"{name} with a tolerance of {source.tolerance or DEFAULT_TOLERANCE:g}"
+    return f"{name} in steps of {step / (source.solver_steps or 1):g} s"
 
 
 def _own_of_leader(leader: Leader) -> Iterator[str]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cosim.changes import Change, set_binding, set_controller, set_fmu, set_seed
+from cosim.cli.console import warn
 from cosim.errors import InputError
 from cosim.reader import read_scenario
 from cosim.scenario import Scenario
@@ -18,7 +19,13 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     for folder in options.untrusted:
         if not folder.is_dir():
             raise InputError(f"--untrusted {folder}: there is no such folder")
-    return read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
+    scenario = read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
+    fmus = [plant.fmu.resolve() for plant in scenario.plants.values() if plant.fmu is not None]
+    if not any(expectation.scenario for expectation in scenario.expectations):  # whose plants might be meant
+        for folder in options.untrusted:
+            if not any(fmu.is_relative_to(folder.resolve()) for fmu in fmus):
+                warn(f"--untrusted {folder}: no FMU of {path} lies there")
+    return scenario
 
 
 def _changes(options: argparse.Namespace) -> Iterator[Change]:

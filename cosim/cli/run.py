@@ -23,7 +23,7 @@ from cosim.expectation import Verdict
 from cosim.interrupt import HeldSignals
 from cosim.junit import Outcome, junit_xml
 from cosim.pacing import Pacer
-from cosim.result import save, write
+from cosim.result import save, writable_folder, write
 from cosim.scenario import Scenario
 from cosim.simulation import Simulation
 from cosim.summary import Summary, summarise
@@ -35,7 +35,7 @@ EXPECTATION_FAILED = 1
 def run(options: argparse.Namespace) -> int:
     """Run each scenario; return the most serious exit status of all."""
     if options.junit is not None:
-        _writable_folder(options.junit.parent, "--junit")
+        writable_folder(options.junit.parent, "--junit")
     outcomes: list[Outcome] = []
     try:
         return max(_run_scenarios(options, outcomes), default=0)
@@ -79,7 +79,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) 
             ready = Simulation(scenario)
         with ready as simulation, HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
-            folder = _writable_folder(options.out / scenario.name, "--out").absolute()
+            folder = writable_folder(options.out / scenario.name, "--out").absolute()
             try:
                 with _progress(scenario) as progress:
                     result = simulation.run(progress, pacer)
@@ -121,17 +121,6 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 
 
 # Files ------------------------------------------------------------------------------------------------------
-
-
-def _writable_folder(folder: Path, option: str) -> Path:
-    """Make the folder that an option names and try it, before anything is computed."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise OutputError(f"results cannot be written to {folder}: {error.strerror}; choose another {option}") from None
-    return folder
 
 
 def _draw(result: xr.Dataset, folder: Path) -> None:

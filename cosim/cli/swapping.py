@@ -10,7 +10,7 @@ from pathlib import Path
 from cosim.cli.console import out, safe, warn
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
-from cosim.fmu import obstacle
+from cosim.fmu_facts import obstacle
 from cosim.reader import read_scenario
 from cosim.result import write
 from cosim.setup import set_up
@@ -23,6 +23,11 @@ def swap_plants(options: argparse.Namespace) -> int:
     bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
     with ExitStack() as cleanup:
         swapped = swap(options.scenario, fmus, bindings, options.out, cleanup)
+        if swapped.variant.is_dir():
+            raise InputError(
+                f"--out {swapped.variant} is a folder: name the file of the variant, such as "
+                f"{swapped.variant / 'swapped.xml'}"
+            )
         if not options.force:
             _refuse_to_overwrite(swapped)
         for path, text in swapped.texts.items():

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +44,16 @@ def fleet(
         for number, path in enumerate(fmus, 1):
             opened.append(fmu := open_fmu(path, HERE, binding, interface))
             members.append(
-                plant(
-                    fmu,
-                    source(**about | ({"solver": solvers[number - 1]} if solvers else {})),
-                    name=f"robot_{number}",
-                    parameters=(),
-                    pose=pose,
+                replace(
+                    plant(
+                        fmu,
+                        source(**about | ({"solver": solvers[number - 1]} if solvers else {})),
+                        name=f"robot_{number}",
+                        parameters=(),
+                        pose=pose,
+                        stop_time=horizon,
+                    ),
                     isolated=isolated if isinstance(isolated, bool) else isolated[number - 1],
-                    stop_time=horizon,
                 )
             )
         state = np.empty((len(members), 6))

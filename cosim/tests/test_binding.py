@@ -373,28 +373,31 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
         ('<role name="tau_dive" variable="v"/>', "vehicle has no role 'tau_dive': did you mean 'tau_drive'?"),
         ('<role name="x" variable="X"/>', "the FMU car.fmu has no variable 'X': "),
         ('<role name="x" variable="omga"/>', "has no variable 'omga': did you mean 'omega'?"),
-        ('<role name="x" variable="tau_drive"/>', "lacks the output 'tau_drive' [m]"),
-        ('<role name="tau_drive" variable="x"/>', "lacks the input 'x' [N.m]"),
-        ('<role name="a" variable="x"/>', "lacks the parameter 'x' [m]"),
+        ('<role name="x" variable="tau_drive"/>', "has 'tau_drive' as input, which cannot play the output 'x'"),
+        ('<role name="tau_drive" variable="x"/>', "has 'x' as output, which cannot play the input 'tau_drive'"),
+        ('<role name="a" variable="x"/>', "has 'x' as output, which cannot play the parameter 'a'"),
         ('<role name="x" variable="events"/>', "has 'events' as Integer, not as Real"),
         ('<role name="a" variable="drive"/>', "has 'drive' as Enumeration, not as Real"),
         ('<role name="drive" variable="a"/>', "has 'a' as Real, not as Enumeration"),
         ('<role name="drive" variable="drive" unit="m"/>', "with which neither unit nor factor nor offset go"),
         ('<role name="x" variable="psi"/>', "offers a unit that does not fit: 'psi' is in rad, not in m"),
         ('<role name="x" variable="y" unit="mm"/>', "has 'y' in m, not in mm as the binding states"),
-        ('<role name="x" variable="y" unit="furlong"/>', "furlong"),
+        ('<role name="x" variable="y" unit="furlong"/>', ":2:1: unit=\"furlong\" of the role 'x': "),
         ('<role name="x" variable="y" factor="2 s"/>', "'y' is in m times 2 s, not in m"),
-        ('<role name="x" variable="y" factor="0"/>', "cannot play 'x' with factor='0': it must be finite and not zero"),
+        ('<role name="x" variable="y" factor="0"/>', "factor=\"0\" of the role 'x': it must be finite and not zero"),
         ('<role name="x" variable="y" factor="1e999"/>', "it must be finite and not zero"),
-        ('<role name="x" variable="y" factor="twice"/>', "'twice' is not a number with a unit"),
-        ('<role name="x" variable="y" offset="1 rad"/>', "'1 rad': rad does not fit"),
+        ('<role name="x" variable="y" factor="twice"/>', "of the role 'x': 'twice' is not a number with a unit"),
+        ('<role name="x" variable="y" offset="1 rad"/>', "offset=\"1 rad\" of the role 'x': '1 rad': rad does not fit"),
         ('<role name="x" variable="y" offset="1"/>', "'1': the unit is missing"),
         ('<role name="x" variable="y" initial="z0"/>', "has no variable 'z0'"),
-        ('<role name="x" variable="y" initial="v"/>', "lacks the parameter 'v' [m]"),
+        ('<role name="x" variable="y" initial="v"/>', "has 'v' as output, which cannot give the initial value of 'x'"),
         ('<role name="x" variable="y" initial="when"/>', "offers a unit that does not fit: 'when' is in s, not in m"),
-        ('<role name="v" variable="v" initial="a"/>', "initial='a' for the role 'v': only a pose entry can"),
-        ('<role name="x" value="1 m"/>', "cannot have value='1 m' for the role 'x': only a parameter can"),
-        ('<role name="a" value="1 s"/>', "'1 s': s does not fit"),
+        ('<role name="v" variable="v" initial="a"/>', "initial=\"a\" of the role 'v': only a pose entry has"),
+        ('<role name="x" value="1 m"/>', "value=\"1 m\" of the role 'x': only a parameter has a constant value, and"),
+        ('<role name="a" value="1 s"/>', "value=\"1 s\" of the role 'a': '1 s': s does not fit"),
+        ('<role name="a" value="-1 m"/>', "value=\"-1 m\" of the role 'a': '-1 m' is no length"),
+        ('<role name="drive" value="asprinted"/>', "value=\"asprinted\" of the role 'drive': 'asprinted' is none of "),
+        ('<role name="x" variable="x" initial="a"/>', "cannot be given 'x' and 'a' through the same number, 'a'"),
         ('<role name="a" value="long"/>', "'long' is not a number with a unit"),
         ('<role name="tau_steer" variable="tau_drive"/>', "'tau_drive' and 'tau_steer' through the same number"),
         ('<role name="y" variable="x"/>', "cannot be given 'x' and 'y' through the same number, 'x'"),
@@ -418,6 +421,17 @@ def test_refusals(describe: Describe, bound: Bound, tmp_path: Path, roles: str, 
     assert where is not None
     assert (where.file, where.line) == (str(tmp_path / "binding.xml"), 2 + roles.count("\n"))
     assert where.column >= 1
+
+
+def test_all_problems_are_told(describe: Describe, bound: Bound, tmp_path: Path) -> None:
+    roles = '<role name="y" variable="Y"/>\n<role name="psi" variable="tau_drive"/>'
+    with pytest.raises(InputError) as caught:
+        bound(describe(names={"x": "px"}), roles)
+    file = tmp_path / "binding.xml"
+    first, second, third = str(caught.value).splitlines()
+    assert first == f"{file}:1:1: the FMU car.fmu lacks the output 'x' [m]"
+    assert second.startswith(f"  {file}:2:1: the FMU car.fmu has no variable 'Y': known: ")
+    assert third == f"  {file}:3:1: the FMU car.fmu has 'tau_drive' as input, which cannot play the output 'psi'"
 
 
 def test_a_role_that_is_not_mentioned_is_refused_at_the_binding(

@@ -3,12 +3,13 @@
 import os
 import sys
 import tracemalloc
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from cosim.changes import set_value
-from cosim.document import MAX_BYTES, read_document
+from cosim.document import MAX_BYTES, read_binding_document, read_document
 from cosim.errors import InputError
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -174,3 +175,12 @@ def test_set_a_text_and_a_value_with_equals_signs() -> None:
 )
 def test_bad_replacements(replacement: str, sentence: str) -> None:
     assert sentence in str(refused(EXAMPLE, replacement))
+
+
+def test_an_archive_is_no_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "robot.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", "<model/>")
+    for read in (read_document, read_binding_document):
+        with pytest.raises(InputError, match=r"is an archive \(zip\), perhaps an FMU; expected is XML"):
+            read(path)

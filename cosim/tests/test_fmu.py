@@ -100,6 +100,13 @@ def test_invalid_description(car: Path, tmp_path: Path) -> None:
     assert "has no valid model description" in refused(path)
 
 
+def test_another_root_element(car: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", "<model/>")
+    assert "it begins with <model>; expected is <fmiModelDescription fmiVersion=...>" in refused(path)
+
+
 def test_no_binary_for_this_machine(car: Path, tmp_path: Path) -> None:
     path = repack(car, tmp_path / "a.fmu", leave_out="binaries")
     assert "has no binary for this machine" in refused(path)
@@ -167,6 +174,32 @@ def test_a_parameter_by_the_role_that_it_plays(car: Path, tmp_path: Path) -> Non
         assert geometry(opened, [value], HERE)["wheelbase"] == pytest.approx(0.9)
         with pytest.raises(InputError, match="has no parameter 'gamma'"):
             understand(opened, [setting("gamma", "1 rad")])
+
+
+def test_a_constant_of_the_binding_may_be_set_to_itself(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", ' name="drive"', ' name="axle"')
+    path = repack(path, tmp_path / "b.fmu", ' name="a"', ' name="L"')
+    roles = (
+        RoleSource(name="a", value="1200 mm", where=HERE),
+        RoleSource(name="drive", value="as_printed", where=HERE),
+    )
+    with closing(open_fmu(path, HERE, BindingSource("car_like", roles, HERE))) as opened:
+        assert understand(opened, [setting("a", "1.2 m"), setting("drive", "as_printed")]) == ()
+        for name, text, sentence in (
+            ("a", "1.3 m", "parameter a of b.fmu: '1.3 m' contradicts the binding, which says 1.2 m"),
+            ("a", "1.2", "the unit is missing"),
+            ("drive", "rear_wheel", "drive of b.fmu: 'rear_wheel' contradicts the binding, which says as_printed"),
+        ):
+            with pytest.raises(InputError, match=sentence):
+                understand(opened, [setting(name, text)])
+
+
+def test_an_enumeration_is_set_by_the_role_that_it_plays(car: Path, tmp_path: Path) -> None:
+    path = repack(car, tmp_path / "a.fmu", ' name="drive"', ' name="axle"')
+    role = RoleSource(name="drive", variable="axle", where=HERE)
+    with closing(open_fmu(path, HERE, BindingSource("car_like", (role,), HERE))) as opened:
+        values = understand(opened, [setting("drive", "rear_wheel")])
+        assert geometry(opened, values, HERE)["drive"] == "rear_wheel"
 
 
 # Broken files, each in one way ----------------------------------------------------------------------------------------

@@ -21,7 +21,9 @@ from scipy.integrate import solve_ivp
 
 import cosim
 import plants
+from cosim.connect import in_own_process
 from cosim.errors import InputError, SimulationError
+from cosim.fmu import open_fmu
 from cosim.grammar import NAMESPACE
 from cosim.plant.calls import COMPILED, c_function, compiled
 from cosim.plant.spec import Block, PlantSpec, Value
@@ -388,7 +390,7 @@ def test_what_can_be_there_only_once_gets_processes(make: Make, tmp_path: Path, 
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(fmi=fmi, once=True)}"/>', followers=["car"] * 2)
     with Simulation(read_scenario(path)) as simulation:
         robots = (simulation.setup.leader, *simulation.setup.followers)
-        assert all(robot.isolated for robot in robots)
+        assert all(in_own_process(robot.fmu, robot.source) for robot in robots)
         once = simulation.run()
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(fmi=fmi)}"/>', followers=["car"] * 2)
     several = cosim.run(path)
@@ -401,6 +403,17 @@ def test_a_second_one_in_a_process_is_refused(make: Make) -> None:
         fleet(*[make(once=True)] * 2),
     ):
         pass
+
+
+def test_a_negated_alias_of_fmi_1_is_refused(make: Make, tmp_path: Path) -> None:
+    """FMPy does not read the attribute: the sign would be wrong without a word."""
+    fmu = make(fmi="1.0")
+    old = ' name="psi" '
+    negated = rewritten(fmu, tmp_path / "n.fmu", old, f'{old}alias="negatedAlias" ')
+    with pytest.raises(InputError, match="has 'psi' as a negated alias, whose sign would be lost"):
+        open_fmu(negated)
+    alias = rewritten(fmu, tmp_path / "a.fmu", old, f'{old}alias="alias" ')
+    open_fmu(alias).close()
 
 
 def test_a_leader_without_velocities_is_refused(make: Make, tmp_path: Path) -> None:
@@ -422,12 +435,38 @@ def test_followers_without_velocities(make: Make, tmp_path: Path) -> None:
         Simulation(read_scenario(path))
 
 
-def test_a_solver_for_what_brings_its_own_is_refused(make: Make, tmp_path: Path) -> None:
-    more = '; with interface="model_exchange" the solver would be asked'
-    for fmu, end in ((make(), "its own solver"), (make(interface="both"), more)):
-        path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" solver="cvode"/>')
+@pytest.mark.parametrize(
+    ("said", "names"),
+    [
+        ('solver="cvode"', "no solver goes"),
+        ('solver_step="20 ms"', "no solver_step goes"),
+        ('tolerance="1e-6"', "no tolerance goes"),
+        ('solver="euler" solver_step="5 ms"', "no solver and no solver_step goes"),
+    ],
+)
+def test_a_solver_for_what_brings_its_own_is_refused(make: Make, tmp_path: Path, said: str, names: str) -> None:
+    more = "; with the interface model_exchange the solver would be asked"
+    for fmu, end in ((make(), names), (make(interface="both"), names + more)):
+        path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {said}/>')
         with pytest.raises(InputError, match=f"is used by Co-Simulation and brings .*{re.escape(end)}$"):
             Simulation(read_scenario(path))
+
+
+@pytest.mark.parametrize("solver", ["", 'solver="euler" '])
+def test_a_tolerance_of_fixed_steps_is_refused(make: Make, tmp_path: Path, solver: str) -> None:
+    fmu = make(interface="model_exchange")
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {solver}tolerance="1e-6"/>')
+    name = "euler" if solver else "runge_kutta_4"
+    with pytest.raises(
+        InputError, match=rf"s.xml:4:\d+: {name} makes the steps that it is told and has no tolerance: "
+    ):
+        Simulation(read_scenario(path))
+
+
+def test_a_time_limit_may_be_there_for_nothing(make: Make, tmp_path: Path) -> None:
+    """Whether the plant is isolated may depend on --untrusted."""
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" time_limit="5 s"/>')
+    Simulation(read_scenario(path)).close()
 
 
 def test_what_needs_a_tool_says_so_where_it_cannot_be_started(make: Make, tmp_path: Path) -> None:
