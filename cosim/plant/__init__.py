@@ -2,5 +2,5 @@
 
 `fleet` steps them all; `instance` starts one through FMPy; `stepping` and `model_exchange` call its functions from
 compiled code, by `calls`; `cvode` integrates it by FMPy's CVODE; `process` and `worker` keep it in a process of its own
-and speak by `protocol`; `log` takes its messages, and `arithmetic` keeps the harness's from what it does when it starts.
+and speak by `protocol`; `log` takes its messages, and `arithmetic` keeps ours from what it does at its start.
 """
