@@ -342,7 +342,7 @@ def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, be
             assert harness.wait(60.0) == ends
         else:
             with pytest.raises(subprocess.TimeoutExpired):
-                harness.wait(5.0)
+                harness.wait(3.0)
     finally:
         harness.kill()
         harness.wait()
@@ -492,7 +492,7 @@ class Harness:
 def harness(make: Make, tmp_path: Path) -> Iterator[Callable[..., Harness]]:
     started = []
 
-    def start(limit: float = 60.0, horizon: str = "10000 s", **options: Any) -> Harness:
+    def start(limit: float = 60.0, horizon: str = "400 s", **options: Any) -> Harness:
         path = write(tmp_path / "bad.xml", make, MODES[1], limit, ("bad", "bad"), **options)
         path.write_text(path.read_text("utf-8").replace('horizon="0.6 s"', f'horizon="{horizon}"'), "utf-8")
         started.append(Harness(path, tmp_path))
@@ -513,8 +513,7 @@ def slow(harness: Callable[..., Harness], tmp_path: Path) -> Harness:
     return one
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("group", [False, True], ids=["process", "group"])
+@pytest.mark.parametrize(("number", "group"), [(signal.SIGINT, False), (signal.SIGINT, True), (signal.SIGTERM, False)])
 def test_a_signal_in_the_course_of_a_run(
     harness: Callable[..., Harness], tmp_path: Path, number: signal.Signals, group: bool
 ) -> None:
