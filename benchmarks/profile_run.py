@@ -21,11 +21,12 @@ SCENARIO = Path(__file__).parents[1] / "scenarios" / "clmr_line.xml"
 RUN = """
 import sys, time
 begin = time.perf_counter()
-from cosim.cli import main
+from cosim.cli import entry
 imported = time.perf_counter()
-status = main()
-print("clocks", imported - begin, time.perf_counter() - imported, file=sys.stderr)
-sys.exit(status)
+try:
+    entry()
+finally:
+    print("clocks", imported - begin, time.perf_counter() - imported, file=sys.stderr)
 """
 PACKAGES = 12
 WHOLE = "whole process"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +16,7 @@ import plants
 from cosim.connect import plant
 from cosim.contract import CAR_LIKE, TRACTOR_TRAILER, Contract, Role
 from cosim.errors import InputError, Location, SimulationError, nearest
+from cosim.excitation import excitation, given
 from cosim.fmu import Fmu, open_fmu
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.fleet import STATE, Fleet
@@ -24,7 +25,6 @@ from cosim.quantity import split
 from cosim.reader import read_binding
 from cosim.scenario import PlantSource, Setting
 from cosim.setup import check_solver, check_step
-from cosim.table import read_table
 from plants import UnitError, units
 
 TOLERANCE = 1e-6
@@ -249,9 +249,9 @@ def compare_plants(
             )
         start = _pose(contract, pose or {})
         if torque is None:
-            torques, said = _excitation(runs[0], start, seed)
+            torques, said = excitation(contract, lambda torques: runs[0](start, torques).completed, step, ticks, seed)
         else:
-            torques, said = _given(contract, torque, step, ticks)
+            torques, said = given(contract, torque, step, ticks)
         results = [run(start, torques) for run in runs]
         difference = results[1].states - results[0].states
         for column, role in enumerate((*contract.pose, *contract.velocity)):
@@ -280,6 +280,11 @@ class _Result:
     states: NDArray[np.float64]
     failure: SimulationError | None
     messages: tuple[str, ...]
+
+    @property
+    def completed(self) -> NDArray[np.float64] | None:
+        """The states, if the plant has not failed."""
+        return self.states if self.failure is None else None
 
 
 class _Run:
@@ -359,96 +364,6 @@ def _pose(contract: Contract, entries: Mapping[str, float]) -> tuple[float, ...]
         if name not in known:
             raise InputError(f"a {contract.vehicle} vehicle has no pose entry {name!r}: {nearest(name, known)}")
     return tuple(entries.get(name, _POSES[contract.vehicle][name]) for name in known)
-
-
-# The torques ------------------------------------------------------------------------------------------------
-
-
-def _given(
-    contract: Contract, torque: str | Path | NDArray[np.float64], step: float, ticks: int
-) -> tuple[NDArray[np.float64], str]:
-    """Return torques (ticks, 2) from a table or an array, and where they come from."""
-    if not isinstance(torque, (str, Path)):
-        values = np.array(torque, dtype=np.float64)
-        if values.shape != (ticks, 2) or not np.isfinite(values).all():
-            raise InputError(f"the torques are an array {values.shape}; expected are ({ticks}, 2) finite numbers")
-        return values, "an array"
-    where = Location(f"--torque {torque}")
-    table = read_table(Path(torque), where)
-    names = [role.name for role in contract.torque]
-    if not any(name in table.columns for name in names):
-        raise InputError(f"the table {torque} has none of the columns {' and '.join(names)}", where)
-    times = step * np.arange(ticks, dtype=np.float64)
-    values = np.zeros((ticks, 2))
-    for column, role in enumerate(contract.torque):
-        if role.name in table.columns:
-            values[:, column] = np.interp(times, table.time, table.column(role.name, role.unit, where))
-    return values, f"the table {torque}"
-
-
-_FREQUENCIES = ((0.10, 0.23, 0.61), (0.13, 0.37, 0.89))
-"""Of the sines in drive and steering [Hz]."""
-_PERIODS = (7.0, 5.0)
-"""Of the steps in drive and steering [s]."""
-_START = (20.0, 5.0)
-"""How large the torques of the first attempt are [N.m]."""
-_SPEED, _BEND = 1.0, math.radians(25)
-"""What the torques are to bring about: the largest speed [m/s], and the largest change of the steering angle [rad]."""
-_ATTEMPTS = 6
-
-
-def _excitation(run: _Run, pose: Sequence[float], seed: int) -> tuple[NDArray[np.float64], str]:
-    """Return steps and sines (ticks, 2) that move a plant well but keep it far from singular, and what they are."""
-    shape = _shape(run.step * np.arange(run.ticks, dtype=np.float64), seed)
-    bend = _BENDS[run.contract.vehicle]
-    scale = np.array(_START)
-    for _ in range(_ATTEMPTS):
-        torques = _as_torques(run.contract, shape * scale)
-        result = run(pose, torques)
-        if result.failure is not None:
-            scale = scale / 4
-            continue
-        speed = np.abs(np.diff(result.states[:, :2], axis=0)).max() / run.step
-        bent = np.abs(bend(result.states) - bend(result.states)[0]).max()
-        wanted = np.array([_change(_SPEED, speed), _change(_BEND, bent)])
-        if (np.abs(np.log(wanted)) < math.log(1.5)).all():
-            break
-        scale = np.array([float(f"{value:.2g}") for value in scale * wanted])
-    said = " and ".join(f"{value:.2g} N.m" for value in scale)
-    return _as_torques(run.contract, shape * scale), f"steps and sines of {said} (seed {seed})"
-
-
-def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-    """Return steps and sines (T, 2) in drive and steering, the first around 0.5, the second around zero."""
-    phases = np.random.default_rng(seed).uniform(0.0, 2 * math.pi, (2, len(_FREQUENCIES[0])))
-    columns = []
-    for frequencies, own, period in zip(_FREQUENCIES, phases, _PERIODS, strict=True):
-        sines = np.sin(2 * math.pi * np.outer(times, frequencies) + own).mean(axis=1)
-        # From the middle of a step, so that what it adds up to is around zero.
-        steps = np.where(np.remainder(times / period + 0.25, 1.0) < 0.5, 1.0, -1.0)
-        columns.append((sines + steps) / 2)
-    columns[0] = (columns[0] + 1) / 2
-    return np.column_stack(columns)
-
-
-def _change(wanted: float, found: float) -> float:
-    """Return by what a torque is to change; not at all where it brings nothing about."""
-    return min(max(wanted / found, 0.1), 10.0) if found > 1e-9 else 1.0
-
-
-def _as_torques(contract: Contract, drive_and_steering: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the two torques of a vehicle; those of a tractor's wheels differ by the steering."""
-    if contract is TRACTOR_TRAILER:
-        drive, steering = drive_and_steering.T
-        return np.column_stack([drive + steering, drive - steering]) / 2
-    return drive_and_steering
-
-
-_BENDS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
-    CAR_LIKE.vehicle: lambda states: states[:, 3],
-    TRACTOR_TRAILER.vehicle: lambda states: states[:, 3] - states[:, 2],
-}
-"""The angle of a vehicle that must stay far from 90 degrees [rad]."""
 
 
 # The differences --------------------------------------------------------------------------------------------

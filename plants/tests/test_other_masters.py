@@ -1,11 +1,14 @@
 """Our FMUs in masters that are not ours: the same trajectory as in FMPy, to rounding.
 
-The masters come with the extra ``masters``; ecos also needs the system's TBB 12 (Debian: libtbb12). Where one is
-missing its tests are skipped, unless FORMATION_REQUIRE_MASTERS is set.
+The masters come with the extra ``bench``, and the TBB that ecos needs. Where one is missing its tests are skipped,
+unless FORMATION_REQUIRE_MASTERS is set.
 """
 
+import contextlib
+import ctypes
 import importlib
 import os
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -102,6 +105,8 @@ def test_libcosim(experiment: Experiment, capfd: pytest.CaptureFixture[str]) -> 
 
 
 def test_ecos(experiment: Experiment) -> None:
+    with contextlib.suppress(OSError):  # TBB from the package tbb, where the linker does not look; else the system's
+        ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
     master("ecospy")
     from ecospy.EcosParameterSet import EcosParameterSet
     from ecospy.EcosSimulation import EcosSimulation
