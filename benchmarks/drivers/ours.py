@@ -21,7 +21,7 @@ class Ours:
         source = PlantSource("plant", Location(job.fmu), fmu=Path(job.fmu))
         poses = [[start.get(name, 0.0) for name in OUTPUTS[:4]] for start in job.start]
         members = [
-            plant(fmu, source, name=f"robot_{i}", parameters=(), pose=pose, isolated=False, stop_time=1e9)
+            plant(fmu, source, name=f"robot_{i}", parameters=(), pose=pose, stop_time=1e9)
             for i, pose in enumerate(poses)
         ]
         self.step = job.step
