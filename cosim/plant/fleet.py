@@ -111,9 +111,10 @@ class Fleet:
     Raises
     ------
     InputError
-        A plant cannot be started, with its own messages, or starts elsewhere than at its initial pose.
+        A plant cannot be started, or returns no outputs at the start, with its own messages; or it starts elsewhere
+        than at its initial pose.
     SimulationError
-        A plant returns no outputs at the start, or outputs that are not finite.
+        A plant returns outputs at the start that are not finite.
     """
 
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
