@@ -65,7 +65,6 @@ class ProcessPlant:
         self._messages = ""
         self._last_words: deque[str] = deque(maxlen=MAX_SAID)
         self._waiting = False  # whether the process waits for a request
-        self._ending = False  # whether it was asked to end
         self._ending = self._closed = False
         self._limit = _LAUNCH_LIMIT
         self._process = _launched()
