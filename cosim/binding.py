@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import InputError, Location, nearest
+from cosim.fmu_units import UnitContradiction, stated, unit_of
 from cosim.quantity import quantity, split
 from cosim.scenario import BindingSource, RoleSource
 from plants import UnitError, units
@@ -168,7 +169,7 @@ def match(
         try:
             bound[role.name] = _bound(contract, role, description, variables, source)
         except (ValueError, UnitError) as error:
-            if source.where is not None or not role.optional:
+            if source.where is not None or not role.optional or isinstance(error, UnitContradiction):
                 problems.append(Problem(role, str(error), source.where, isinstance(error, _BindingError)))
     return bound, problems + list(_shared(bound, sources))
 
@@ -304,7 +305,11 @@ def _element(description: Any, variable: Any, name: str, indices: list[int]) -> 
 
 
 def _read_as(role: Role, description: Any, variable: Any, element: int, source: RoleSource) -> BoundVariable:
-    own, wanted = _unit(description, variable, source), units.parse(role.unit)
+    wanted = units.parse(role.unit)
+    if source.unit:
+        with _about(source, "unit"):
+            units.parse(source.unit)
+    own = stated(description, variable, source.unit) if source.unit else unit_of(description, variable)
     number, factor, offset = 1.0, units.parse("1"), 0.0
     if source.factor:
         with _about(source, "factor"):
@@ -321,30 +326,6 @@ def _read_as(role: Role, description: Any, variable: Any, element: int, source: 
         raise UnitError(f"offers a unit that does not fit: {variable.name!r} is in {own}{times}, not in {wanted}")
     scale = number * read.factor / wanted.factor
     return BoundVariable(variable, element, scale, offset)
-
-
-def _unit(description: Any, variable: Any, source: RoleSource) -> units.Unit:
-    """Return the unit of a variable: as the FMU has it, else as a binding states it."""
-    if not source.unit:
-        return unit_of(description, variable)
-    with _about(source, "unit"):
-        unit = units.parse(source.unit)
-    try:
-        own = unit_of(description, variable)
-    except UnitError:  # it has none, or one that nobody knows
-        return unit
-    if not _same(own, unit):
-        raise UnitError(f"has {variable.name!r} in {unit_name(variable)}, not in {source.unit} as the binding states")
-    return units.Unit(unit.exponents, own.factor)
-
-
-def _same(own: units.Unit, other: units.Unit) -> bool:
-    """Return whether a unit is another one, where its angles may be pure numbers."""
-    angle = units.BASE_UNITS.index("rad")
-    exponents = other.exponents
-    if own.exponents[angle] == 0:
-        exponents = (*exponents[:angle], 0, *exponents[angle + 1 :])
-    return own.exponents == exponents and math.isclose(own.factor, other.factor, rel_tol=1e-9)
 
 
 def may_be_started(description: Any, variable: Any) -> bool:
@@ -384,40 +365,6 @@ def start_of(description: Any, variable: Any) -> tuple[float, ...]:
     if len(numbers) not in (0, 1, size):
         raise ValueError(f"has {len(numbers)} start values of {variable.name!r}, which has {size} elements")
     return numbers if len(numbers) == size else (numbers or (0.0,)) * size
-
-
-def unit_name(variable: Any) -> str:
-    """Return the name of the unit that a variable has, of its own or by its type; empty if it has none."""
-    return str(variable.unit or (variable.declaredType.unit if variable.declaredType else None) or "")
-
-
-def unit_of(description: Any, variable: Any) -> units.Unit:
-    """Return the unit of a variable: as the FMU defines it, or by its name where it is not defined.
-
-    Raises
-    ------
-    plants.UnitError
-        The variable has no unit, or one that is not known.
-    """
-    name = unit_name(variable)
-    if not name:
-        raise UnitError(f'has {variable.name!r} without a unit: a binding states it, unit="..."')
-    for definition in description.unitDefinitions:
-        if definition.name == name and definition.baseUnit is not None:
-            base = definition.baseUnit
-            if base.offset != 0 or not 0.0 < base.factor < math.inf:
-                raise UnitError(f"has {variable.name!r} in {name}, with an offset or a factor that is not positive")
-            own = units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
-            with suppress(UnitError):
-                if _same(own, named := units.parse(name)):
-                    return named  # "rad" and "deg" are angles, even if they are defined as numbers
-            return own
-    try:
-        return units.parse(name)
-    except UnitError:
-        raise UnitError(
-            f'has {variable.name!r} in {name!r}, which it does not define: a binding states the unit, unit="..."'
-        ) from None
 
 
 def _described(bound: BoundRole) -> str:

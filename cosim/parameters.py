@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of, unit_name, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of
 from cosim.contract import Role
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
+from cosim.fmu_units import unit_of_values
 from cosim.plant.spec import Value
 from cosim.quantity import quantity
 from cosim.scenario import Setting
@@ -162,7 +163,7 @@ def value_of(description: Any, variable: Any, text: str) -> float | int | bool |
     if variable.dimensions:
         raise ValueError("it is an array, which a scenario cannot set")
     if variable.type in (*REAL_TYPES, "Float32"):
-        value = quantity(text, unit_of(description, variable) if unit_name(variable) else "1")
+        value = quantity(text, unit_of_values(description, variable, [text]))
         _check_bounds(variable, value, text)
         return value
     if variable.type in _INTEGERS:

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from cosim.binding import REAL_TYPES, match, may_be_started, shape_of, unit_name, unit_of
+from cosim.binding import REAL_TYPES, match, may_be_started, shape_of
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import Location, printable
+from cosim.fmu_units import UnitContradiction, unit_name, unit_of
 from cosim.grammar import NAMESPACE
 from cosim.naming import NEUTRAL, RECOGNITIONS, SERIES, doubtful, without_start, words_of
 from cosim.scenario import OPEN, BindingSource, RoleSource
@@ -254,6 +255,10 @@ def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
         )
     try:
         own = unit_of(description, variable)
+    except UnitContradiction as error:
+        if error.unit.exponents != wanted.exponents:
+            return None
+        return _Reading(unit=OPEN, open=f"{error.question}: state {error.choice}")
     except UnitError:
         return _Reading(unit=OPEN, open=f"the unit {name!r} of {variable.name!r} is not known: state it")
     if own.exponents == wanted.exponents:

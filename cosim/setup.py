@@ -14,11 +14,12 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, unit_name, unit_of
+from cosim.binding import REAL_TYPES, BoundRole, BoundVariable
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location, nearest
 from cosim.expectation import Recorded, check, recorded
 from cosim.fmu import Fmu, interfaces, open_fmu
+from cosim.fmu_units import unit_of_values
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
@@ -425,8 +426,9 @@ def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
     try:
         if variable.dimensions:
             raise UnitError("it is an array: a binding gives one of its elements a role")
-        unit = unit_of(fmu.description, variable) if unit_name(variable) else units.parse("1")
-    except UnitError as error:
+        values = [wave.value for wave in source.waves if wave.kind != "table"]
+        unit = unit_of_values(fmu.description, variable, values)
+    except (ValueError, UnitError) as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
         ) from None

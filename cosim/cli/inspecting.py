@@ -9,11 +9,12 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.binding import match, shape_of, unit_name
+from cosim.binding import match, shape_of
 from cosim.cli.console import out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu_facts import NAMES, capabilities, complaints, obstacle
+from cosim.fmu_units import unit_name
 from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
 from cosim.scenario import OPEN, RoleSource

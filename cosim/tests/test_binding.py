@@ -214,6 +214,63 @@ def test_a_unit_that_is_there_may_be_stated_again(describe: Describe, bound: Bou
     assert set(scales(bound(describe(units="names"), roles)).values()) == {1.0}
 
 
+@pytest.mark.parametrize("factor", ["0.0174533", "0.01745329", "0.01745", "0.017453292519943295"])
+@pytest.mark.parametrize("roles", ["", '<role name="psi" variable="psi" unit="deg"/>'])
+@pytest.mark.parametrize("fmi", FMI[1:])
+def test_a_factor_may_be_rounded(describe: Describe, bound: Bound, fmi: str, roles: str, factor: str) -> None:
+    degree = f'rad="1" factor="{DEGREE!r}"'
+    described = describe((degree, degree.replace(repr(DEGREE), factor)), fmi=fmi, units="deg")
+    assert scales(bound(described, roles))["psi"] == DEGREE, "that of the name, which is exact"
+
+
+def test_a_rounded_factor_of_a_unit_with_a_name_of_its_own_is_the_stated_one(describe: Describe, bound: Bound) -> None:
+    radian = '<Unit name="radian"><BaseUnit rad="1"/>'
+    described = describe((radian, radian.replace("/>", ' factor="0.0174533"/>')), units="names")
+    roles = '<role name="psi" variable="psi" unit="deg"/>'
+    assert scales(bound(described, roles))["psi"] == DEGREE
+    assert scales(bind(described, "car.fmu"))["psi"] == 0.0174533
+
+
+DEGREES = f'<Unit name="deg"><BaseUnit rad="1" factor="{DEGREE!r}"/>'
+SPEED = f'<Unit name="km/h"><BaseUnit m="1" s="-1" factor="{1 / 3.6!r}"/>'
+
+
+@pytest.mark.parametrize(
+    ("definition", "another", "variable", "told"),
+    [
+        (DEGREES, 'rad="1"', "psi", '1 deg is 0.0174533 rad, by the definition 1 rad. A binding decides: unit="deg" or '
+         'unit="rad"'),
+        (DEGREES, "", "psi", 'by the definition 1 rad. A binding decides: unit="deg" or unit="rad"'),
+        (DEGREES, 'rad="1" factor="0.0157"', "psi", 'unit="deg" or unit="rad" factor="0.0157"'),
+        (SPEED, 'm="1" s="-1"', "v", 'unit="km/h" or unit="m/s"'),
+    ],
+)  # fmt: skip
+def test_a_unit_that_contradicts_its_name_is_told_and_the_binding_decides(
+    describe: Describe, bound: Bound, definition: str, another: str, variable: str, told: str
+) -> None:
+    """Also of an optional role such as v: it would be dropped without a word."""
+    before = definition.split("<BaseUnit ")[1].removesuffix("/>")
+    described = describe((definition, definition.replace(before, another)), units="deg")
+    with pytest.raises(InputError, match=re.escape(told)) as caught:
+        bind(described, "car.fmu", None, HERE)
+    assert f"has {variable!r} in" in str(caught.value)
+    names = ("psi", "gamma") if variable == "psi" else ("v",)
+    for unit, scale in (("deg", DEGREE), ("rad", 1.0)) if variable == "psi" else (("km/h", 1 / 3.6), ("m/s", 1.0)):
+        roles = "".join(f'<role name="{name}" variable="{name}" unit="{unit}"/>' for name in names)
+        found = scales(bound(described, roles))
+        assert [found[name] for name in names] == pytest.approx([scale] * len(names), rel=1e-15)
+    wrong = "".join(f'<role name="{name}" variable="{name}" unit="kg"/>' for name in names)
+    with pytest.raises(InputError, match="offers a unit that does not fit"):
+        bound(described, wrong)
+
+
+def test_a_unit_may_have_a_name_that_others_use_for_something_else(describe: Describe) -> None:
+    """Here "C", which is a coulomb elsewhere, is the name of an angle."""
+    described = describe(('"deg"', '"C"'), (DEGREES.replace('"deg"', '"C"'), '<Unit name="C"><BaseUnit rad="1"/>'),
+                         units="deg")  # fmt: skip
+    assert scales(bind(described, "car.fmu"))["psi"] == 1.0
+
+
 # Declared ---------------------------------------------------------------------------------------------------
 
 

@@ -301,3 +301,11 @@ def test_names_that_occur_twice_are_nobodys(car: Any, tmp_path: Path) -> None:
 def test_ten_thousand_variables(tmp_path: Path) -> None:
     many = {f"body.frame_{i}.x": "local m" for i in range(10_000)}
     assert not propose(describe(tmp_path, CAR | many), CAR_LIKE).open
+
+
+def test_a_unit_that_contradicts_its_name_stays_open(car) -> None:
+    contradictory = UNITS.replace('"0.017453292519943295"', '"1"')
+    suggestion = of(car(units=contradictory), "psi")
+    assert suggestion.source is not None
+    assert (suggestion.source.variable, suggestion.source.unit) == ("heading", OPEN)
+    assert suggestion.open[0].endswith('by the definition 1 rad: state unit="deg" or unit="rad"')

@@ -1,0 +1,135 @@
+"""The unit of an FMU's variable: as the FMU defines it, by its name, or as a binding states it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from cosim.quantity import split
+from plants import UnitError, units
+
+_ROUNDED = 5e-4
+"""Relative difference of two factors that are the same number, one of them rounded to four digits or more."""
+_EXACT = 1e-9
+"""Relative difference of two factors that are the same to all digits that anybody writes."""
+_ANGLE = units.BASE_UNITS.index("rad")
+
+
+class UnitContradiction(UnitError):
+    """A unit's name says one thing and its definition in the FMU another.
+
+    Parameters
+    ----------
+    variable
+        The name of the variable that has the unit.
+    name
+        That of the unit.
+    by_name, by_definition
+        What it is by each.
+    """
+
+    def __init__(self, variable: str, name: str, by_name: units.Unit, by_definition: units.Unit) -> None:
+        contradiction = (
+            f"{name!r}, whose name contradicts its definition: by the name, 1 {name} is {by_name.factor:.6g} "
+            f"{by_name}, by the definition {by_definition.factor:.6g} {by_name}"
+        )
+        factor = "" if by_definition.factor == 1 else f' factor="{by_definition.factor!r}"'
+        self.unit = by_name
+        self.question = f"{variable!r} is in {contradiction}"
+        self.choice = f'unit="{name}" or unit="{by_name}"{factor}'
+        super().__init__(f"has {variable!r} in {contradiction}. A binding decides: {self.choice}")
+
+
+def unit_name(variable: Any) -> str:
+    """Return the name of the unit that a variable has, of its own or by its type; empty if it has none."""
+    return str(variable.unit or getattr(variable.declaredType, "unit", None) or "")
+
+
+def unit_of(description: Any, variable: Any) -> units.Unit:
+    """Return the unit of a variable: as the FMU defines it, or by its name where it is not defined.
+
+    A factor that is rounded in the definition counts as the exact one of the name.
+
+    Raises
+    ------
+    UnitContradiction
+        The unit has the name of one that measures the same, but another factor.
+    plants.UnitError
+        The variable has no unit, or one that is not known.
+    """
+    name = unit_name(variable)
+    if not name:
+        raise UnitError(f'has {variable.name!r} without a unit: a binding states it, unit="..."')
+    for definition in description.unitDefinitions:
+        if definition.name == name and definition.baseUnit is not None:
+            return _defined(variable.name, name, definition.baseUnit)
+    try:
+        return units.parse(name)
+    except UnitError:
+        raise UnitError(
+            f'has {variable.name!r} in {name!r}, which it does not define: a binding states the unit, unit="..."'
+        ) from None
+
+
+def unit_of_values(description: Any, variable: Any, values: Iterable[str]) -> units.Unit:
+    """Return the unit in which a scenario gives values to a variable; a pure number if the variable has no unit.
+
+    Where the unit contradicts itself, bare numbers are taken as the FMU counts.
+
+    Raises
+    ------
+    plants.UnitError
+        The unit is not known, or contradicts itself while the values have units.
+    """
+    try:
+        return unit_of(description, variable) if unit_name(variable) else units.parse("1")
+    except UnitContradiction as error:
+        if all(split(value)[1] == "1" for value in values):
+            return units.parse("1")
+        raise UnitError(f"{error.question}: give the bare number, as the FMU counts") from None
+
+
+def _defined(variable: str, name: str, base: Any) -> units.Unit:
+    """Return the unit that has a definition; "rad" and "deg" are angles, even if they are defined as numbers."""
+    if base.offset != 0 or not 0.0 < base.factor < math.inf:
+        raise UnitError(f"has {variable!r} in {name}, with an offset or a factor that is not positive")
+    own = units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
+    try:
+        named = units.parse(name)
+    except UnitError:
+        return own
+    if not _measures(own, named):  # the name is the FMU's own, such as "g" for an acceleration
+        return own
+    if not math.isclose(own.factor, named.factor, rel_tol=_ROUNDED):
+        raise UnitContradiction(variable, name, named, own)
+    return named
+
+
+def stated(description: Any, variable: Any, text: str) -> units.Unit:
+    """Return the unit of a variable of which a binding states one.
+
+    The binding decides where the FMU states no unit, one that nobody knows, or one that contradicts itself.
+
+    Raises
+    ------
+    plants.UnitError
+        The FMU says clearly that it is another one.
+    """
+    unit = units.parse(text)
+    try:
+        own = unit_of(description, variable)
+    except UnitError:
+        return unit
+    if not _measures(own, unit) or not math.isclose(own.factor, unit.factor, rel_tol=_ROUNDED):
+        raise UnitError(f"has {variable.name!r} in {unit_name(variable)}, not in {text} as the binding states")
+    exact = math.isclose(own.factor, unit.factor, rel_tol=_EXACT)
+    return units.Unit(unit.exponents, own.factor) if exact else unit
+
+
+def _measures(own: units.Unit, other: units.Unit) -> bool:
+    """Return whether a unit measures what another one does, where its angles may be pure numbers."""
+    exponents = other.exponents
+    if own.exponents[_ANGLE] == 0:
+        exponents = (*exponents[:_ANGLE], 0, *exponents[_ANGLE + 1 :])
+    return own.exponents == exponents
