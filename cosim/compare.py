@@ -342,6 +342,7 @@ class _Run:
             name=self.name,
             parameters=self.parameters,
             pose=pose,
+            given=torques[0].tolist(),
             stop_time=self.ticks * self.step,
         )
         state = np.empty((1, STATE))

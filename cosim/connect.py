@@ -39,6 +39,7 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         parameters=robot.parameters,
         pose=robot.pose,
         inputs=robot.inputs,
+        given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),
         stop_time=stop_time,
     )
 
@@ -51,6 +52,7 @@ def plant(
     parameters: Iterable[ParameterValue],
     pose: Sequence[float],
     inputs: Iterable[BoundRole] = (),
+    given: Sequence[float] = (),
     stop_time: float,
 ) -> Member:
     """Return an FMU as a plant.
@@ -67,14 +69,16 @@ def plant(
         Initial pose in the contract's order and units.
     inputs
         Those that are given besides the torques.
+    given
+        What the torques and these inputs are at the start, in the roles' units; empty for the FMU's own start values.
     stop_time
         End of the run [s].
     """
     description, binding, contract = fmu.description, fmu.binding, fmu.binding.contract
     states = (*contract.pose, *contract.velocity)
     bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
-    given = (*(binding.bound[role.name] for role in contract.torque), *inputs)
-    input_block, input_places = _block(description, given)
+    driven = (*(binding.bound[role.name] for role in contract.torque), *inputs)
+    input_block, input_places = _block(description, driven, given)
     output_block, output_places = _block(description, binding.of(states))
     spec = PlantSpec(
         robot=name,
@@ -99,7 +103,7 @@ def plant(
     )
     return Member(
         spec=spec,
-        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(given, input_places, strict=True)),
+        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(driven, input_places, strict=True)),
         outputs=tuple(
             _link(role, None if bound is None else bound.played_by, place, bound_by=most)
             for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
@@ -116,8 +120,13 @@ def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
     return source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess)
 
 
-def _block(description: Any, roles: Sequence[BoundRole | None]) -> tuple[Block, list[int]]:
-    """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it."""
+def _block(
+    description: Any, roles: Sequence[BoundRole | None], values: Sequence[float] = ()
+) -> tuple[Block, list[int]]:
+    """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it.
+
+    The block starts with the roles' values, in the roles' units; where there are none, with the FMU's start values.
+    """
     first: dict[int, int] = {}  # by value reference
     start: list[float] = []
     places = []
@@ -130,6 +139,9 @@ def _block(description: Any, roles: Sequence[BoundRole | None]) -> tuple[Block, 
             first[variable.valueReference] = len(start)
             start += start_of(description, variable)
         places.append(first[variable.valueReference] + bound.played_by.element)
+    for bound, place, value in zip(roles, places, values, strict=False):
+        if bound is not None and bound.played_by is not None:
+            start[place] = (value - bound.played_by.offset) / bound.played_by.scale
     return Block(tuple(first), tuple(start)), places
 
 

@@ -12,7 +12,7 @@ from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
 from cosim.plant.log import Log
-from cosim.plant.outcome import COMPLETE, DISCARD, END, ERROR, EVENT, FATAL, WARNING, PlantError, failure
+from cosim.plant.outcome import ACCEPT, COMPLETE, DISCARD, END, ERROR, EVENT, FATAL, WARNING, PlantError, failure
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 
 _MAX_EVENT_ITERATIONS = 100
@@ -216,6 +216,7 @@ class Instance:
         fmu = self._fmu
         stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
         if self._version == 1:
+            self._give_inputs()
             self._initialise_slave(stop)
         else:
             if self._version == 2:
@@ -223,6 +224,7 @@ class Instance:
                 fmu.enterInitializationMode()
             else:
                 fmu.enterInitializationMode(startTime=0.0, stopTime=stop)
+            self._give_inputs()
             fmu.exitInitializationMode()
         self._initialised = True
         self._numbers = (0, 0)
@@ -230,6 +232,16 @@ class Instance:
             self._update()
             fmu.enterContinuousTimeMode()
             self._numbers = self._counted()
+
+    def _give_inputs(self) -> None:
+        """Give the inputs their values at the start, which initial equations may use."""
+        inputs = self.spec.inputs
+        if not inputs.references:
+            return
+        try:
+            (self._fmu.setFloat64 if self._version == 3 else self._fmu.setReal)(inputs.references, inputs.start)
+        except FMICallException as error:
+            raise PlantError(f"{self._it}{self.failure(ACCEPT, error.status)}") from None
 
     def _initialise_slave(self, stop: float) -> None:
         """Initialise an FMI 1.0 instance; FMPy takes the status that is returned for a string."""

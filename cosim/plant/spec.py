@@ -30,7 +30,7 @@ class Block:
     references : tuple of int
         Their value references.
     start : tuple of float
-        A value of every element of every variable, in this order.
+        A value of every element of every variable, in this order: of inputs, those at the start of the run.
     """
 
     references: tuple[int, ...]

@@ -35,6 +35,7 @@ def fleet(
     isolated: bool | Sequence[bool] = False,
     horizon: float = 100.0,
     solvers: Sequence[str] = (),
+    given: Sequence[float] = (),
     **about: Any,
 ) -> Iterator[tuple[Fleet, np.ndarray]]:
     """Start robots and yield their fleet and its state (robots, 6)."""
@@ -51,6 +52,7 @@ def fleet(
                         name=f"robot_{number}",
                         parameters=(),
                         pose=pose,
+                        given=given,
                         stop_time=horizon,
                     ),
                     isolated=isolated if isinstance(isolated, bool) else isolated[number - 1],

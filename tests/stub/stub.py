@@ -157,6 +157,7 @@ class Options:
     feedthrough: bool = False
     units: str = "si"
     initial: str = "exact"
+    start_torque: bool = False
     velocities: bool = True
     drive: bool = True
     fillers: int = 0
@@ -205,6 +206,7 @@ class Options:
             "time_event": self.time_event or self.event_mode,
             "step_event": self.step_event,
             "start_parameters": self.initial == "parameters",
+            "start_torque": self.start_torque,
             "event_mode": self.event_mode,
             "early_return": bool(self.early_return),
             "early_always": self.early_return == "always",
@@ -262,6 +264,8 @@ def make_fmu(where: Path, **options: object) -> Path:
         "deg" has deg, deg/s and km/h; "names" has words, with their definition in base units.
     initial : {"exact", "parameters"}
         The initial pose: start values of the outputs, or parameters x0, y0, psi0 and gamma0.
+    start_torque : bool
+        An initial equation uses an input: at the start v = tau_drive / 10.
     velocities, drive : bool
         Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
     fillers : int
@@ -337,6 +341,8 @@ def _variables(options: Options) -> Iterator[Variable]:
             continue
         shown = i < 4 or options.velocities
         begin = {"initial": "exact", "start": "0"} if exact or i >= 4 else calculated
+        if options.start_torque and name == "v":
+            begin = calculated
         known = (i,) if options.model_exchange else ()
         kind = {"causality": "output", "dependencies": known} if shown else {"causality": "local"}
         yield Variable(name if shown else f"s{i + 1}", i, unit=unit, **kind, **begin)

@@ -61,7 +61,7 @@ struct Stub {
     double scale[STATES];          /* of the states' units, relative to SI */
     double end_stop, fixed_step, seconds;
     long lines;
-    bool once, time_event, step_event, start_parameters, model_exchange, fatal, nothing, event_mode, early_always;
+    bool once, time_event, step_event, start_parameters, start_torque, model_exchange, fatal, nothing, event_mode, early_always;
     bool early_return, intermediate_update, save;
     bool event_mode_used, early_allowed; /* as the importer says, FMI 3 */
     void (*log)(Stub *, Status, const char *category, const char *text, bool as_format);
@@ -248,6 +248,7 @@ static inline Stub *create(Stub made, const char *name, const char *token, bool 
     s->time_event = option(token, "time_event", 0) != 0;
     s->step_event = option(token, "step_event", 0) != 0;
     s->start_parameters = option(token, "start_parameters", 0) != 0;
+    s->start_torque = option(token, "start_torque", 0) != 0;
     s->event_mode = option(token, "event_mode", 0) != 0;
     s->early_return = option(token, "early_return", 0) != 0;
     s->early_always = option(token, "early_always", 0) != 0;
@@ -278,6 +279,7 @@ static inline Status finish_initialization(Stub *s, Mode next)
     const Status status = act(s, "initialization");
     if (status >= DISCARD) return status;
     if (s->start_parameters) memcpy(car->state, car->start, sizeof car->start);
+    if (s->start_torque) car->state[V] = car->input[0] / 10.0;
     car->mode = next;
     car->last_successful_time = car->time;
     return status;
