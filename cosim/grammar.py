@@ -11,6 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import nearest
+from cosim.quantity import advice, meant
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
 
@@ -104,6 +105,17 @@ def _description_of(simple_type: str) -> str:
     return "any text" if found is None else " ".join(found.findtext(f".//{_XS}documentation", "").split())
 
 
+def _matches(simple_type: str, value: str) -> bool:
+    """Return whether a value matches a pattern of a simple type, and of those that it restricts; false without any."""
+    patterns: list[list[str]] = []
+    while (found := _named("simpleType", simple_type)) is not None:
+        restriction = found.find(_XS + "restriction")
+        assert restriction is not None
+        patterns.append([pattern.get("value", "") for pattern in restriction.iterfind(_XS + "pattern")])
+        simple_type = restriction.get("base", "")
+    return any(patterns) and all(any(re.fullmatch(p, value) for p in own) for own in patterns if own)
+
+
 # Sentences --------------------------------------------------------------------------------------------------
 
 
@@ -118,7 +130,9 @@ def _sentence(message: str, element: etree._Element) -> str:
     if match := re.search(r"The attribute '([^']+)' is required but missing", message):
         return f"<{tag}> lacks the attribute {match[1]!r}"
     if match := re.search(r"attribute '([^']+)': (?:\[facet|'.*' is not a valid value)", message):
-        return f'{match[1]}="{_shown(element.get(match[1]))}" of <{tag}> is not {_description_of(attributes[match[1]])}'
+        value, simple_type = element.get(match[1], ""), attributes[match[1]]
+        expected = _description_of(simple_type) + (advice(value) if _matches(simple_type, meant(value)) else "")
+        return f'{match[1]}="{_shown(value)}" of <{tag}> is not {expected}'
     if "[facet" in message:
         simple_type = next(e.get("type") for e in _schema_tree().iter(_XS + "element") if e.get("name") == tag)
         return f"the text {_shown(element.text or '')!r} of <{tag}> is not {_description_of(simple_type)}"

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 
 from plants import UnitError, units
 
-_QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?) ?(.*)")
+_QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?!,) ?(.*)")
+_DECIMAL_COMMA = re.compile(r"([+-]?[0-9]+),([0-9]+)(?![0-9.,])")
+_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:[ '’_][0-9]{3})+(?![0-9])")
+_OTHER_MINUS = re.compile("[−–—‒‐‑]")
 
 
 def split(text: str) -> tuple[float, str]:
@@ -20,7 +24,7 @@ def split(text: str) -> tuple[float, str]:
     """
     match = _QUANTITY.fullmatch(text.strip())
     if not match:
-        raise ValueError(f"{text!r} is not a number with a unit")
+        raise ValueError(f"{text!r} is not a number with a unit{advice(text)}")
     return float(match[1]), match[2] or "1"
 
 
@@ -37,12 +41,14 @@ def quantity(text: str, unit: str | units.Unit) -> float:
     wanted = units.parse(unit) if isinstance(unit, str) else unit
     match = _QUANTITY.fullmatch(text.strip())
     if not match:
-        raise ValueError(f"{text!r} is not a number with a unit, such as '1 {unit}'")
+        example = f", such as '1 {unit}'"
+        raise ValueError(f"{text!r} is not a number with a unit{advice(text) or example}")
     number, name = match.groups()
     try:
         given = units.parse(name or "1")
     except UnitError as error:
-        raise ValueError(str(error)) from None
+        advised = advice(text)
+        raise ValueError(f"{text!r} is not a number with a unit{advised}" if advised else str(error)) from None
     if given.exponents != wanted.exponents:
         problem = f"{given} does not fit" if name else "the unit is missing"
         raise ValueError(f"{text!r}: {problem}; expected is a quantity such as '{number} {unit}'")
@@ -50,3 +56,31 @@ def quantity(text: str, unit: str | units.Unit) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite number")
     return value
+
+
+def meant(text: str) -> str:
+    """Return the quantity that a text which is none was perhaps meant to be; empty if none comes to mind."""
+    plain = _OTHER_MINUS.sub("-", unicodedata.normalize("NFKC", text.strip()))
+    comma = _DECIMAL_COMMA.match(plain)
+    if comma and len(comma[2]) != 3:  # three digits may be thousands
+        plain = f"{comma[1]}.{comma[2]}{plain[comma.end() :]}"
+    plain = _THOUSANDS.sub(lambda found: re.sub(r"[^0-9+-]", "", found[0]), plain, count=1)
+    match = _QUANTITY.fullmatch(plain)
+    if not match:
+        return ""
+    number, name = match.groups()
+    unit = name.strip() if units.is_unit(name.strip()) else units.guess(name)
+    return f"{number} {unit}" if name and unit else number if not name else ""
+
+
+def advice(text: str) -> str:
+    """Return what to write in the place of a text that is no quantity, as the end of a sentence; empty if unclear."""
+    better = meant(text)
+    reason = ""
+    if "," in text:
+        reason = "decimals follow a point" + ("" if better else ", and nothing separates thousands")
+    elif _OTHER_MINUS.search(text):
+        reason = "a minus sign is a hyphen"
+    if better in ("", text):
+        return f": {reason}" if reason else ""
+    return f": write {better!r}" + (f" ({reason})" if reason else "")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 from plants.errors import UnitError
+from plants.spelling import respelled
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,8 +96,32 @@ def parse(text: str) -> Unit:
     Raises
     ------
     UnitError
-        The text is not a unit expression, or a symbol in it is not known.
+        The text is not a unit expression, or a symbol in it is not known; says what to write where that can be guessed.
     """
+    try:
+        return _parsed(text)
+    except UnitError:
+        if meant := guess(text):
+            raise UnitError(f"unit {text!r}: write {meant!r}") from None
+        raise
+
+
+def guess(text: str) -> str:
+    """Return the unit expression that a text which is none was perhaps meant to be; empty if none comes to mind."""
+    meant = respelled(text)
+    return meant if is_unit(meant) else ""
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit expression."""
+    try:
+        _parsed(text)
+    except UnitError:
+        return False
+    return True
+
+
+def _parsed(text: str) -> Unit:
     numerator, slash, denominator = text.partition("/")
     if slash and denominator.startswith("(") and denominator.endswith(")"):
         denominator = denominator[1:-1]

@@ -118,7 +118,7 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "column", "sentence"),
     [
-        ('range="3 m"', 'range="3"', 49, 5, 'range="3" of <desired> is not a length with its unit (m, cm, mm or km)'),
+        ('range="3 m"', 'range="3"', 49, 5, 'range="3" of <desired> is not a length with its unit (m, '),
         ('bearing="45 deg"', 'bearing="45 °"', 49, 5, 'bearing="45 °" of <desired> is not an angle with its unit'),
         ('step="20 ms"', 'step="20 ms" stepp="1 s"', 11, 3, "no attribute 'stepp': did you mean 'step'?"),
         ('bearing="45 deg"', "", 49, 5, "<desired> lacks the attribute 'bearing'"),
@@ -132,6 +132,11 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
         ('x="1 mm"', 'x="1 kg"', 36, 5, 'x="1 kg" of <noise> is not a length with its unit'),
         ("<sensor>", '<sensor f:x="1" xmlns:f="urn:f">', 35, 3, "<sensor> has no attribute '{urn:f}x': known: none"),
         ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, 5, 'limit="9 N.m" of <rate> is not a rate of a'),
+        ('range="3 m"', 'range="3,5 m"', 49, 5, "or km), such as 3 m: write '3.5 m' (decimals follow a point)"),
+        ('bearing="45 deg"', 'bearing="−45°"', 49, 5, "such as 45 deg: write '-45 deg' (a minus sign is a hyphen)"),
+        ('limit="200 N.m"', 'limit="200 Nm"', 39, 5, "such as 8 N.m: write '200 N.m'"),
+        ('value="0.05"', 'value="0,5"', 26, 5, "spaces between them: write '0.5' (decimals follow a point)"),
+        ('range="3 m"', 'range="45°"', 49, 5, 'range="45°" of <desired> is not a length with its unit (m, '),
         ("</scenario>", f"<expect>{COMPARE}</expect></scenario>", 64, 9, 'measure="mean" of <compare> is not rms'),
         ("</scenario>", "<expect/></scenario>", 64, 1, "<expect> is incomplete; expected next: <settled> or <rms>"),
         ("</scenario>", "<leader/></scenario>", 64, 1, "<leader> is not expected here in <scenario>; expected: <fol"),

@@ -1,6 +1,7 @@
 """Unit expressions."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -54,6 +55,41 @@ def test_what_is_not_an_expression(text: str) -> None:
 def test_unknown_symbol_is_named() -> None:
     with pytest.raises(UnitError, match=r"unit 'N.furlong': 'furlong' is not known; known are"):
         units.parse("N.furlong")
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("Nm", "N.m"),
+        ("kNm/rad", "kN.m/rad"),
+        ("N m", "N.m"),
+        ("N*m*s / rad", "N.m.s/rad"),
+        ("N·m", "N.m"),
+        ("°", "deg"),
+        ("º/s", "deg/s"),
+        ("Deg", "deg"),
+        ("degrees", "deg"),
+        ("m/s^2", "m/s2"),
+        ("m/s²", "m/s2"),
+        ("m s⁻²", "m.s-2"),
+        ("kg m^2", "kg.m2"),
+        ("1/kg.m", "1/(kg.m)"),
+        ("Kg", "kg"),
+        ("hz", "Hz"),
+        ("metres", "m"),
+        ("µm", "um"),
+        ("rpm", "rev/min"),
+        ("Ω", "Ohm"),
+    ],
+)
+def test_other_spellings_are_refused_with_ours(text: str, meant: str) -> None:
+    with pytest.raises(UnitError, match=re.escape(f"unit {text!r}: write {meant!r}")):
+        units.parse(text)
+
+
+@pytest.mark.parametrize("text", ["T", "Nms", "grad", "2m", ",5 kg", "x" * 1000 + "^"])
+def test_what_is_not_clear_is_not_guessed(text: str) -> None:
+    assert units.guess(text) == ""
 
 
 @pytest.mark.parametrize(("source", "target"), [("m", "s"), ("rad/s", "Hz"), ("N", "N.m")])
