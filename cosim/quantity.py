@@ -8,7 +8,7 @@ import unicodedata
 
 from plants import UnitError, units
 
-_QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?!,) ?(.*)")
+_QUANTITY = re.compile(r"((?>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?))(?!,) ?(.*)")
 _DECIMAL_COMMA = re.compile(r"([+-]?[0-9]+),([0-9]+)(?![0-9.,])")
 _THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:[ '’_][0-9]{3})+(?![0-9])")
 _OTHER_MINUS = re.compile("[−–—‒‐‑]")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location, nearest, printable
+from cosim.quantity import advice
 from plants import UnitError, units
 
 if TYPE_CHECKING:
@@ -72,12 +73,10 @@ class Table:
         except UnitError as error:
             raise _error(self.path, 1, f"the column {name!r}: {error}", where) from None
         if given.exponents != wanted.exponents:
-            raise _error(
-                self.path,
-                1,
-                f"the column {name!r} is in {self.columns[name]}, but a unit such as {wanted} is asked for",
-                where,
-            )
+            has = f"is in {self.columns[name]}, but a unit such as {wanted} is asked for"
+            if self.columns[name] == "1":
+                has = f"has no unit: name it '{name} [{wanted}]' in the first line, or whatever its unit is"
+            raise _error(self.path, 1, f"the column {_shown(name)} {has}", where)
         with np.errstate(over="ignore"):
             column = self._values[:, list(self.columns).index(name)] * (given.factor / wanted.factor)
         if not np.isfinite(column).all():
@@ -144,7 +143,9 @@ def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
     """Return the unit of each column by its name."""
     header: dict[str, str] = {}
     if len(row) == 1 and re.search(r"[;\t]", row[0]):
-        raise _error(path, 1, "the first line has no commas: they separate the columns", where)
+        raise _error(
+            path, 1, "the first line has no commas: they separate the columns, and decimals follow a point", where
+        )
     for number, cell in enumerate(row, start=1):
         match = _CELL.fullmatch(cell)
         if match is None:
@@ -159,7 +160,8 @@ def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
             raise _error(path, 1, f"two columns are named {_shown(name)}", where)
         header[name] = unit or "1"
     if "time" not in header:
-        raise _error(path, 1, "the first line names no column 'time [s]'", where)
+        has = ", ".join(map(_shown, header))[:300] or "nothing"
+        raise _error(path, 1, f"the first line names no column 'time [s]', but {has}", where)
     return header
 
 
@@ -185,11 +187,16 @@ def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> Inp
     for row in filter(None, rows):
         if len(row) != len(names):
             count = f"the row has {len(row)} cell{'s' * (len(row) != 1)}, but the first line names {len(names)}"
+            if len(row) == 2 * len(names):
+                count += " (decimals follow a point)"
             return _error(path, rows.line_num, count, where)
         for name, cell in zip(names, row, strict=True):
             if not _NUMBER.fullmatch(cell) or math.isinf(float(cell)):
                 return _error(
-                    path, rows.line_num, f"{_shown(cell)} in the column {name!r} is not a finite number", where
+                    path,
+                    rows.line_num,
+                    f"{_shown(cell)} in the column {name!r} is not a finite number{advice(cell[:80])}",
+                    where,
                 )
         if float(row[time]) <= before:
             return _error(

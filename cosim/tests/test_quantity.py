@@ -52,5 +52,5 @@ def test_what_is_wrong(text: str, sentence: str) -> None:
 
 
 def test_a_text_that_is_no_number_is_not_split() -> None:
-    with pytest.raises(ValueError, match=re.escape("'3,5 m' is not a number with a unit: write '3.5 m'")):
-        split("3,5 m")
+    with pytest.raises(ValueError, match=re.escape("'30,5 m' is not a number with a unit: write '30.5 m'")):
+        split("30,5 m")
