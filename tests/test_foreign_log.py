@@ -25,7 +25,7 @@ BINDING = """<binding xmlns="urn:formation-cosim:scenario:1" vehicle="car_like">
 
 @pytest.mark.parametrize(
     ("log", "said"),
-    [("", 'it does not say why; log="on" of its <plant> may let it'), ('log="on"', "out of fuel")],
+    [("", 'the FMU gives no reason; log="on" in its <plant> may show one'), ('log="on"', "out of fuel")],
     ids=["off", "on"],
 )
 def test_log(tmp_path: Path, scenarios: Path, capsys: pytest.CaptureFixture[str], log: str, said: str) -> None:

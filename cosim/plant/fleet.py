@@ -16,7 +16,7 @@ from cosim.errors import InputError, Location, SimulationError
 from cosim.plant.calls import compiled
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
-from cosim.plant.outcome import FINE, PlantError
+from cosim.plant.outcome import FINE, NoInstance, PlantError
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import PlantSpec, Value
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
@@ -271,8 +271,17 @@ class Fleet:
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
         member = self.members[index]
-        tool = "; it says that it needs an execution tool, which must be there" if member.needs_tool else ""
-        message = f"the FMU {member.spec.file} cannot be started as {member.spec.robot}: {error}{tool}"
+        spec = member.spec
+        message = f"the FMU {spec.file} cannot be started as {spec.robot}: {error}"
+        here = [other.spec for other in self.members[:index] if not other.isolated]
+        others = [o.robot for o in here if (o.identifier, o.token) == (spec.identifier, spec.token)]
+        if isinstance(error, NoInstance) and others and not member.isolated:
+            message += (
+                f"; {others[0]} runs the same FMU in this process, which may allow one only: "
+                'isolate="process" in its <plant> gives each robot a process of its own'
+            )
+        if member.needs_tool:
+            message += "; it also says that it needs an execution tool, which may be missing here"
         return InputError(message, member.where)
 
     def _check_start(self) -> None:

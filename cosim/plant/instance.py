@@ -12,7 +12,20 @@ from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
 from cosim.plant.log import Log
-from cosim.plant.outcome import ACCEPT, COMPLETE, DISCARD, END, ERROR, EVENT, FATAL, WARNING, PlantError, failure
+from cosim.plant.missing import why_not_loaded
+from cosim.plant.outcome import (
+    ACCEPT,
+    COMPLETE,
+    DISCARD,
+    END,
+    ERROR,
+    EVENT,
+    FATAL,
+    WARNING,
+    NoInstance,
+    PlantError,
+    failure,
+)
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 
 _MAX_EVENT_ITERATIONS = 100
@@ -68,7 +81,7 @@ class Instance:
             self._it = ""
         except BaseException as error:
             self._note(error)
-            said = self.log.take() or str(error)
+            said = self.log.take() or "; ".join(filter(None, (str(error), self._no_reason())))
             self.close()
             if not isinstance(error, Exception):
                 raise
@@ -146,8 +159,8 @@ class Instance:
                 what = END if self._fmu.getBooleanStatus(fmi2.fmi2Terminated) else what
             except FMICallException as error:
                 self._note(error)
-        if not said and status > WARNING and not self.spec.logging:
-            said = 'it does not say why; log="on" of its <plant> may let it'
+        if not said and status > WARNING:
+            said = self._no_reason()
         return failure(what, status, said)
 
     def close(self) -> None:
@@ -192,25 +205,26 @@ class Instance:
         try:
             self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
         except Exception as error:
-            raise PlantError(f"its binary cannot be loaded: {self._why_not(error)}") from None
+            reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before that of the system
+            raise PlantError(f"its binary cannot be loaded: {why_not_loaded(reason, spec.directory)}") from None
+        callbacks: dict[str, Any]
         if self._version == 1:
-            self._fmu.instantiate(functions=self.log.callbacks_1, loggingOn=spec.logging)
+            callbacks = {"functions": self.log.callbacks_1}
         elif self._version == 2:
-            self._fmu.instantiate(callbacks=self.log.callbacks_2, loggingOn=spec.logging)
+            callbacks = {"callbacks": self.log.callbacks_2}
         else:
             # Without Event Mode, early return and intermediate update, which an FMU may offer but not demand
             # (FMI 3.0, section 4.2), it handles its events within a step.
-            self._fmu.instantiate(loggingOn=spec.logging, logMessage=self.log.log_message)
-        if not self._fmu.component:  # FMPy overlooks this in FMI 1.0
-            raise PlantError(self.log.take() or "it does not instantiate")
-
-    def _why_not(self, error: Exception) -> str:
-        """Return why the binary cannot be loaded, without the folder that it is unpacked to."""
-        reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before that of the system
-        own = reason.startswith(self.spec.directory)
-        if own and reason.endswith("No such file or directory"):  # the linker's words, though it is there
-            return "it is made for another machine"
-        return reason.replace(f"{self.spec.directory}{os.sep}", "")
+            callbacks = {"logMessage": self.log.log_message}
+        try:
+            self._fmu.instantiate(loggingOn=spec.logging, **callbacks)
+        except Exception as error:
+            if (
+                type(error) is not Exception
+            ):  # FMPy's bare one, where there is no instance; it overlooks that in FMI 1.0
+                raise
+        if not self._fmu.component:
+            raise NoInstance(self.log.take() or "; ".join(filter(None, ("it does not instantiate", self._no_reason()))))
 
     def _initialise(self) -> None:
         fmu = self._fmu
@@ -271,6 +285,10 @@ class Instance:
         if max(numbers) > _MAX_STATES:
             raise PlantError(f"it says that it has {numbers[0]} continuous states and {numbers[1]} event indicators")
         return numbers
+
+    def _no_reason(self) -> str:
+        """Return what to do where the FMU has logged nothing."""
+        return "" if self.spec.logging else 'the FMU gives no reason; log="on" in its <plant> may show one'
 
     def _note(self, error: BaseException) -> None:
         if isinstance(error, FMICallException):

@@ -25,6 +25,10 @@ class PlantError(Exception):
     """A plant failed or refused something; the text, of which the plant is the subject, says what."""
 
 
+class NoInstance(PlantError):
+    """The FMU gave no instance of itself."""
+
+
 def failure(what: int, status: int, said: str) -> str:
     """Return what a plant did, with the status of the FMI call and what the FMU has logged."""
     name = STATUS[status] if 0 <= status < len(STATUS) else str(status)

@@ -10,7 +10,9 @@ import pytest
 import cosim
 from cosim.compare import PlantFile, compare_plants
 from cosim.errors import InputError
-from tests.stub.stub import make_fmu
+from plants.factory.compile import compile_library, find_compiler
+from plants.factory.platforms import host
+from tests.stub.stub import Options, binary_path, description, make_fmu, write
 
 from .driving import fleet, scenario
 
@@ -80,3 +82,60 @@ def test_inputs_that_are_refused_at_the_start(make: Make, isolated: bool) -> Non
         fleet(fmu, isolated=isolated),
     ):
         pass
+
+
+# What is told of plants that cannot start -------------------------------------------------------------------
+
+
+def refusal(*fmus: Path, **options: Any) -> str:
+    with pytest.raises(InputError) as caught, fleet(*fmus, **options):
+        pass
+    return str(caught.value).partition("cannot be started as ")[2]
+
+
+SILENT = 'the FMU gives no reason; log="on" in its <plant> may show one'
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+def test_an_fmu_that_gives_no_instance_and_no_reason(make: Make, fmi: str) -> None:
+    fmu = make(fmi=fmi, behaviour="silent", place="instantiate")
+    assert refusal(fmu) == f"robot_1: it does not instantiate; {SILENT}"
+    assert refusal(fmu, logging=True) == "robot_1: it does not instantiate"
+    assert refusal(fmu, isolated=True) == f"robot_1: it does not instantiate; {SILENT}"
+
+
+def test_an_fmu_that_does_not_initialise_and_gives_no_reason(make: Make) -> None:
+    said = refusal(make(behaviour="silent", place="initialization"))
+    assert said == f"robot_1: fmi2ExitInitializationMode failed with status 3 (error).; {SILENT}"
+
+
+def test_a_second_instance_that_is_not_given(make: Make) -> None:
+    """Processes are the way out, and an execution tool is not all that may be missing."""
+    said = refusal(make(once=True, execution_tool=True), make(once=True, execution_tool=True))
+    reason = "it can be instantiated only once per process, and there is an instance already"
+    way_out = "robot_1 runs the same FMU in this process, which may allow one only: "
+    way_out += 'isolate="process" in its <plant> gives each robot a process of its own'
+    tool = "it also says that it needs an execution tool, which may be missing here"
+    assert said == f"robot_2: {reason}; {way_out}; {tool}"
+
+
+@pytest.mark.parametrize("brought", [False, True])
+def test_a_library_that_is_missing(tmp_path: Path, brought: bool) -> None:
+    """Whoever reads it knows whether to install something or to ask the FMU's vendor."""
+    platform, compiler = host(), find_compiler()
+    name = f"libvendor{platform.suffix}"
+    (tmp_path / "vendor.c").write_text('__attribute__((visibility("default"))) int vendor(void) { return 1; }\n')
+    (tmp_path / "model.c").write_text("int vendor(void);\nint model(void) { return vendor(); }\n")
+    vendor = compile_library(compiler, platform, tmp_path, ["vendor.c"], "libvendor", [f"-Wl,-soname,{name}"])
+    (tmp_path / name).write_bytes(vendor)
+    flags = ["-Wl,--no-as-needed", f"-L{tmp_path}", "-lvendor"]
+    place = binary_path(Options())
+    content = {"modelDescription.xml": description(Options()).encode()}
+    content[place] = compile_library(compiler, platform, tmp_path, ["model.c"], "stub", flags)
+    if brought:
+        content[str(Path(place).with_name(name))] = vendor
+    said = refusal(write(tmp_path / "stub.fmu", content))
+    expected = f"which the FMU brings as {Path(place).with_name(name)}, but does not look for it there: its vendor must"
+    if not brought:
+        expected = "which neither the FMU brings nor this machine has: install it"
+    assert said.startswith(f"robot_1: its binary cannot be loaded: it needs the library {name}, {expected}")

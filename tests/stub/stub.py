@@ -30,6 +30,7 @@ BEHAVIOURS = {
     "warning": "returns Warning, having logged why",
     "discard": "returns Discard, having logged why",
     "error": "returns Error, having logged why",
+    "silent": "returns Error, and does not say why",
     "fatal": "returns Fatal, having logged why",
     "fatal_strict": "returns Fatal, and aborts in any later call",
     "pending": "returns Pending, which FMI 2 alone has, though it is not asynchronous",

@@ -61,7 +61,8 @@ struct Stub {
     double scale[STATES];          /* of the states' units, relative to SI */
     double end_stop, fixed_step, seconds;
     long lines;
-    bool once, time_event, step_event, start_parameters, start_torque, model_exchange, fatal, nothing, event_mode, early_always;
+    bool once, time_event, step_event, start_parameters, start_torque;
+    bool model_exchange, fatal, nothing, event_mode, early_always;
     bool early_return, intermediate_update, save;
     bool event_mode_used, early_allowed; /* as the importer says, FMI 3 */
     void (*log)(Stub *, Status, const char *category, const char *text, bool as_format);
@@ -124,8 +125,8 @@ static inline void hang(void)
 static inline Status act(Stub *s, const char *place)
 {
     static const struct { const char *name; Status status; } returned[] = {
-        {"warning", WARNING}, {"discard", DISCARD}, {"error", ERROR}, {"fatal", FATAL}, {"fatal_strict", FATAL},
-        {"pending", PENDING}, {"illegal", ILLEGAL},
+        {"warning", WARNING}, {"discard", DISCARD}, {"error", ERROR}, {"silent", ERROR}, {"fatal", FATAL},
+        {"fatal_strict", FATAL}, {"pending", PENDING}, {"illegal", ILLEGAL},
     };
     Car *const car = &s->car;
     if (s->nothing || strcmp(s->place, place) != 0) return OK;
@@ -182,6 +183,7 @@ static inline Status act(Stub *s, const char *place)
     }
     for (size_t i = 0; i < sizeof returned / sizeof returned[0]; i++) {
         if (!is(s, returned[i].name)) continue;
+        if (is(s, "silent")) return ERROR;
         say(s, returned[i].status, "%s returns %s at t = %g s, as it was made to", place, s->behaviour, car->time);
         s->fatal = is(s, "fatal_strict");
         return returned[i].status;
