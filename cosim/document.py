@@ -20,6 +20,7 @@ from lxml import etree
 from cosim.changes import Change
 from cosim.errors import InputError, Location
 from cosim.grammar import NAMESPACE, attributes_of, local_name, violation
+from cosim.malformed import reason
 from cosim.variant import vary
 
 MAX_BYTES = 4 * 1024 * 1024
@@ -233,7 +234,7 @@ def _serialised(root: etree._Element) -> str:
 def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
     builder = etree.TreeBuilder()
     places: dict[etree._Element, Location] = {}
-    depth = 0
+    opened: list[tuple[str, int]] = []
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
 
@@ -244,9 +245,8 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         return "{" + name if "}" in name else name
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > MAX_DEPTH:
+        opened.append((name.rpartition("}")[2], parser.CurrentLineNumber))
+        if len(opened) > MAX_DEPTH:
             raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
         element = builder.start(
             qualified(name),
@@ -256,8 +256,7 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         places[element] = here()
 
     def end(name: str) -> None:
-        nonlocal depth
-        depth -= 1
+        opened.pop()
         builder.end(qualified(name))
 
     def refuse_doctype(*_: object) -> None:
@@ -272,7 +271,8 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         parser.Parse(data, True)
     except expat.ExpatError as error:
         where = Location(str(path), error.lineno, error.offset + 1)
-        raise InputError(f"is not well-formed XML: {expat.ErrorString(error.code)}", where) from None
+        why = reason(data, parser.ErrorByteIndex, error.code, opened)
+        raise InputError(f"is not well-formed XML: {why}", where) from None
     except (LookupError, UnicodeDecodeError) as error:
         raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
     return builder.close(), places

@@ -84,6 +84,56 @@ def test_not_xml(tmp_path: Path, content: bytes, line: int, column: int) -> None
     assert (error.where.line, error.where.column) == (line, column)
 
 
+@pytest.mark.parametrize(
+    ("content", "line", "column", "sentence"),
+    [
+        (
+            "<a>Größe</a>".encode("latin-1"),
+            1,
+            6,
+            "the file seems to be in Latin-1, where it is 'ö': save it in UTF-8, or",
+        ),
+        ("<a>“Größe”</a>".encode("cp1252"), 1, 4, "in Windows-1252, where it is '“': save it in UTF-8, or declare it"),
+        (b"<a>\x81</a>", 1, 4, "the byte 0x81 is no text in UTF-8: save the file in that encoding"),
+        ("<?xml version='1.0' encoding='utf-8'?><a/>".encode("utf-16"), 1, 32, "not in the encoding that it declares"),
+        (b"<a>Sturm & Drang</a>", 1, 11, "write &amp; for the character itself"),
+        (b"<a>1&nbsp;m</a>", 1, 5, "&nbsp; is not known: XML has only &amp; &lt; &gt; &quot; and &apos;"),
+        (b"<a>x < 1</a>", 1, 7, "write &lt; for the character itself"),
+        (b"<a v='<1'/>", 1, 7, "write &lt; for a < in a value"),
+        (b"<a>\n  <b>\n  <c/>\n</a>", 4, 3, "</b> is missing before </a>: <b> of line 2 is not closed"),
+        (b"<a>\n  <b>x</d>\n</a>", 2, 9, "</d> closes nothing; expected is </b>, for <b> of line 2"),
+        (b"<a>\n  <b>", 2, 6, "it ends, but <b> of line 2 is not closed: </b> is missing"),
+        (b"<a>\n<b", 2, 1, "the > of this tag, or a closing quote in it, is missing"),
+        (b"<a>\n<!-- ", 2, 1, "the --> of this comment is missing"),
+        (b"<a><!-- x -- y --></a>", 1, 13, "a comment cannot have -- in it"),
+        (b"<a x='1 m y='2 m'/>", 1, 14, "the value of 'x' lacks its closing quote"),
+        (b"<a>\n<b x='1 m/>\n<c/></a>", 3, 1, "a closing quote is missing in the tag that begins in line 2"),
+        ("<a x=“1 m”/>".encode(), 1, 6, "a value stands in straight quotes"),
+        (b"<a x='1'y='2'/>", 1, 9, "a space is missing between two attributes"),
+        (b"<a x/>", 1, 5, "the attribute 'x' has no value"),
+        (b"<a x='1' x='2'/>", 1, 10, "the attribute 'x' is given twice"),
+        (b"<a/>\n<a/>", 2, 1, "nothing may follow the end of the root element"),
+        (b"\n<?xml version='1.0'?><a/>", 2, 1, "must be the very beginning of the file"),
+        (b"<a>\x07</a>", 1, 4, "the control character 0x07 cannot be in an XML file"),
+        (b"", 1, 1, "it is empty"),
+    ],
+)
+def test_why_it_is_not_xml(tmp_path: Path, content: bytes, line: int, column: int, sentence: str) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_bytes(content)
+    error = refused(path)
+    assert error.message.startswith("is not well-formed XML: ")
+    assert sentence in error.message
+    assert (error.where.line, error.where.column) == (line, column)
+
+
+def test_a_declared_encoding_is_read(tmp_path: Path) -> None:
+    text = EXAMPLE.read_text(encoding="utf-8").replace("UTF-8", "ISO-8859-1").replace("An example", "Größe")
+    path = tmp_path / "latin.xml"
+    path.write_bytes(text.encode("latin-1"))
+    assert "<title>Größe" in read_document(path).text
+
+
 def test_nested_without_end(tmp_path: Path) -> None:
     path = tmp_path / "deep.xml"
     path.write_text("<a>" * 300_000 + "</a>" * 300_000)
