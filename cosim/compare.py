@@ -291,7 +291,12 @@ class _Run:
     """A plant that can be run from the start, again and again."""
 
     def __init__(self, name: str, file: PlantFile, step: float, ticks: int, isolated: bool, cleanup: ExitStack) -> None:
-        self.built_in = built_in = str(file.fmu) in plants.models() and not Path(file.fmu).exists()
+        models, asked, exists = plants.models(), str(file.fmu), Path(file.fmu).exists()
+        self.built_in = built_in = asked in models and not exists
+        if asked.isidentifier() and not (built_in or exists):  # not the name of a file
+            raise InputError(
+                f"there is no built-in model {asked!r}, and no FMU of that name: {nearest(asked, [*models])}"
+            )
         try:
             path = plants.build(str(file.fmu)) if built_in else Path(file.fmu)
         except plants.PlantError as error:

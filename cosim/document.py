@@ -21,6 +21,7 @@ from cosim.changes import Change
 from cosim.errors import InputError, Location
 from cosim.grammar import NAMESPACE, attributes_of, local_name, violation
 from cosim.malformed import reason
+from cosim.paths import absent
 from cosim.variant import vary
 
 MAX_BYTES = 4 * 1024 * 1024
@@ -212,7 +213,7 @@ def _read_bytes(path: Path) -> bytes:
                 raise too_large
             data += file.read(MAX_BYTES + 1 - len(data))
     except FileNotFoundError:
-        raise InputError("there is no such file", place) from None
+        raise InputError(absent(path), place) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", place) from None
     if len(data) > MAX_BYTES:  # it has grown

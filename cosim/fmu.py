@@ -21,6 +21,7 @@ from lxml import etree
 
 from cosim.binding import NEGATED, Binding, bind
 from cosim.errors import InputError, Location
+from cosim.paths import absent
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
 
@@ -93,6 +94,8 @@ def open_package(path: Path, where: Location | None = None) -> Package:
             raise InputError(f"the FMU {path} is not a regular file", where)
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError:
+        raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
     except OSError as error:
         raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
     _check_archive(path, where)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location, nearest, printable
+from cosim.paths import absent
 from cosim.quantity import advice
 from plants import UnitError, units
 
@@ -125,7 +126,7 @@ def _read_text(path: Path, where: Location) -> str:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise _error(path, 0, "there is no such file", where) from None
+        raise _error(path, 0, absent(path), where) from None
     except OSError as error:
         raise _error(path, 0, f"cannot be read: {error.strerror}", where) from None
     if len(data) > MAX_BYTES:

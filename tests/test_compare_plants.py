@@ -291,8 +291,8 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
     ("arguments", "sentence"),
     [
         (["car_like", "tractor_trailer"], "is a car_like vehicle, but tractor_trailer.fmu is a tractor_trailer"),
-        (["car_like", "none.fmu"], "none.fmu cannot be read: No such file"),
-        (["car_lke", "car_like"], "car_lke cannot be read: No such file"),
+        (["car_like", "none.fmu"], "none.fmu cannot be read: there is no such file"),
+        (["car_lke", "car_like"], "no built-in model 'car_lke', and no FMU of that name: did you mean 'car_like'?"),
         (["car_like", "{renamed}"], '"formation swap" writes one to start from'),
         (["car_like", "car_like", "--binding-b", "none.xml"], "none.xml: error: there is no such file"),
         (["car_like", "car_like", "--pose", "phi=1 deg"], "there is no pose entry 'phi'"),

@@ -200,7 +200,7 @@ def test_texts_of_strangers(inspect, tmp_path: Path) -> None:
 
 def test_no_file(inspect, tmp_path: Path) -> None:
     _, warned = inspect(tmp_path / "none.fmu", status=2)
-    assert "none.fmu cannot be read: No such file" in warned
+    assert "none.fmu cannot be read: there is no such file" in warned
 
 
 def test_a_folder(inspect, tmp_path: Path) -> None:

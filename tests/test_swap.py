@@ -324,7 +324,7 @@ def test_nothing_is_overwritten_unasked(swap, scenario: Path, tmp_path: Path) ->
         (["--plant", "cat={fmu}"], "has no plant 'cat': did you mean 'car'? Known: car, other"),
         (["--plant", "car"], "--plant car: expected ID=FILE.fmu"),
         (["--plant", "car={fmu}", "--binding", "other={fmu}"], "there is a binding for the plant 'other', but no FMU"),
-        (["--plant", "car={folder}/none.fmu"], "none.fmu cannot be read: No such file"),
+        (["--plant", "car={folder}/none.fmu"], "none.fmu cannot be read: there is no such file"),
         (["--plant", "car={scenario}"], "is not an FMU: File is not a zip file"),
         (["--plant", "car={fmu}", "--out", "{scenario}"], "is the scenario itself"),
         (["--plant", "car={fmu}", "--out", "{folder}/none/a.xml"], "cannot be written: No such file or directory"),

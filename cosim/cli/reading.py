@@ -6,9 +6,11 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+import plants
 from cosim.changes import Change, set_binding, set_controller, set_fmu, set_seed
 from cosim.cli.console import warn
 from cosim.errors import InputError
+from cosim.paths import absent
 from cosim.reader import read_scenario
 from cosim.scenario import Scenario
 from cosim.team import installed
@@ -33,11 +35,37 @@ def _changes(options: argparse.Namespace) -> Iterator[Change]:
         yield set_seed(options.seed)
     for plant, fmu in pairs("--plant", options.plant, "ID=FMU"):
         yield set_fmu(plant, Path(fmu))
+        yield _must_exist(f"--plant {plant}=", fmu)
     for plant, file in pairs("--binding", options.binding, "ID=FILE.xml"):
         yield set_binding(plant, Path(file))
+        yield _must_exist(f"--binding {plant}=", file)
     for controller, name in pairs("--controller", options.controller, "ID=NAME"):
         found = installed(name)
         yield set_controller(controller, name, found.package, found.version)
+
+
+def _must_exist(option: str, file: str) -> Change:
+    """Return a change that changes nothing, but refuses a file that is not there when it is its turn."""
+
+    def change(_: object) -> None:
+        named(option, file)
+
+    return change
+
+
+def named(option: str, file: str) -> Path:
+    """Return the path of a file that an option names.
+
+    Raises
+    ------
+    InputError
+        There is none; says which option names it.
+    """
+    path = Path(file)
+    if path.exists():
+        return path
+    model = f': "formation build {file}" makes the FMU of the built-in model' if file in plants.models() else ""
+    raise InputError(f"{option}{file}: {absent(path)}{model}")
 
 
 def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:

@@ -55,7 +55,7 @@ def refused(path: Path) -> str:
 
 
 def test_missing(tmp_path: Path) -> None:
-    assert "cannot be read: No such file" in refused(tmp_path / "none.fmu")
+    assert "cannot be read: there is no such file" in refused(tmp_path / "none.fmu")
 
 
 def test_no_archive(tmp_path: Path) -> None:
