@@ -36,7 +36,7 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         robot.fmu,
         robot.source,
         name=robot.name,
-        parameters=robot.parameters,
+        parameters=(*robot.parameters, *robot.started),
         pose=robot.pose,
         inputs=robot.inputs,
         given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),

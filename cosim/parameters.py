@@ -9,6 +9,7 @@ from typing import Any
 
 from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of
 from cosim.contract import Role
+from cosim.discrete import DISCRETE, check_bounds, check_whole, discrete_value, items
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
 from cosim.fmu_units import unit_of_values
@@ -110,7 +111,7 @@ def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float |
         raise ValueError("it is an array, which a scenario cannot set")
     value = quantity(setting.value, role.unit)
     number = (value - player.offset) / player.scale
-    _check_bounds(player.variable, number, setting.value)
+    check_bounds(player.variable, number, setting.value)
     return number
 
 
@@ -144,14 +145,6 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
     return found
 
 
-def items(variable: Any) -> dict[int, str]:
-    """Return the items of an enumeration by their values."""
-    return {int(item.value): str(item.name) for item in variable.declaredType.items}
-
-
-_INTEGERS = ("Integer", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
-
-
 def value_of(description: Any, variable: Any, text: str) -> float | int | bool | str:
     """Return the value that a text is for a variable, in its own unit.
 
@@ -164,37 +157,10 @@ def value_of(description: Any, variable: Any, text: str) -> float | int | bool |
         raise ValueError("it is an array, which a scenario cannot set")
     if variable.type in (*REAL_TYPES, "Float32"):
         value = quantity(text, unit_of_values(description, variable, [text]))
-        _check_bounds(variable, value, text)
+        check_bounds(variable, value, text)
         return value
-    if variable.type in _INTEGERS:
-        if not text.lstrip("+-").isdecimal() or len(text) > 20:
-            raise ValueError(f"{text!r} is not a whole number")
-        _check_range(variable.type, int(text))
-        _check_bounds(variable, int(text), text)
-        return int(text)
-    if variable.type == "Enumeration":
-        values = {name: value for value, name in items(variable).items()}
-        if text not in values:
-            raise ValueError(f"{text!r} is none of its items: {nearest(text, list(values))}")
-        return values[text]
-    if variable.type == "Boolean":
-        if text not in ("true", "false"):
-            raise ValueError(f"{text!r} is neither true nor false")
-        return text == "true"
-    if variable.type != "String":
+    if variable.type not in DISCRETE:
         raise ValueError(f"it is a {variable.type}, which a scenario cannot set")
-    return text
-
-
-def _check_range(kind: str, value: int) -> None:
-    bits = int(kind.partition("Int")[2]) if kind != "Integer" else 32
-    least, most = (0, 2**bits - 1) if kind.startswith("U") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    if not least <= value <= most:
-        raise ValueError(f"{value} is out of bounds; a {kind} is from {least} to {most}")
-
-
-def _check_bounds(variable: Any, value: float, text: str) -> None:
-    for name, word, sign in (("min", "at least", 1), ("max", "at most", -1)):
-        bound = getattr(variable, name) or getattr(variable.declaredType, name, None)
-        if bound is not None and sign * value < sign * float(bound):
-            raise ValueError(f"{text} is out of bounds; it must be {word} {bound} {variable.unit or ''}".rstrip())
+    discrete = discrete_value(variable, text)
+    check_whole(variable, discrete, text)
+    return discrete

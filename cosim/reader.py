@@ -346,8 +346,15 @@ class _Reader:
         inputs = []
         for child in element.iterfind(_NS + "input"):
             waves = tuple(self._wave(wave) for wave in child if isinstance(wave.tag, str))
+            if bool(waves) == ("value" in child.attrib):
+                raise self._error(child, "an <input> has either a value, which it keeps, or signals")
+            waves = waves or (self._constant(child),)
             inputs.append(InputSource(child.get("name", ""), waves, self.document.where(child)))
         return tuple(inputs)
+
+    def _constant(self, element: etree._Element) -> Wave:
+        value, where = element.get("value", ""), self.document.where(element)
+        return Wave("constant", value, 0.0, math.inf, 0.0, 0.0, 0.0, None, "", where)
 
     def _wave(self, element: etree._Element) -> Wave:
         kind = local_name(element)
@@ -379,6 +386,9 @@ class _Reader:
         for tag in ("torque", "stop"):
             if len(found := element.findall(_NS + tag)) > 1:
                 raise self._error(found[1], f"an event has one <{tag}>: this is a second one")
+        for given in element.iterfind(_NS + "input"):
+            if "value" not in given.attrib or len(given):
+                raise self._error(given, "an <input> of an event has a value, which it keeps from then on")
         torque = element.find(_NS + "torque")
         stops = element.find(_NS + "stop") is not None
         if torque is not None and robots != (LEADER,):
@@ -388,6 +398,7 @@ class _Reader:
                 time=time,
                 robot=robot,
                 parameters=self._settings(element, "parameter"),
+                inputs=self._settings(element, "input"),
                 torque=None if torque is None else self._entries(element, "torque", dict.fromkeys(_TORQUES, "N.m")),
                 stops=stops,
                 where=where,

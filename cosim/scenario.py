@@ -250,11 +250,12 @@ class Follower:
 
 @dataclass(frozen=True)
 class Event:
-    """What happens to a robot at a time [s]: parameters change, the leader's torque changes, or it stops."""
+    """What happens to a robot at a time [s]: parameters or inputs change, the leader's torque changes, or it stops."""
 
     time: float
     robot: str
     parameters: tuple[Setting, ...]
+    inputs: tuple[Setting, ...]
     torque: Entries | None
     stops: bool
     where: Location

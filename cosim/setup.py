@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +14,21 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable
+from cosim.binding import BoundRole
 from cosim.contract import Contract, Role, labels
-from cosim.errors import InputError, Location, nearest
+from cosim.errors import InputError, Location
 from cosim.expectation import Recorded, check, recorded
 from cosim.fmu import Fmu, interfaces, open_fmu
-from cosim.fmu_units import unit_of_values
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.recorder import Channel
+from cosim.robot_inputs import robot_inputs
 from cosim.scenario import DEFAULT_SOLVER, LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
-from cosim.signals import input_samples
 from cosim.team import Law, find_law, gains_of
 from cosim.timing import timed
 from cosim.trajectory import Motion, leader_motion
-from plants import UnitError, units
 
 MAX_BYTES = 4 * 1024**3
 """Of what is recorded of a run, and of the signals that drive it."""
@@ -63,8 +61,10 @@ class RobotSetup:
         Other inputs of the FMU that are given.
     samples : ndarray
         Their values (ticks + 1, inputs) in the roles' units.
+    started : tuple of ParameterValue
+        Inputs that are no real numbers, at the start.
     changes : dict
-        Parameters that change, by tick.
+        Parameters and such inputs that change, by tick.
     """
 
     name: str
@@ -79,6 +79,7 @@ class RobotSetup:
     torque: NDArray[np.float64]
     inputs: tuple[BoundRole, ...]
     samples: NDArray[np.float64]
+    started: tuple[ParameterValue, ...]
     changes: Mapping[int, tuple[ParameterValue, ...]]
 
     @property
@@ -340,15 +341,9 @@ def _robot(
         raise InputError(f"{name}: {error}", where) from None
     check_channels(sensor, [role.name for role in contract.pose], f"the pose of {name}, a {contract.vehicle},")
     check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
-    others: list[tuple[BoundRole, NDArray[np.float64]]] = []
-    torques = [role.name for role in contract.torque]
-    for added in _joined(inputs):
-        bound, unit = _input(fmu, added)
-        samples = input_samples(added, unit, _times(scenario), scenario.step, scenario.seed, name)
-        if added.name in torques:
-            torque[:, torques.index(added.name)] += samples
-        else:
-            others.append((bound, samples))
+    given = robot_inputs(scenario, fmu, name, inputs, _times(scenario))
+    for column, samples in given.torque.items():
+        torque[:, column] += samples
     for event in _events_of(scenario, name):
         if event.stops:
             torque[tick_at(event.time, scenario.step) :] = 0.0
@@ -363,9 +358,12 @@ def _robot(
         sensor=sensor,
         actuator=actuator,
         torque=torque,
-        inputs=tuple(bound for bound, _ in others),
-        samples=np.column_stack([np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in others)]),
-        changes=_changes(scenario, fmu, source, name),
+        inputs=tuple(bound for bound, _ in given.samples.values()),
+        samples=np.column_stack(
+            [np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in given.samples.values())]
+        ),
+        started=given.discrete.pop(0, ()),
+        changes=_changes(scenario, fmu, source, name, given.discrete),
     )
 
 
@@ -382,15 +380,6 @@ def _entries(
     return tuple(entries.values.get(name, missing or 0.0) for name in names)
 
 
-def _joined(inputs: Sequence[InputSource]) -> Iterable[InputSource]:
-    """Return one source for each name, with the signals of all: each of them then has random numbers of its own."""
-    sources: dict[str, InputSource] = {}
-    for source in inputs:
-        before = sources.get(source.name)
-        sources[source.name] = replace(before, waves=before.waves + source.waves) if before else source
-    return sources.values()
-
-
 def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
     """Refuse a value for a parameter that gives the initial value of a pose entry."""
     for bound in fmu.binding.of(fmu.binding.contract.pose):
@@ -401,38 +390,6 @@ def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
                     f"binding it gives the initial {bound.role.name!r}",
                     parameter.where,
                 )
-
-
-def _input(fmu: Fmu, source: InputSource) -> tuple[BoundRole, units.Unit]:
-    """Return the input of an FMU that a source names, by its role or its own name, and the unit of its samples."""
-    contract = fmu.binding.contract
-    if source.name in [role.name for role in (*contract.torque, *contract.disturbance)]:
-        bound = fmu.binding.bound.get(source.name)
-        if bound is not None:
-            return bound, units.parse(bound.role.unit)
-    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type in REAL_TYPES}
-    if source.name not in known:
-        raise InputError(
-            f"the FMU {fmu.path.name} has no real input {source.name!r}: {nearest(source.name, list(known))}",
-            source.where,
-        )
-    variable = known[source.name]
-    for role in (*contract.torque, *contract.disturbance):
-        plays = fmu.binding.bound.get(role.name)
-        if plays is not None and plays.played_by is not None and plays.played_by.variable is variable:
-            raise InputError(
-                f"the input {source.name!r} of {fmu.path.name} plays the role {role.name!r}: name that", source.where
-            )
-    try:
-        if variable.dimensions:
-            raise UnitError("it is an array: a binding gives one of its elements a role")
-        values = [wave.value for wave in source.waves if wave.kind != "table"]
-        unit = unit_of_values(fmu.description, variable, values)
-    except (ValueError, UnitError) as error:
-        raise InputError(
-            f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
-        ) from None
-    return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(variable, 0, 1.0, 0.0)), unit
 
 
 def _check_velocities(
@@ -472,8 +429,15 @@ def _stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
     )
 
 
-def _changes(scenario: Scenario, fmu: Fmu, source: PlantSource, robot: str) -> dict[int, tuple[ParameterValue, ...]]:
-    changes: dict[int, tuple[ParameterValue, ...]] = {}
+def _changes(
+    scenario: Scenario,
+    fmu: Fmu,
+    source: PlantSource,
+    robot: str,
+    inputs: Mapping[int, tuple[ParameterValue, ...]],
+) -> dict[int, tuple[ParameterValue, ...]]:
+    """Return the values that a robot's FMU is given in the course of the run, by tick: inputs, then parameters."""
+    changes = dict(inputs)
     for event in _events_of(scenario, robot):
         values = _understood(fmu, source, event.parameters)
         for value in values:

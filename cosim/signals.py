@@ -79,7 +79,7 @@ def _wave(wave: Wave, unit: units.Unit, times: NDArray[np.float64]) -> NDArray[n
     course = np.full(len(times), value)
     if wave.kind == "sine":
         course *= np.sin(2 * math.pi / wave.period * (times - wave.start) + wave.phase)
-    return np.where(_during(wave, times), course, 0.0)
+    return np.where(acting(wave, times), course, 0.0)
 
 
 def _random(
@@ -102,7 +102,7 @@ def _random(
     sos, spread, deviation = _low_pass(part)
     start = spread @ stream.standard_normal(2)
     course, _ = sosfilt(sos, stream.standard_normal(len(times)), zi=start[np.newaxis])
-    return np.where(_during(wave, times), _value(wave, unit) / deviation * course, 0.0)
+    return np.where(acting(wave, times), _value(wave, unit) / deviation * course, 0.0)
 
 
 @cache
@@ -136,5 +136,6 @@ def _value(wave: Wave, unit: units.Unit) -> float:
         raise InputError(f'value="{wave.value}" of <{wave.kind}>: {error}', wave.where) from None
 
 
-def _during(wave: Wave, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+def acting(wave: Wave, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return at which communication points a signal acts: from its start on, until before its end."""
     return (times >= wave.start - TIME_TOLERANCE) & (times < wave.stop - TIME_TOLERANCE)
