@@ -36,10 +36,11 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         robot.fmu,
         robot.source,
         name=robot.name,
-        parameters=(*robot.parameters, *robot.started),
+        parameters=robot.parameters,
         pose=robot.pose,
         inputs=robot.inputs,
         given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),
+        discrete=robot.started,
         stop_time=stop_time,
     )
 
@@ -53,6 +54,7 @@ def plant(
     pose: Sequence[float],
     inputs: Iterable[BoundRole] = (),
     given: Sequence[float] = (),
+    discrete: Iterable[ParameterValue] = (),
     stop_time: float,
 ) -> Member:
     """Return an FMU as a plant.
@@ -71,6 +73,8 @@ def plant(
         Those that are given besides the torques.
     given
         What the torques and these inputs are at the start, in the roles' units; empty for the FMU's own start values.
+    discrete
+        Inputs that are no real numbers, at the start.
     stop_time
         End of the run [s].
     """
@@ -100,6 +104,7 @@ def plant(
         tolerance=source.tolerance or DEFAULT_TOLERANCE,
         time_limit=source.time_limit,
         logging=source.logging,
+        discrete=tuple(value.as_value for value in discrete),
     )
     return Member(
         spec=spec,

@@ -57,7 +57,10 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
         bound = _geometry_role(fmu, setting.name) if variable is None else None
         player = _player(bound)
         if variable is None and player is None and (bound is None or bound.played_by is not None):
-            known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
+            if any(v.name == setting.name and v.causality == "input" for v in fmu.description.modelVariables):
+                known = f'it is an input, which <input name="{setting.name}" .../> gives a value'
+            else:
+                known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
             raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
         try:
             if bound is not None and bound.played_by is None:

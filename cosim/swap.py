@@ -13,7 +13,6 @@ from pathlib import Path
 
 from lxml import etree
 
-from cosim.binding import REAL_TYPES
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.document import read_document
 from cosim.errors import InputError, Location, nearest, printable
@@ -23,6 +22,7 @@ from cosim.parameters import check_constant, value_of
 from cosim.proposal import Proposal, binding_xml, proposals, propose
 from cosim.quantity import quantity
 from cosim.reader import read_binding, read_scenario
+from cosim.robot_inputs import INPUT_TYPES
 from cosim.scenario import LEADER, OPEN, Follower, Leader, RoleSource, Scenario, Setting
 from plants import UnitError
 
@@ -240,11 +240,11 @@ class _Writer:
                     yield _rule("insert", f"follower[@id='{name}']", deepcopy(source))
 
     def _events(self) -> Iterator[etree._Element]:
-        """Return the rules about the events that change parameters which do not carry over to all robots."""
+        """Return the rules about the events that change what does not carry over to all robots."""
         for index, event in reversed(list(enumerate(self.root.findall(_NS + "event"), 1))):
             robots = event.get("robots", "").split()
-            groups: dict[tuple[str, ...], list[str]] = {}  # robots by what their parameters are called
-            was = tuple(child.get("name", "") for child in event.iterfind(_NS + "parameter"))
+            groups: dict[tuple[str, ...], list[str]] = {}  # robots by what their parameters and inputs are called
+            was = tuple(child.get("name", "") for child in _changing(event))
             for robot in robots:
                 groups.setdefault(self._changed(event, robot), []).append(robot)
             if list(groups) == [was]:
@@ -254,7 +254,7 @@ class _Writer:
                 changed = deepcopy(event)
                 changed.set("robots", " ".join(group))
                 changed.tail = None
-                for child, name in zip(changed.findall(_NS + "parameter"), names, strict=True):
+                for child, name in zip(_changing(changed), names, strict=True):
                     if name:
                         child.set("name", name)
                     else:
@@ -264,15 +264,18 @@ class _Writer:
             yield _rule("replace" if events else "remove", f"event[{index}]", *events)
 
     def _changed(self, event: etree._Element, robot: str) -> tuple[str, ...]:
-        """Return the names that the parameters of an event have for a robot; an empty one if it has no such."""
+        """Return the names that parameters and inputs of an event have for a robot; an empty one if it has no such."""
         replacement = self._of_robot[robot]
         names = []
-        for child in event.iterfind(_NS + "parameter"):
+        for child in _changing(event):
             setting = Setting(child.get("name", ""), child.get("value", ""), Location(str(self.scenario.path)))
             what = f"{robot} at {event.get('at')}"
-            names.append(
-                setting.name if replacement is None else self._carried(replacement, setting, what, tunable=True)
-            )
+            if replacement is None:
+                names.append(setting.name)
+            elif child.tag == _NS + "input":
+                names.append(setting.name if self._has_input(replacement, setting.name, what) else "")
+            else:
+                names.append(self._carried(replacement, setting, what, tunable=True))
         return tuple(names)
 
     # What carries over
@@ -310,7 +313,7 @@ class _Writer:
     def _has_input(self, replacement: Replacement, name: str, robot: str) -> bool:
         played = {role.name for role in replacement.roles}
         if name in played or any(
-            v.name == name and v.causality == "input" and v.type in REAL_TYPES and not v.dimensions
+            v.name == name and v.causality == "input" and v.type in INPUT_TYPES and not v.dimensions
             for v in replacement.package.description.modelVariables
         ):
             return True
@@ -344,6 +347,11 @@ class _Writer:
         if text != " ".join(text.split()):
             raise InputError(f"the path {text!r} cannot be written in a scenario: its white space would not be kept")
         return text
+
+
+def _changing(event: etree._Element) -> list[etree._Element]:
+    """Return the parameters and inputs that an event changes."""
+    return [child for child in event if child.tag in (_NS + "parameter", _NS + "input")]
 
 
 def _contradiction(role: Role, constant: str, value: str) -> str | None:

@@ -92,6 +92,7 @@ def folder(scenarios: Path, tmp_path: Path) -> Path:
     plants.build("car_like", out=copied / "fmus").rename(copied / "fmus" / "my_robot.fmu")
     make_fmu(copied / "fmus", name="vendor", fmi="3.0", interface="both", arrays=True)
     make_fmu(copied / "fmus", name="rover", units="none", initial="parameters", drive=False, names=ROVER)
+    make_fmu(copied / "fmus", name="with_gears", discrete=True)
     return copied
 
 

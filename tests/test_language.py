@@ -162,6 +162,17 @@ def test_a_disturbance_acts_on_its_robot_or_on_every_follower(run) -> None:
     assert np.array_equal(plain["leader_pose"], on_all["leader_pose"])
 
 
+def test_an_input_has_one_value_from_an_event_on(run) -> None:
+    """Whatever its signals are; without any, it has the FMU's start value before."""
+    stepped = run(in_follower("one", '<input name="tau_d_y"><step value="30 N" at="1 s"/></input>'))
+    event = at_end('<event at="1 s" robots="one"><input name="tau_d_y" value="30 N"/></event>')
+    given = run(event)
+    assert same_motion(stepped, given, "one")
+    assert same_motion(stepped, given, "two")
+    besides = run(event, in_follower("one", '<input name="tau_d_y"><pulse value="5 N" from="1 s" to="2 s"/></input>'))
+    assert same_motion(given, besides, "one")
+
+
 def test_random_signals_of_the_team_and_of_a_robot_are_not_the_same(run) -> None:
     gust = '<input name="tau_drive"><random value="1 N.m" cutoff="5 Hz"/></input>'
     quiet = ('<sensor><noise x="1 mm" y="1 mm"/></sensor>', "")
@@ -254,7 +265,7 @@ def test_what_no_robot_uses_changes_nothing(run) -> None:
         ([('tau_drive="8 N.m"', 'tau_right="8 N.m"')], "a car_like vehicle has no 'tau_right', but: tau_drive, tau_steer"),
         ([('<pose x="-5 m" y="-2 m" psi="0 deg" gamma="0 deg"/>', '<pose x="-5 m" y="-2 m" theta_1="0 deg"/>')], "has no 'theta_1'"),
         ([('<pose x="-5 m" y="-2 m" psi="0 deg" gamma="0 deg"/>', '<pose x="-5 m" y="-2 m"/>')], "lacks psi, gamma"),
-        ([in_follower("one", '<input name="tau_dx"><constant value="1 N"/></input>')], "no real input 'tau_dx': did you mean 'tau_d_x'"),
+        ([in_follower("one", '<input name="tau_dx"><constant value="1 N"/></input>')], "no input 'tau_dx': did you mean 'tau_d_x'"),
         ([in_follower("one", '<input name="tau_d_x"><constant value="1 m"/></input>')], "m does not fit"),
         ([in_follower("one", '<sensor><delay time="20 ms" channels="z"/></sensor>')], "the pose of one, a car_like, has no channel 'z'"),
         ([in_follower("one", '<actuator><effectiveness factor="0.5" channels="tau"/></actuator>')], "has no channel 'tau'"),

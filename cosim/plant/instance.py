@@ -250,6 +250,8 @@ class Instance:
     def _give_inputs(self) -> None:
         """Give the inputs their values at the start, which initial equations may use."""
         inputs = self.spec.inputs
+        for value in self.spec.discrete:
+            self._set(value)
         if not inputs.references:
             return
         try:

@@ -56,6 +56,8 @@ class PlantSpec:
         Start values and parameters.
     inputs, outputs : Block
         What it is given and what it returns at every communication point.
+    discrete : tuple of Value
+        Other inputs, which change at communication points only, at the start of the run.
     stop_time : float
         End of the run [s].
     states, event_indicators : int
@@ -93,6 +95,7 @@ class PlantSpec:
     tolerance: float = 1e-6
     time_limit: float = 10.0
     logging: bool = False
+    discrete: tuple[Value, ...] = ()
 
     @property
     def uses_cvode(self) -> bool:
@@ -107,7 +110,8 @@ class PlantSpec:
     def from_json(cls, text: bytes) -> PlantSpec:
         """Return what `to_json` has written."""
         data = json.loads(text)
-        data["values"] = tuple(values_from(data["values"]))
+        for values in ("values", "discrete"):
+            data[values] = values_from(data[values])
         for block in ("inputs", "outputs"):
             data[block] = Block(**{name: tuple(values) for name, values in data[block].items()})
         return cls(**data)

@@ -115,14 +115,12 @@ fmi1Status FMI(fmiGetString)(fmi1Component c, const fmi1ValueReference r[], size
 
 fmi1Status FMI(fmiSetBoolean)(fmi1Component c, const fmi1ValueReference r[], size_t n, const fmi1Boolean value[])
 {
-    (void)r, (void)value;
-    return none(c, "fmiSetBoolean", n);
+    EACH("fmiSetBoolean", SETTABLE, set_switch(c, r[i], value[i] != 0))
 }
 
 fmi1Status FMI(fmiSetString)(fmi1Component c, const fmi1ValueReference r[], size_t n, const fmi1String value[])
 {
-    (void)r, (void)value;
-    return none(c, "fmiSetString", n);
+    EACH("fmiSetString", SETTABLE, set_text(c, r[i], value[i]))
 }
 
 fmi1Status FMI(fmiSetRealInputDerivatives)(fmi1Component c, const fmi1ValueReference r[], size_t n,

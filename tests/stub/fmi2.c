@@ -129,14 +129,12 @@ fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference r[], size_t n
 
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Boolean value[])
 {
-    (void)r, (void)value;
-    return none(c, __func__, n);
+    EACH(SETTABLE, set_switch(c, r[i], value[i] != 0))
 }
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2String value[])
 {
-    (void)r, (void)value;
-    return none(c, __func__, n);
+    EACH(SETTABLE, set_text(c, r[i], value[i]))
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,

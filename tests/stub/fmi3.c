@@ -149,44 +149,57 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference reference[], 
     return at == n_values ? (fmi3Status)worst : none(c, "a number of values that does not fit", 1);
 }
 
-/* The enumeration is an Int64, the number of events an Int32. */
+/* The enumeration is an Int64. What is real otherwise may be a Float32, or whole: then a number of the units `per_whole`. */
 
-#define GET_WHOLE(function, type) \
-    fmi3Status function(fmi3Instance c, const fmi3ValueReference reference[], size_t n, type value[], size_t n_values) \
+#define GET(name, type, own, get) \
+    fmi3Status fmi3Get##name(fmi3Instance c, const fmi3ValueReference r[], size_t n, type value[], size_t n_values) \
     { \
         REQUIRE(READABLE); \
-        if (n != n_values) return none(c, #function " of arrays", 1); \
+        if (n != n_values) return none(c, "fmi3Get" #name " of arrays", 1); \
         for (size_t i = 0; i < n; i++) { \
-            int whole = 0; \
-            if (get_whole(c, reference[i], &whole) != OK) return fmi3Error; \
-            value[i] = whole; \
+            own got = 0; \
+            if (get(c, r[i], &got) >= DISCARD) return fmi3Error; \
+            value[i] = (type)got; \
         } \
         return fmi3OK; \
     }
 
-GET_WHOLE(fmi3GetInt64, fmi3Int64)
-GET_WHOLE(fmi3GetInt32, fmi3Int32)
-
-fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference reference[], size_t n, const fmi3Int64 value[],
-                        size_t n_values)
-{
-    REQUIRE(SETTABLE);
-    if (n != n_values) return none(c, "fmi3SetInt64 of arrays", 1);
-    for (size_t i = 0; i < n; i++) {
-        if (set_whole(c, reference[i], (int)value[i]) != OK) return fmi3Error;
+#define SET(name, type, set) \
+    fmi3Status fmi3Set##name(fmi3Instance c, const fmi3ValueReference r[], size_t n, const type value[], size_t n_values) \
+    { \
+        REQUIRE(SETTABLE); \
+        if (n != n_values) return none(c, "fmi3Set" #name " of arrays", 1); \
+        for (size_t i = 0; i < n; i++) { \
+            if (set(c, r[i], value[i]) >= DISCARD) return fmi3Error; \
+        } \
+        return fmi3OK; \
     }
-    return fmi3OK;
+
+static Status set_single(Stub *s, unsigned reference, fmi3Float32 value)
+{
+    const double wide = value;
+    return set_real(s, reference, &wide);
 }
+
+#define WHOLE(name, type) GET(name, type, int, get_whole) SET(name, type, set_whole)
+
+GET(Float32, fmi3Float32, double, get_real)
+SET(Float32, fmi3Float32, set_single)
+WHOLE(Int64, fmi3Int64)
+WHOLE(Int32, fmi3Int32)
+WHOLE(Int16, fmi3Int16)
+WHOLE(UInt64, fmi3UInt64)
+SET(Boolean, fmi3Boolean, set_switch)
+SET(String, fmi3String, set_text)
 
 /* All other types: there are no variables of them. */
 
-#define NO_VARIABLES(name, type) \
+#define NO_GETTER(name, type) \
     fmi3Status fmi3Get##name(fmi3Instance c, const fmi3ValueReference r[], size_t n, type value[], size_t n_values) \
     { \
         (void)r, (void)value, (void)n_values; \
         return none(c, "fmi3Get" #name, n); \
-    } \
-    NO_SETTER(name, type)
+    }
 
 #define NO_SETTER(name, type) \
     fmi3Status fmi3Set##name(fmi3Instance c, const fmi3ValueReference r[], size_t n, const type value[], size_t n_values) \
@@ -195,16 +208,16 @@ fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference reference[], si
         return none(c, "fmi3Set" #name, n); \
     }
 
-NO_VARIABLES(Float32, fmi3Float32)
-NO_VARIABLES(Int8, fmi3Int8)
-NO_VARIABLES(UInt8, fmi3UInt8)
-NO_VARIABLES(Int16, fmi3Int16)
-NO_VARIABLES(UInt16, fmi3UInt16)
-NO_SETTER(Int32, fmi3Int32)
-NO_VARIABLES(UInt32, fmi3UInt32)
-NO_VARIABLES(UInt64, fmi3UInt64)
-NO_VARIABLES(Boolean, fmi3Boolean)
-NO_VARIABLES(String, fmi3String)
+NO_GETTER(Int8, fmi3Int8)
+NO_SETTER(Int8, fmi3Int8)
+NO_GETTER(UInt8, fmi3UInt8)
+NO_SETTER(UInt8, fmi3UInt8)
+NO_GETTER(UInt16, fmi3UInt16)
+NO_SETTER(UInt16, fmi3UInt16)
+NO_GETTER(UInt32, fmi3UInt32)
+NO_SETTER(UInt32, fmi3UInt32)
+NO_GETTER(Boolean, fmi3Boolean)
+NO_GETTER(String, fmi3String)
 
 fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference r[], size_t n, size_t sizes[], fmi3Binary value[],
                          size_t n_values)

@@ -161,6 +161,8 @@ class Options:
     start_torque: bool = False
     velocities: bool = True
     drive: bool = True
+    discrete: bool = False
+    types: str = ""
     fillers: int = 0
     names: Mapping[str, str] | None = None
     execution_tool: bool = False
@@ -177,6 +179,8 @@ class Options:
             or self.early_return not in ("", "allowed", "always")
             or self.units not in _UNITS
             or self.initial not in ("exact", "parameters")
+            or self.types not in ("", "single", "whole")
+            or (self.types == "single" and not three)
             or (not three and (self.event_mode or self.early_return or self.intermediate_update or self.arrays))
             or (self.fixed_step is not None and bool(self.early_return or self.intermediate_update))
         )
@@ -213,6 +217,7 @@ class Options:
             "early_always": self.early_return == "always",
             "intermediate_update": self.intermediate_update,
             "save": self.save,
+            "per_whole": 1000 if self.types == "whole" else None,
         }
         words = (
             f"{key}={int(value) if isinstance(value, bool) else value}"
@@ -269,6 +274,11 @@ def make_fmu(where: Path, **options: object) -> Path:
         An initial equation uses an input: at the start v = tau_drive / 10.
     velocities, drive : bool
         Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
+    discrete : bool
+        Further inputs: ``enable`` (true or false), ``gear`` (whole), ``direction`` (an enumeration), ``note`` (a text).
+    types : {"", "single", "whole"}
+        "single" has Float32 in place of Float64 for inputs, outputs and the wheelbase; "whole" has whole numbers,
+        without units: of mm, mrad, mm/s, mrad/s, mN.m.
     fillers : int
         Number of further parameters, which do nothing.
     names : dict
@@ -329,7 +339,22 @@ def _compile(major: str, name: str, macros: tuple[str, ...]) -> bytes:
 def variables(options: Options) -> list[Variable]:
     """Return the variables of a stub."""
     names = options.names or {}
-    return [replace(variable, name=names.get(variable.name, variable.name)) for variable in _variables(options)]
+    found = (_typed(options, variable) for variable in _variables(options))
+    return [replace(variable, name=names.get(variable.name, variable.name)) for variable in found]
+
+
+def _typed(options: Options, variable: Variable) -> Variable:
+    """Return a variable with the type that the options ask for; states of Model Exchange are real."""
+    exchanged = variable.causality == "input" or variable.name == "a" or variable.causality == "output"
+    if not exchanged or variable.kind != "real" or (variable.causality == "output" and options.model_exchange):
+        return variable
+    if options.types == "single":
+        return replace(variable, kind="single")
+    if options.types != "whole":
+        return variable
+    start = variable.start and str(round(1000 * float(variable.start)))
+    steady = variable.variability if variable.causality == "parameter" else "discrete"
+    return replace(variable, kind="integer", unit="", start=start, variability=steady)
 
 
 def _variables(options: Options) -> Iterator[Variable]:
@@ -387,6 +412,12 @@ def _variables(options: Options) -> Iterator[Variable]:
     if options.end_stop is not None and options.fmi == "3.0" and options.model_exchange:
         yield Variable("stop_left", 23, "local", **calculated)
         yield Variable("stop_right", 24, "local", **calculated)
+    if options.discrete:
+        given = {"causality": "input", "variability": "discrete"}
+        yield Variable("enable", 50, kind="boolean", start="true", **given)
+        yield Variable("gear", 51, kind="integer", start="1", **given)
+        yield Variable("direction", 52, kind="enumeration", start="1", **given)
+        yield Variable("note", 53, kind="string", start="none", **given)
     for i in range(options.fillers):
         yield Variable(f"filler_{i + 1}", 1000 + i, start="0", **fixed)
     if options.fmi == "3.0":
@@ -409,8 +440,13 @@ def _units(options: Options, found: list[Variable]) -> str:
     return f"  <UnitDefinitions>\n{lines}  </UnitDefinitions>\n" if used else ""
 
 
-def _items(indent: str) -> str:
-    return "".join(f'{indent}<Item name="{name}" value="{value}"/>\n' for value, name in enumerate(_ITEMS, 1))
+def _items(indent: str, names: tuple[str, ...]) -> str:
+    return "".join(f'{indent}<Item name="{name}" value="{value}"/>\n' for value, name in enumerate(names, 1))
+
+
+def _types(found: list[Variable]) -> dict[str, tuple[str, ...]]:
+    """Return the items of the enumerations that are used, by the name of the type."""
+    return {_TYPE[v.reference]: _ITEMS[_TYPE[v.reference]] for v in found if v.kind == "enumeration"}
 
 
 def _said(variable: Variable) -> dict[str, object]:
@@ -427,7 +463,11 @@ def _experiment(options: Options) -> str:
     return f'  <DefaultExperiment startTime="0" stopTime="2" stepSize="{options.fixed_step or 0.02}"/>\n'
 
 
-_ITEMS = ("as_printed", "front_wheel", "rear_wheel")
+_ITEMS = {
+    "Drive": ("as_printed", "front_wheel", "rear_wheel"),
+    "Direction": ("forward", "neutral", "backward"),
+}
+_TYPE = {21: "Drive", 52: "Direction"}
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 
@@ -457,10 +497,14 @@ def _description2(options: Options) -> str:
         varies = options.variable_step and options.fixed_step is None
         text += f"  <CoSimulation {_attributes(**common, canHandleVariableCommunicationStepSize=varies)}/>\n"
     text += _units(options, found)
-    if options.drive:
-        items = _items("        ")
-        text += f'  <TypeDefinitions>\n    <SimpleType name="Drive">\n      <Enumeration>\n{items}'
-        text += "      </Enumeration>\n    </SimpleType>\n  </TypeDefinitions>\n"
+    if types := _types(found):
+        text += "  <TypeDefinitions>\n"
+        for name, names in types.items():
+            items = _items("        ", names)
+            text += (
+                f'    <SimpleType name="{name}">\n      <Enumeration>\n{items}      </Enumeration>\n    </SimpleType>\n'
+            )
+        text += "  </TypeDefinitions>\n"
     text += _experiment(options) + "  <ModelVariables>\n"
     for v in found:
         outer = _attributes(**_said(v))
@@ -468,9 +512,9 @@ def _description2(options: Options) -> str:
             derivative = index[v.derivative] if v.derivative is not None else ""
             inner = f"Real {_attributes(unit=v.unit, start=v.start, derivative=derivative)}"
         elif v.kind == "enumeration":
-            inner = f"Enumeration {_attributes(declaredType='Drive', start=v.start)}"
+            inner = f"Enumeration {_attributes(declaredType=_TYPE[v.reference], start=v.start)}"
         else:
-            inner = f"Integer {_attributes(start=v.start)}"
+            inner = f"{v.kind.capitalize()} {_attributes(start=v.start)}"
         text += f"    <ScalarVariable {outer}><{inner}/></ScalarVariable>\n"
     text += "  </ModelVariables>\n  <ModelStructure>\n"
     for name, unknowns in _structure(found).items():
@@ -521,15 +565,20 @@ def _description3(options: Options) -> str:
         )
         text += f"  <CoSimulation {_attributes(**common)} {more}/>\n"
     text += _units(options, found)
-    if options.drive:
-        text += f'  <TypeDefinitions>\n    <EnumerationType name="Drive">\n{_items("      ")}'
-        text += "    </EnumerationType>\n  </TypeDefinitions>\n"
+    if types := _types(found):
+        text += "  <TypeDefinitions>\n"
+        for name, names in types.items():
+            text += f'    <EnumerationType name="{name}">\n{_items("      ", names)}    </EnumerationType>\n'
+        text += "  </TypeDefinitions>\n"
     text += _experiment(options) + "  <ModelVariables>\n"
-    tags = {"real": "Float64", "enumeration": "Enumeration", "integer": "Int32"}
+    tags = {kind: kind.capitalize() for kind in ("enumeration", "boolean", "string")}
+    tags |= {"real": "Float64", "single": "Float32", "integer": "Int32"}
     for v in found:
-        inner = _attributes(**_said(v), declaredType="Drive" if v.kind == "enumeration" else "")
-        inner += " " + _attributes(unit=v.unit, start=v.start, derivative=v.derivative)
-        size = f'><Dimension start="{v.size}"/></{tags[v.kind]}>' if v.size else "/>"
+        inner = _attributes(**_said(v), declaredType=_TYPE.get(v.reference))
+        text_start = f"<Start value={quoteattr(v.start)}/>" if v.kind == "string" else ""
+        inner += " " + _attributes(unit=v.unit, start="" if text_start else v.start, derivative=v.derivative)
+        inside = text_start or (f'<Dimension start="{v.size}"/>' if v.size else "")
+        size = f">{inside}</{tags[v.kind]}>" if inside else "/>"
         text += f"    <{tags[v.kind]} {inner.rstrip()}{size}\n"
     text += "  </ModelVariables>\n  <ModelStructure>\n"
     for name, unknowns in _structure(found).items():
@@ -555,12 +604,21 @@ def _description1(options: Options) -> str:
     if used:
         lines = "".join(f"    <BaseUnit unit={quoteattr(unit)}/>\n" for unit in used)
         text += f"  <UnitDefinitions>\n{lines}  </UnitDefinitions>\n"
-    if options.drive:
-        items = "".join(f'        <Item name="{name}"/>\n' for name in _ITEMS)
-        text += f'  <TypeDefinitions>\n    <Type name="Drive">\n      <EnumerationType>\n{items}'
-        text += "      </EnumerationType>\n    </Type>\n  </TypeDefinitions>\n"
+    if types := _types(found):
+        text += "  <TypeDefinitions>\n"
+        for type_name, names in types.items():
+            items = "".join(f'        <Item name="{name}"/>\n' for name in names)
+            text += f'    <Type name="{type_name}">\n      <EnumerationType>\n{items}'
+            text += "      </EnumerationType>\n    </Type>\n"
+        text += "  </TypeDefinitions>\n"
     text += '  <DefaultExperiment startTime="0" stopTime="2"/>\n  <ModelVariables>\n'
-    tags = {"real": "Real", "enumeration": "Enumeration", "integer": "Integer"}
+    tags = {
+        "real": "Real",
+        "enumeration": "Enumeration",
+        "integer": "Integer",
+        "boolean": "Boolean",
+        "string": "String",
+    }
     for v in found:
         parameter = v.causality == "parameter"
         outer = _attributes(
@@ -570,7 +628,7 @@ def _description1(options: Options) -> str:
             variability="parameter" if parameter else v.variability,
         )
         start = _attributes(start=v.start, fixed=True if v.start and v.causality != "input" else "")
-        declared = _attributes(declaredType="Drive" if v.kind == "enumeration" else "", unit=v.unit)
+        declared = _attributes(declaredType=_TYPE.get(v.reference), unit=v.unit)
         text += f"    <ScalarVariable {outer}><{tags[v.kind]} {declared} {start}/></ScalarVariable>\n"
     text += "  </ModelVariables>\n  <Implementation>\n    <CoSimulation_StandAlone>\n      <Capabilities "
     text += _attributes(

@@ -3,6 +3,9 @@
  *     dx/dt = v cos(psi), dy/dt = v sin(psi), dpsi/dt = v tan(gamma)/a, dgamma/dt = omega,
  *     dv/dt = tau_drive/10, domega/dt = tau_steer/10
  *
+ * with discrete inputs, which have no effect unless they are set: dv/dt is zero unless it is enabled, is multiplied by
+ * the gear, and by 1, 0 or -1 in the direction 1, 2 or 3.
+ *
  * fmi1.c, fmi2.c and fmi3.c are thin layers over it. In Co-Simulation one explicit Euler step is taken per
  * communication step. */
 #define _GNU_SOURCE
@@ -37,6 +40,10 @@ enum {
     TORQUE,
     DER_POSE,
     TIME = 40,
+    ENABLE = 50,     /* discrete inputs: true or false, a whole number, an enumeration, a text */
+    GEAR,
+    DIRECTION,
+    NOTE,
     FILLER = 1000    /* and all above: parameters that do nothing */
 };
 
@@ -49,9 +56,10 @@ typedef struct Stub Stub;
 /* What can be saved and restored. */
 typedef struct {
     double time, state[STATES], input[2], a, when, start[4], last_successful_time;
-    int drive, events, contact[2]; /* contact: with the end stops of the steering, at +limit and -limit */
+    int drive, gear, direction, events, contact[2]; /* contact: with the end stops of the steering, at +limit and -limit */
     long steps;
-    bool braked, terminated, logged, event_pending;
+    bool enabled, braked, terminated, logged, event_pending;
+    char note[32];
     Mode mode;
 } Car;
 
@@ -59,7 +67,7 @@ struct Stub {
     Car car;
     char behaviour[32], place[32]; /* what goes wrong, and in which function */
     double scale[STATES];          /* of the states' units, relative to SI */
-    double end_stop, fixed_step, seconds;
+    double end_stop, fixed_step, seconds, per_whole; /* per_whole: units of a whole number in one of the real one */
     long lines;
     bool once, time_event, step_event, start_parameters, start_torque;
     bool model_exchange, fatal, nothing, event_mode, early_always;
@@ -221,7 +229,7 @@ static inline bool claim(Stub *s)
 
 static inline void reset(Stub *s, double when)
 {
-    s->car = (Car){.a = 1.2, .drive = 3, .when = when};
+    s->car = (Car){.a = 1.2, .drive = 3, .when = when, .enabled = true, .gear = 1, .direction = 1, .note = ""};
 }
 
 /* Make of `made`, in which only what concerns the log is set, an instance on the heap; or NULL, having logged why. */
@@ -244,6 +252,7 @@ static inline Stub *create(Stub made, const char *name, const char *token, bool 
     }
     s->end_stop = option(token, "end_stop", INFINITY);
     s->fixed_step = option(token, "fixed_step", 0.0);
+    s->per_whole = option(token, "per_whole", 1.0);
     s->seconds = option(token, "seconds", 0.1);
     s->lines = (long)option(token, "lines", 1e6);
     s->once = option(token, "once", 0) != 0;
@@ -305,7 +314,7 @@ static inline void derivatives(const Stub *s, double rate[STATES])
     rate[Y] = z[V] * sin(z[PSI]);
     rate[PSI] = z[V] * tan(z[GAMMA]) / car->a;
     rate[GAMMA] = held ? 0.0 : z[OMEGA];
-    rate[V] = car->input[0] / 10.0;
+    rate[V] = car->input[0] / 10.0 * (car->enabled ? car->gear : 0) * (2 - car->direction);
     rate[OMEGA] = held ? 0.0 : car->input[1] / 10.0;
     if (is(s, "nan") && car->time >= car->when - EPSILON) rate[X] = NAN;
     if (is(s, "infinity") && car->time >= car->when - EPSILON) rate[V] = INFINITY;
@@ -505,22 +514,69 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
     return OK;
 }
 
+/* Whether a discrete input can be set now: of Model Exchange not in continuous time (FMI 2.0, section 3.2.1). */
+static inline bool settable_discrete(Stub *s, unsigned reference)
+{
+    if (!s->model_exchange || s->car.mode != CONTINUOUS_TIME) return true;
+    say(s, ERROR, "the discrete variable with the value reference %u cannot be set in continuous time", reference);
+    return false;
+}
+
 static inline Status get_whole(Stub *s, unsigned reference, int *value)
 {
-    if (reference != DRIVE && reference != EVENTS) {
-        say(s, ERROR, "there is no integer or enumeration with the value reference %u", reference);
-        return ERROR;
+    const Car *const car = &s->car;
+    double real = 0.0;
+    switch (reference) {
+    case DRIVE: *value = car->drive; return OK;
+    case EVENTS: *value = car->events; return OK;
+    case GEAR: *value = car->gear; return OK;
+    case DIRECTION: *value = car->direction; return OK;
+    default:
+        if (reference >= FILLER || get_real(s, reference, &real) >= DISCARD) {
+            say(s, ERROR, "there is no integer or enumeration with the value reference %u", reference);
+            return ERROR;
+        }
+        *value = (int)lround(real * s->per_whole);
+        return OK;
     }
-    *value = reference == DRIVE ? s->car.drive : s->car.events;
-    return OK;
 }
 
 static inline Status set_whole(Stub *s, unsigned reference, int value)
 {
-    if (reference != DRIVE || value < 1 || value > 3) {
-        say(s, ERROR, "the variable with the value reference %u cannot be set to %d", reference, value);
+    if (reference == GEAR || reference == DIRECTION) {
+        if (!settable_discrete(s, reference)) return ERROR;
+        *(reference == GEAR ? &s->car.gear : &s->car.direction) = value;
+        return OK;
+    }
+    if (reference == DRIVE && value >= 1 && value <= 3) {
+        s->car.drive = value;
+        return OK;
+    }
+    const double real = value / s->per_whole;
+    if (reference != DRIVE && reference < FILLER && set_real(s, reference, &real) < DISCARD) return OK;
+    say(s, ERROR, "the variable with the value reference %u cannot be set to %d", reference, value);
+    return ERROR;
+}
+
+static inline Status set_switch(Stub *s, unsigned reference, bool value)
+{
+    if (reference != ENABLE) {
+        say(s, ERROR, "there is no boolean with the value reference %u", reference);
         return ERROR;
     }
-    s->car.drive = value;
+    if (!settable_discrete(s, reference)) return ERROR;
+    s->car.enabled = value;
+    return OK;
+}
+
+static inline Status set_text(Stub *s, unsigned reference, const char *value)
+{
+    if (reference != NOTE) {
+        say(s, ERROR, "there is no text with the value reference %u", reference);
+        return ERROR;
+    }
+    if (!settable_discrete(s, reference)) return ERROR;
+    snprintf(s->car.note, sizeof s->car.note, "%s", value);
+    say(s, WARNING, "the note says %s", s->car.note);
     return OK;
 }

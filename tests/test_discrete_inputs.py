@@ -1,0 +1,138 @@
+"""Inputs that are true or false, whole numbers, items or texts: given by signals and events, at the right time."""
+
+# ruff: noqa: E501 (pieces of XML, one case a line)
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import cosim
+from cosim.cli import main
+from cosim.tests.driving import scenario
+
+from .stub.stub import make_fmu
+
+LEADER = '<torque tau_drive="2 N.m" tau_steer="0 N.m"/>'
+ACCELERATION = 0.2
+STEP = 0.02
+
+
+def written(folder: Path, inputs: str, *, plant: str = "", more: str = "", **options: Any) -> Path:
+    """Write a scenario whose leader, a stub with discrete inputs, is given some."""
+    fmu = make_fmu(folder, **{"discrete": True} | options)
+    path = scenario(folder / "s.xml", f'<plant id="car" fmu="{fmu}" {plant}/>', more=more)
+    text = path.read_text(encoding="utf-8")
+    assert LEADER in text
+    path.write_text(text.replace(LEADER, LEADER + inputs), encoding="utf-8")
+    return path
+
+
+def gains(result: xr.Dataset) -> np.ndarray:
+    """Return by what the leader's acceleration is multiplied in each step."""
+    return np.diff(result["leader_velocity"].values[:, 0]) / (ACCELERATION * STEP)
+
+
+def course(*pieces: tuple[float, float]) -> np.ndarray:
+    """Return the gain of each of 50 steps: pieces of a time until which [s], and a gain."""
+    ends = [round(end / STEP) for end, _ in pieces]
+    return np.repeat([gain for _, gain in pieces], np.diff([0, *ends]))
+
+
+INPUTS = """
+    <input name="enable"><constant value="false"/><pulse value="true" from="0.2 s" to="0.6 s"/></input>
+    <input name="gear"><constant value="1"/><step value="2" at="0.4 s"/></input>"""
+EVENT = """<event at="0.5 s" robots="leader follower_1"><input name="direction" value="backward"/></event>
+<event at="0.9 s" robots="leader"><input name="enable" value="1"/><input name="direction" value="forward"/></event>"""
+
+
+@pytest.mark.parametrize(
+    ("plant", "options"),
+    [
+        ("", {"fmi": "1.0"}),
+        ("", {"fmi": "2.0"}),
+        ("", {"fmi": "3.0"}),
+        ("", {"fmi": "2.0", "interface": "model_exchange"}),
+        ("", {"fmi": "3.0", "interface": "model_exchange"}),
+        ('solver="cvode"', {"fmi": "3.0", "interface": "model_exchange"}),
+        ('isolate="process" time_limit="30 s"', {"fmi": "2.0"}),
+        ('isolate="process" time_limit="30 s"', {"fmi": "3.0", "interface": "model_exchange"}),
+    ],
+)
+def test_inputs_change_at_their_times(tmp_path: Path, plant: str, options: dict[str, str]) -> None:
+    """Whole numbers add up; of true and false the signal that is written last counts, and an event from its time on."""
+    result = cosim.run(written(tmp_path, INPUTS, plant=plant, more=EVENT, **options))
+    expected = course((0.2, 0), (0.4, 1), (0.5, 3), (0.6, -3), (0.9, 0), (1.0, 3))
+    assert gains(result) == pytest.approx(expected, abs=1e-5 if "cvode" in plant else 1e-11)
+
+
+def test_an_input_may_have_one_value(tmp_path: Path) -> None:
+    result = cosim.run(written(tmp_path, '<input name="gear" value="-2"/><input name="note" value="hello there"/>'))
+    assert gains(result) == pytest.approx(course((1.0, -2)))
+    assert "the note says hello there" in result.attrs["plant_messages"]
+
+
+def test_a_signal_that_does_not_act_leaves_the_fmu_s_start_value(tmp_path: Path) -> None:
+    result = cosim.run(written(tmp_path, '<input name="enable"><pulse value="0" from="0.4 s" to="0.6 s"/></input>'))
+    assert gains(result) == pytest.approx(course((0.4, 1), (0.6, 0), (1.0, 1)))
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "expected"),
+    [
+        ("gear", "0.1,2\n0.4,-1", course((0.4, 2), (1.0, -1))),
+        ("enable", "0,0\n0.3,1", course((0.3, 0), (1.0, 1))),
+        ("direction", "0,1\n0.3,3", course((0.3, 1), (1.0, -1))),
+    ],
+)
+def test_a_table_holds_from_row_to_row(tmp_path: Path, name: str, rows: str, expected: np.ndarray) -> None:
+    (tmp_path / "t.csv").write_text(f"time [s],it\n{rows}\n", encoding="utf-8")
+    result = cosim.run(written(tmp_path, f'<input name="{name}"><table file="t.csv" column="it"/></input>'))
+    assert gains(result) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "more", "sentence"),
+    [
+        ('<input name="enable"><sine value="1" period="1 s"/></input>', "", "'enable' is true or false, of which there is no <sine>; there is <constant>, <step>, <pulse> and, held"),
+        ('<input name="gear"><ramp value="3" from="0 s" to="1 s"/></input>', "", "'gear' is a whole number, of which there is no <ramp>"),
+        ('<input name="note"><table file="t.csv" column="it"/></input>', "", "'note' is a text, of which there is no <table>"),
+        ('<input name="enable" value="maybe"/>', "", "value=\"maybe\" of <constant>: 'maybe' is neither true nor false"),
+        ('<input name="gear" value="1.5"/>', "", "'1.5' is not a whole number"),
+        ('<input name="gear" value="1 m"/>', "", "'1 m' is not a whole number"),
+        ('<input name="gear" value="2000000000"/><input name="gear" value="2000000000"/>', "", "the input 'gear' at 0 s: 4000000000 is out of bounds; a Integer is from"),
+        ('<input name="direction" value="bacward"/>', "", "'bacward' is none of its items: did you mean 'backward'"),
+        ('<input name="enable"><table file="t.csv" column="it"/></input>', "", "the column 'it' of"),
+        ('<input name="enabled" value="true"/>', "", "the FMU stub.fmu has no input 'enabled': did you mean 'enable'"),
+        ('<input name="tau_drive" value="strong"/>', "", "value=\"strong\" of <constant>: 'strong' is not a number with a unit"),
+        ('<input name="enable"/>', "", "an <input> has either a value, which it keeps, or signals"),
+        ('<input name="enable" value="1"><constant value="1"/></input>', "", "an <input> has either a value, which it keeps, or signals"),
+        ('', '<event at="0 s" robots="leader"><input name="enable"><constant value="1"/></input></event>', "an <input> of an event has a value"),
+        ('', '<event at="0 s" robots="leader"><input name="gear" value="x"/></event>', "value=\"x\" of the input 'gear': 'x' is not a whole number"),
+        ('', '<event at="0 s" robots="leader"><input name="gear" value="1"/><input name="gear" value="2"/></event>', "the input 'gear' is given twice"),
+        ('', '<event at="0 s" robots="leader"><input name="tau_drive" value="1 N.m"/></event>', "an event cannot set 'tau_drive', which a controller or the <torque> of the leader commands"),
+        ('', '<event at="0 s" robots="leader"><parameter name="enable" value="1"/></event>', "has no parameter 'enable': it is an input, which <input name=\"enable\" .../> gives a value"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_at_its_place(tmp_path: Path, inputs: str, more: str, sentence: str) -> None:
+    (tmp_path / "t.csv").write_text("time [s],it\n0,0\n1,2\n", encoding="utf-8")
+    with pytest.raises(cosim.InputError, match=re.escape(sentence)) as caught:
+        cosim.run(written(tmp_path, inputs, more=more))
+    assert re.match(r".*s\.xml:\d+:\d+$", str(caught.value.where))
+
+
+def test_what_another_fmu_lacks_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, INPUTS, more=EVENT)
+    other = make_fmu(tmp_path / "other", discrete=True, names={"gear": "ratio"}, fmi="3.0")
+    bare = make_fmu(tmp_path / "bare", name="bare")
+    variant = tmp_path / "v.xml"
+    assert main(["swap", str(path), "--plant", f"car={other}", "--out", str(variant)]) == 0
+    assert "no such input: leader: gear" in " ".join(capsys.readouterr().err.split())
+    assert gains(cosim.run(variant)) == pytest.approx(course((0.2, 0), (0.5, 1), (0.6, -1), (0.9, 0), (1.0, 1)))
+    assert main(["swap", str(path), "--plant", f"car={bare}", "--out", str(variant), "--force"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no such input: leader: gear, enable; leader at 0.9 s: enable, direction; leader at 0.5 s" in said
+    assert gains(cosim.run(variant)) == pytest.approx(course((1.0, 1)))
