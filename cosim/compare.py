@@ -221,8 +221,8 @@ def compare_plants(
     seed
         Of the phases of the sines.
     within
-        What the differences may be, such as ``1 mm`` (of all lengths), ``psi=0.1 deg`` or ``1e-3`` (of all roles, each
-        in its own unit). Without any, `TOLERANCE` of all.
+        What the differences may be, such as ``1 mm`` (of all lengths) or ``psi=0.1 deg``, each at most once. Without
+        any, `TOLERANCE` of all.
     isolated
         Whether FMU files run in processes of their own. Built-in models do not.
 
@@ -386,23 +386,30 @@ def _tolerances(contract: Contract, within: Iterable[str]) -> dict[str, float]:
         if equals and name not in roles:
             known = nearest(name, list(roles))
             raise InputError(f"within {text}: a {contract.vehicle} vehicle has no role {name!r} to compare: {known}")
-        (own if equals else general).update(_fitting(text, value, [roles[name]] if equals else list(roles.values())))
+        given = own if equals else general
+        fitting = _fitting(text, value, [roles[name]] if equals else list(roles.values()))
+        if fitting.keys() & given.keys():
+            raise InputError(f"within {text}: a tolerance of {', '.join(fitting)} is given already: give it once")
+        given |= fitting
     found = general | own
     return dict.fromkeys(roles, math.inf) | found if found else dict.fromkeys(roles, TOLERANCE)
 
 
 def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
-    """Return a tolerance for each of the roles whose unit it fits; a pure number fits all."""
+    """Return a tolerance for each of the roles whose unit it fits; zero needs no unit."""
     try:
         number, name = split(value)
         given = units.parse(name)
     except (ValueError, UnitError) as error:
         raise InputError(f"within {text}: {error}") from None
+    if name == "1" and number != 0:
+        examples = " and ".join(f"'{value.strip()} {unit}'" for unit in dict.fromkeys(role.unit for role in roles))
+        raise InputError(f"within {text}: has no unit; what is meant may be {examples}")
     found = {}
     for role in roles:
         own = units.parse(role.unit)
-        if name == "1":
-            found[role.name] = number
+        if number == 0 and name == "1":
+            found[role.name] = 0.0
         elif own.exponents == given.exponents:
             found[role.name] = number * given.factor / own.factor
     if not found or not 0 <= number < math.inf:

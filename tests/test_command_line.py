@@ -184,6 +184,10 @@ def test_the_command_is_installed() -> None:
         (["--plant", "clmr"], "--plant clmr: expected ID=FMU"),
         (["--controller", "pid=none"], "no installed package offers a controller 'none'"),
         (["--seed", "-1"], 'seed="-1" of <simulation> is not a whole number'),
+        (
+            ["--controller", "pid=lqg", "--controller", "pid=none"],
+            "pid=none: pid is given twice, first as lqg: give it",
+        ),
     ],
 )
 def test_bad_input(
@@ -194,6 +198,26 @@ def test_bad_input(
     if arguments[0] == "--set":
         assert printed.startswith(f"{line}:"), "an error in the scenario names its place"
     assert not list(tmp_path.glob("*/result.nc"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--seed", "1", "--seed", "2"], "argument --seed: is given twice, as 1 and as 2: give it once"),
+        (["--seed=1", "--seed=1"], "argument --seed: is given twice"),
+        (["--no-fig"], "unknown option --no-fig: did you mean '--no-figure'? Known: --binding, "),
+        (["--se=1"], "unknown option --se: did you mean '--set'?"),
+        (["--verbose"], "unknown option --verbose: "),
+    ],
+)
+def test_options_are_taken_as_they_are_written_or_refused(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], sentence: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["run", line, "--out", str(tmp_path), *arguments])
+    assert ended.value.code == 2
+    assert sentence in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_two_scenarios_of_one_name(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

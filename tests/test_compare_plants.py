@@ -248,11 +248,12 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 def test_within(compare) -> None:
     wider = ("car_like", "car_like", "--parameter-b", "a=1.3 m")
-    assert "never" in compare("car_like", "car_like", "--within", "1e-12")[0]
+    assert "never" in compare("car_like", "car_like", "--within", "1e-12 m")[0]
+    compare("car_like", "car_like", "--within", "0")
     compare(*wider, "--within", "10 m")
     compare(*wider, "--within", "10 m", "--within", "0.1 deg/s", status=1)
     compare(*wider, "--within", "psi=0.001 deg", "--within", "10 m", status=1)
-    printed, _ = compare(*wider, "--within", "1e-6", status=1)
+    printed, _ = compare(*wider, "--within", "0", status=1)
     assert "results in" in printed
 
 
@@ -311,6 +312,19 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
         (["car_like", "car_like", "--within", "x=1 deg"], "in a unit such as m"),
         (["car_like", "car_like", "--within", "-1 m"], "is not negative"),
         (["car_like", "car_like", "--within", "wide"], "'wide' is not a number with a unit"),
+        (
+            ["car_like", "car_like", "--within", "1"],
+            "within 1: has no unit; what is meant may be '1 m' and '1 rad' and '1",
+        ),
+        (["car_like", "car_like", "--within", "psi=0.1"], "psi=0.1: has no unit; what is meant may be '0.1 rad'\n"),
+        (
+            ["car_like", "car_like", "--within", "1 m", "--within", "2 m"],
+            "within 2 m: a tolerance of x, y is given alr",
+        ),
+        (
+            ["car_like", "car_like", "--parameter-a", "a=1 m", "--parameter-a", "a=2 m"],
+            "a is given twice, first as 1 m",
+        ),
         (["car_like", "car_like", "--seed", "-1"], "the seed -1 is not a whole number from 0 on"),
         (
             ["car_like", "car_like", "--parameter", "a=1"],

@@ -108,7 +108,7 @@ def test_swapped_in_it_drives_in_formation_and_moves_as_ours(
     ours = cosim.PlantFile("car_like", parameters={"solver": method, "a": "1.3 m"})
     solver = method if vehicle.interface == "ModelExchange" and vehicle.signature != "Formation" else ""
     theirs = cosim.PlantFile(fmu, binding, solver=solver, parameters={"a": "1.3 m"})
-    comparison = cosim.compare_plants(ours, theirs, within=["1e-9"])
+    comparison = cosim.compare_plants(ours, theirs, within=["1e-9 m", "1e-9 rad", "1e-9 m/s", "1e-9 rad/s"])
     assert comparison.within, comparison.roles
     assert comparison.geometry["wheelbase"] == pytest.approx((1.3, 1.3))
 

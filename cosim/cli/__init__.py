@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from cosim.cli.console import err, report
+from cosim.cli.options import Parser
 from cosim.errors import FormationError
 
 INTERRUPTED = 130
@@ -97,10 +98,8 @@ _COMMANDS = {
 }
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="formation", description="Co-simulation test bench for formations of wheeled robots."
-    )
+def _parser() -> Parser:
+    parser = Parser(prog="formation", description="Co-simulation test bench for formations of wheeled robots.")
     parser.add_argument("--version", action="version", version=f"formation-cosim {version('formation-cosim')}")
     commands = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
 

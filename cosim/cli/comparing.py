@@ -57,13 +57,14 @@ def compare(options: argparse.Namespace) -> int:
 
 
 def _plant(options: argparse.Namespace, side: str) -> PlantFile:
-    settings = [*options.parameter, *getattr(options, f"parameter_{side}")]
+    both = dict(pairs("--parameter", options.parameter, "NAME=VALUE"))
+    own = dict(pairs(f"--parameter-{side}", getattr(options, f"parameter_{side}"), "NAME=VALUE"))
     return PlantFile(
         fmu=getattr(options, side),
         binding=getattr(options, f"binding_{side}"),
         interface=getattr(options, f"interface_{side}"),
         solver=getattr(options, f"solver_{side}"),
-        parameters=dict(pairs("--parameter", settings, "NAME=VALUE")),
+        parameters=both | own,
     )
 
 

@@ -74,10 +74,14 @@ def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]
     Raises
     ------
     InputError
-        One has no two sides.
+        One has no two sides, or the left side of one before it.
     """
+    seen: dict[str, str] = {}
     for value in values:
         left, equals, right = value.partition("=")
         if not (left and equals and right):
             raise InputError(f"{option} {value}: expected {form}")
+        if left in seen:
+            raise InputError(f"{option} {value}: {left} is given twice, first as {seen[left]}: give it once")
+        seen[left] = right
         yield left, right

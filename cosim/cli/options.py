@@ -1,0 +1,49 @@
+"""A parser of options that takes each option as it is written: never an abbreviation, never one of two values."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from cosim.errors import nearest
+
+
+class Parser(argparse.ArgumentParser):
+    """An `argparse.ArgumentParser` that guesses nothing; the parsers of its commands are of this kind too."""
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**{**keywords, "allow_abbrev": False})
+        self.register("action", None, _Once)
+        self.register("action", "store", _Once)
+
+    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
+        """Return the options; one that is not known is refused with the nearest that is."""
+        options, rest = self.parse_known_args(args, namespace)
+        if rest:
+            self._refuse(getattr(options, "command", ""), rest[0])
+        return options
+
+    def _refuse(self, command: str, argument: str) -> NoReturn:
+        parser = self
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                parser = action.choices.get(command, self)
+        if not argument.startswith("-"):
+            parser.error(f"unexpected argument: {argument}")
+        option = argument.split("=")[0]
+        known = [name for name in parser._option_string_actions if name.startswith("--")]
+        parser.error(f"unknown option {option}: {nearest(option, known)}")
+
+
+class _Once(argparse.Action):
+    """Keeps a value like ``store``; a second one is refused, as nobody can tell which is meant."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+    ) -> None:
+        given = vars(namespace).setdefault("_given", {})
+        if option is not None and self.dest in given:
+            raise argparse.ArgumentError(self, f"is given twice, as {given[self.dest]} and as {values}: give it once")
+        given[self.dest] = values
+        setattr(namespace, self.dest, values)
