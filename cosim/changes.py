@@ -13,6 +13,7 @@ from typing import Any
 from lxml import etree
 
 from cosim.errors import InputError, nearest
+from cosim.xpaths import advice, unclosed
 
 Change = Callable[[etree._Element], None]
 
@@ -85,9 +86,9 @@ def select(root: etree._Element, xpath: str) -> list[Any]:
     try:
         selected = root.xpath(xpath)
     except etree.XPathError as error:
-        raise ValueError(f"{xpath!r} is not an XPath: {error}") from None
+        raise ValueError(f"{xpath!r} is not an XPath: {unclosed(xpath) or error}") from None
     if not isinstance(selected, list) or not selected:
-        raise ValueError(f"{xpath!r} selects nothing in the scenario")
+        raise ValueError(f"{xpath!r} selects nothing in the scenario{advice(root, xpath)}")
     return selected
 
 
@@ -106,6 +107,9 @@ def assign(node: object, value: str) -> etree._Element:
         parent.set(name, value)
         return parent
     if isinstance(node, etree._Element) and isinstance(node.tag, str) and len(node) == 0:
+        if node.attrib:
+            attributes = " or ".join(f"/@{name}" for name in node.attrib)
+            raise ValueError(f"selects a <{node.tag}>, which has no text: an attribute of it ends in {attributes}")
         node.text = value
         return node
     raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
@@ -125,7 +129,11 @@ def _split(replacement: str) -> tuple[str, str]:
             depth -= 1
         elif character == "=" and depth == 0:
             return replacement[:index], replacement[index + 1 :]
-    raise InputError(f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'")
+    problem = unclosed(replacement)
+    raise InputError(
+        f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
+        + (f"; {problem}" if problem else "")
+    )
 
 
 def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:
