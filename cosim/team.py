@@ -13,6 +13,7 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
+from cosim.blame import innermost, told
 from cosim.errors import InputError, SimulationError, nearest
 from cosim.leader import alike, as_seen_by
 from cosim.scenario import ControllerSource, Setting
@@ -67,11 +68,14 @@ def find_law(source: ControllerSource) -> Law:
     try:
         found = installed(source.name)
         _check_package(source, found)
-        law = fc.load(source.name)
     except InputError as error:
         raise InputError(error.message, source.where) from None
     except fc.ControllerError as error:
         raise InputError(str(error), source.where) from None
+    try:
+        law = fc.load(source.name)
+    except fc.ControllerError as error:
+        raise InputError(_imported(error, found), source.where) from None
     return Law(source, found.package, found.version, law, _gains(source.id, law, source.gains))
 
 
@@ -145,7 +149,9 @@ class Team:
                 fc.Team(vehicle, len(robots), period), gains[0] if shared else tuple(gains)
             )
         except Exception as error:  # a controller is other people's code
-            raise InputError(f"controller {law.source.id!r}: {_said(error)}", law.source.where) from None
+            raise InputError(
+                f"controller {law.source.id!r}: {_said(error, law.controller_type)}", law.source.where
+            ) from None
         self._alike = alike(vehicle, leader)
         self._checks_torques = type(self.controller).step is Controller.step
         self._record: NDArray[np.void] | None = None
@@ -225,13 +231,20 @@ class Team:
     def _failure(self, error: BaseException, time: float) -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None
         robot = self.robots[row] if row is not None else " and ".join(self.robots)
-        return SimulationError(robot, time, f"the controller {self.law.source.name!r} failed: {_said(error)}")
+        said = _said(error, self.law.controller_type)
+        return SimulationError(robot, time, f"the controller {self.law.source.name!r} failed: {said}")
 
 
-def _said(error: BaseException) -> str:
-    if isinstance(error, fc.ControllerError):
-        return error.message
-    return f"{type(error).__name__}: {error}"
+def _said(error: BaseException, law: type) -> str:
+    return error.message if isinstance(error, fc.ControllerError) else told(error, law)
+
+
+def _imported(error: fc.ControllerError, found: fc.Installed) -> str:
+    """Return why a law could not be loaded; where its module failed, with the line."""
+    place = ""
+    if error.__cause__ is not None:
+        place = innermost(error.__cause__, {found.entry_point.module.partition(".")[0]})
+    return f"{error}, at {place}" if place else str(error)
 
 
 def _check_package(source: ControllerSource, found: fc.Installed) -> None:
@@ -259,4 +272,6 @@ def _gains(controller: str, law: Any, settings: Sequence[Setting]) -> Any:
             gains = law.gains_type.from_mapping(values)
         except fc.GainError as error:
             raise InputError(f"controller {controller!r}: {error}", setting.where) from None
+        except Exception as error:  # the gains are other people's code, too
+            raise InputError(f"controller {controller!r}: {told(error, law)}", setting.where) from None
     return gains if settings else law.gains_type()

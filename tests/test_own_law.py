@@ -1,0 +1,124 @@
+"""What goes wrong in a control law of one's own is told with the file and line of that law."""
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from cosim.cli import main
+
+LAW = '''"""A law of one's own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from formation_controllers import Signal
+from formation_controllers.controller import Controller
+from formation_controllers.gains import Gains, gain
+
+
+@dataclass(frozen=True)
+class MyGains(Gains):
+    K: float = gain(1.0, "K", "N/m", "a gain", above=0)
+
+
+class MyLaw(Controller[MyGains]):
+    interface = "1.1"
+    vehicles = ("car_like", "tractor_trailer")
+    gains_type = MyGains
+    signals = (Signal("det_R", "1", "determinant of R", (), "it cannot be steered"),)
+
+    def state_shapes(self):
+        return {}
+
+    def on_start(self, pose, leader, desired):
+        pass
+
+    def on_step(self, pose, leader, desired):
+        return torques(pose)
+
+
+def torques(pose):
+    return np.zeros((len(pose), 2))
+'''
+
+
+@pytest.fixture
+def law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., str]]:
+    """Return a function that installs the law with a part replaced, and returns FILE:LINE of a text in it."""
+    site = tmp_path / "site"
+    about = site / "my_law-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my-law\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[formation.controllers]\nmine = my_law:MyLaw\n")
+    monkeypatch.syspath_prepend(str(site))
+
+    def install(old: str, new: str, marked: str) -> str:
+        assert old in LAW
+        text = LAW.replace(old, new)
+        (site / "my_law.py").write_text(text)
+        number = next(n for n, line in enumerate(text.splitlines(), start=1) if marked in line)
+        return f"{site / 'my_law.py'}:{number}"
+
+    yield install
+    sys.modules.pop("my_law", None)
+
+
+@pytest.fixture
+def fails(scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    def run(status: int, *options: str) -> str:
+        line = str(scenarios / "clmr_line.xml")
+        arguments = ["run", line, "--controller", "pid=mine", "--out", str(tmp_path / "runs"), "--no-figure", *options]
+        assert main(arguments) == status
+        printed = capsys.readouterr().err
+        assert "Traceback" not in printed
+        return printed
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "marked", "sentence"),
+    [
+        ("np.zeros((len(pose), 2))", "[1 // 0]", "1 // 0", "ZeroDivisionError: integer division or modulo by zero"),
+        ("np.zeros((len(pose), 2))", "np.linalg.inv(np.zeros((2, 2)))", "linalg", "LinAlgError: Singular matrix"),
+        ("        pass", "        self.pose = pose.nowhere", "nowhere", "AttributeError: "),
+        ("on_step(self, pose, leader, desired)", "on_step(self, pose)", "class MyLaw", "MyLaw.on_step() takes 2 posi"),
+    ],
+    ids=["in a helper", "in a library", "at the start", "called"],
+)  # fmt: skip
+def test_a_law_that_fails_in_a_run(law, fails, old: str, new: str, marked: str, sentence: str) -> None:
+    place = law(old, new, marked)
+    printed = fails(3)
+    assert "at t = 0 s: the controller 'mine' failed: " in printed
+    assert sentence in printed
+    assert printed.strip().endswith(f", at {place}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "marked", "sentence"),
+    [
+        ("        return {}", "        return {}[1]", "{}[1]", "controller 'pid': KeyError: 1"),
+        ("import numpy as np", "import numpi as np", "numpi", "cannot be imported: No module named 'numpi'"),
+        ("np.zeros(", "np.zeros((", "np.zeros((", "cannot be imported: '(' was never closed"),
+    ],
+)
+def test_a_law_that_cannot_be_started(law, fails, old: str, new: str, marked: str, sentence: str) -> None:
+    place = law(old, new, marked)
+    printed = fails(2)
+    assert sentence in printed
+    assert printed.strip().endswith(f", at {place}")
+
+
+def test_gains_that_fail(law, scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    check = "\n\n    def __post_init__(self):\n        super().__post_init__()\n        assert self.K < 2, 'too much'\n"
+    place = law("above=0)\n", "above=0)" + check, "assert")
+    text = (scenarios / "clmr_line.xml").read_text(encoding="utf-8")
+    begin, end = text.index("<controller"), text.index("</controller>")
+    mine = '<controller id="pid" name="mine" package="my-law" version="==1.0"><gain name="K" value="3"/>'
+    scenario = tmp_path / "mine.xml"
+    scenario.write_text(text[:begin] + mine + text[end:], encoding="utf-8")
+    assert main(["check", str(scenario)]) == 2
+    printed = capsys.readouterr().err
+    assert printed.strip().endswith(f"error: controller 'pid': AssertionError: too much, at {place}")
