@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -13,7 +14,7 @@ from cosim.fmu import Fmu
 from cosim.parameters import ParameterValue
 from cosim.plant.fleet import Link, Member
 from cosim.plant.spec import Block, PlantSpec, Value
-from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, PlantSource
+from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
 from cosim.setup import RobotSetup
 
 DIVERGED_POSE = 1e9
@@ -102,7 +103,7 @@ def plant(
         solver=source.solver or DEFAULT_SOLVER,
         solver_steps=source.solver_steps or 1,
         tolerance=source.tolerance or DEFAULT_TOLERANCE,
-        time_limit=source.time_limit,
+        time_limit=_time_limit(fmu, source),
         logging=source.logging,
         discrete=tuple(value.as_value for value in discrete),
     )
@@ -122,7 +123,22 @@ def plant(
 
 def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
     """Return whether each robot's FMU runs in a process of its own, as asked for or as it must."""
-    return source.isolated or bool(fmu.about_interface.canBeInstantiatedOnlyOncePerProcess)
+    return source.isolated or bool(why_own_process(fmu))
+
+
+def why_own_process(fmu: Fmu) -> str:
+    """Return why an FMU must run in processes of its own, with the FMU as the subject; empty if it need not."""
+    if fmu.about_interface.canBeInstantiatedOnlyOncePerProcess:
+        return "can be there only once in a process"
+    return f"brings {fmu.brought_code}" if fmu.brought_code else ""
+
+
+def _time_limit(fmu: Fmu, source: PlantSource) -> float:
+    """Return the time limit as stated; else the default where a process of its own is asked for, or declared."""
+    if source.time_limit is not None:
+        return source.time_limit
+    declared = source.isolated or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
+    return TIME_LIMIT if declared else math.inf
 
 
 def _block(

@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import stat
-import tempfile
 import zipfile
 import zlib
 from contextlib import suppress
@@ -20,8 +19,10 @@ import fmpy
 from lxml import etree
 
 from cosim.binding import NEGATED, Binding, bind
+from cosim.brought_code import brought_code
 from cosim.errors import InputError, Location
 from cosim.paths import absent
+from cosim.plain_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
 
@@ -70,10 +71,13 @@ class Fmu(Package):
         The one that is used: `CO_SIMULATION` or `MODEL_EXCHANGE`.
     binding : Binding
         Which variable plays which role.
+    brought_code : str
+        The code that it brings besides its binaries, in words; see `cosim.brought_code`.
     """
 
     interface: str
     binding: Binding
+    brought_code: str
 
     @property
     def about_interface(self) -> Any:
@@ -99,7 +103,7 @@ def open_package(path: Path, where: Location | None = None) -> Package:
     except OSError as error:
         raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
     _check_archive(path, where)
-    directory = Path(tempfile.mkdtemp(prefix="formation-fmu-"))
+    directory = plain_folder("formation-fmu-")
     try:
         description, problems = _unpack(path, directory, where)
         return Package(path, sha256, description, problems, directory)
@@ -132,7 +136,7 @@ def open_fmu(
         chosen = choose_interface(package, interface, where)
         check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
         binding = bind(package.description, str(path), declared, where)
-        return Fmu(**vars(package), interface=chosen, binding=binding)
+        return Fmu(**vars(package), interface=chosen, binding=binding, brought_code=_brought_code(package))
     except BaseException:
         package.close()
         raise
@@ -297,6 +301,14 @@ def check_binary(package: Package, identifier: str, where: Location | None) -> N
     if not (folder / name).is_file():
         found = ", ".join(sorted(entry.name for entry in folder.iterdir())) or "nothing"
         raise InputError(f"the FMU {package.path} has no {name} in binaries/{platform}, only: {found}", where)
+
+
+def _brought_code(package: Package) -> str:
+    """Return the code that an FMU brings besides the binaries of its interfaces, in words."""
+    about = package.description
+    interfaces_ = (about.coSimulation, about.modelExchange, about.scheduledExecution)
+    names = [one.modelIdentifier + fmpy.sharedLibraryExtension for one in interfaces_ if one is not None]
+    return brought_code(package.directory, this_machine(about), names)
 
 
 def this_machine(description: Any) -> str:

@@ -43,11 +43,15 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run the scenario and judge it."""
-        import cosim
+        from cosim.reader import read_scenario
+        from cosim.simulation import Simulation
         from cosim.summary import summarise
 
-        scenario = cosim.read_scenario(self._shown_path())
-        summary = summarise(scenario, cosim.run(scenario))
+        scenario = read_scenario(self._shown_path())
+        with Simulation(scenario) as simulation:
+            self._judge(summarise(scenario, simulation.run()))  # before the plants end
+
+    def _judge(self, summary: Summary) -> None:
         for verdict in summary.verdicts:
             name = " ".join(part for part in (verdict.expectation, verdict.robot) if part)
             self.user_properties.append((name, f"{verdict.outcome}: {verdict.finding}"))

@@ -17,7 +17,6 @@ from cosim.quantity import quantity, split
 from cosim.scenario import (
     LEADER,
     OPEN,
-    TIME_LIMIT,
     BindingSource,
     ControllerSource,
     Effect,
@@ -158,7 +157,7 @@ class _Reader:
             solver_steps=self._solver_steps(element),
             tolerance=self._tolerance(element),
             isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
-            time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else TIME_LIMIT,
+            time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else None,
             logging="log" in element.attrib,
             parameters=self._settings(element, "parameter"),
             where=self.document.where(element),

@@ -99,8 +99,8 @@ class PlantSource:
         Whether each robot's FMU runs in a process of its own.
     logging : bool
         Whether the FMU logs all that it can.
-    time_limit : float
-        Of such a process [s], for the start, a step and the end.
+    time_limit : float or None
+        Of such a process [s], for the start, a step and the end; None if nothing is said.
     """
 
     id: str
@@ -113,7 +113,7 @@ class PlantSource:
     solver_steps: int | None = None
     tolerance: float | None = None
     isolated: bool = False
-    time_limit: float = TIME_LIMIT
+    time_limit: float | None = None
     logging: bool = False
     parameters: tuple[Setting, ...] = ()
 

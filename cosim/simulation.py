@@ -18,7 +18,7 @@ from cosim.connect import member
 from cosim.errors import InputError, RunInterrupted, SimulationError, nearest
 from cosim.interrupt import HeldSignals
 from cosim.pacing import Pacer
-from cosim.plant.fleet import Fleet
+from cosim.plant.fleet import Fleet, returning
 from cosim.recorder import Recorder
 from cosim.result import dataset
 from cosim.scenario import LEADER, Scenario
@@ -242,7 +242,7 @@ class Simulation:
         RunInterrupted
             The user pressed Ctrl-C.
         """
-        with HeldSignals(patience=1) as signals, timed(self.timing, "loop"):
+        with HeldSignals(patience=1) as signals, timed(self.timing, "loop"), returning():
             try:
                 while not self.finished and not signals.received:
                     if progress:

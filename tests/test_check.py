@@ -61,7 +61,11 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
     kinds = {
         "plain": ({}, "", "FMI 2.0 Co-Simulation, in the harness"),
         "apart": ({"fmi": "3.0"}, 'isolate="process"', "FMI 3.0 Co-Simulation, each robot in a process of its own"),
-        "once": ({"once": True}, "", "FMI 2.0 Co-Simulation, each robot in a process of its own"),
+        "once": (
+            {"once": True},
+            "",
+            "FMI 2.0 Co-Simulation, each robot in a process of its own, as it can be there only once in a process",
+        ),
         "steps": (
             {"interface": "model_exchange"},
             'solver_step="5 ms"',

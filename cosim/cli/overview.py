@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import safe, table
-from cosim.connect import in_own_process
+from cosim.connect import in_own_process, why_own_process
 from cosim.fmu_facts import NAMES
 from cosim.plant.spec import MODEL_EXCHANGE
 from cosim.scenario import (
@@ -74,6 +74,8 @@ def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
     for name, fmu in setup.fmus.items():
         source = scenario.plants[name]
         how = "each robot in a process of its own" if in_own_process(fmu, source) else "in the harness"
+        if not source.isolated and (why := why_own_process(fmu)):
+            how += f", as it {why}"
         if source.model is not None:
             if in_own_process(fmu, source):
                 yield f"plant {name}: {how}"

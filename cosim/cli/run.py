@@ -7,7 +7,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from itertools import groupby
 from pathlib import Path
 
@@ -48,36 +48,46 @@ def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iter
     """Run each scenario, keep what came of it, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
-        started = time.perf_counter()
-        outcome = Outcome(name=path.stem, path=path)
-        try:
-            scenario = read(path, options)
-            outcome.name = scenario.name
-            if scenario.name in names:
-                raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
-            names[scenario.name] = path
-            _run_one(scenario, options, outcome)
-            yield 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
-        except FormationError as error:
-            report(error)
-            outcome.error = error
-            yield error.exit_status
-        except BaseException as error:
-            outcome.error = error
-            raise
-        finally:
-            outcome.seconds = time.perf_counter() - started
-            outcomes.append(outcome)
+        with ExitStack() as ending:  # the plants end last: whatever an FMU does then, all is written and said
+            yield _run_scenario(path, options, outcomes, names, ending)
 
 
-def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome) -> None:
+def _run_scenario(
+    path: Path, options: argparse.Namespace, outcomes: list[Outcome], names: dict[str, Path], ending: ExitStack
+) -> int:
+    started = time.perf_counter()
+    outcome = Outcome(name=path.stem, path=path)
+    try:
+        scenario = read(path, options)
+        outcome.name = scenario.name
+        if scenario.name in names:
+            raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
+        names[scenario.name] = path
+        _run_one(scenario, options, outcome, ending)
+        return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
+    except FormationError as error:
+        report(error)
+        outcome.error = error
+        return error.exit_status
+    except BaseException as error:
+        outcome.error = error
+        raise
+    finally:
+        outcome.seconds = time.perf_counter() - started
+        outcomes.append(outcome)
+        if options.junit is not None:
+            with suppress(OutputError):  # it will be told at the end
+                write(options.junit, junit_xml(outcomes))
+
+
+def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, ending: ExitStack) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
         with _status("building and loading plants"):
-            ready = Simulation(scenario)
-        with ready as simulation, HeldSignals() as signals:
+            simulation = ending.enter_context(Simulation(scenario))
+        with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
             try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -125,7 +125,7 @@ class Fleet:
         self._kept = [0] * len(members)
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
         with ExitStack() as cleanup:
-            cleanup.callback(_go_back, os.getcwd())  # from where an FMU may have gone
+            cleanup.enter_context(returning())
             self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_cvode(cleanup)
             self._instances = self._start_instances(cleanup)
             self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
@@ -351,9 +351,15 @@ class Fleet:
         return values[first[index] : first[index + 1]]
 
 
-def _go_back(folder: str) -> None:
-    with suppress(OSError):  # it is gone
-        os.chdir(folder)
+@contextmanager
+def returning() -> Iterator[None]:
+    """Return to the working directory at the end of the block, from where an FMU may have gone."""
+    folder = os.getcwd()
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # it is gone
+            os.chdir(folder)
 
 
 def _links(links: Sequence[Sequence[Link]], first: NDArray[np.int64]) -> NDArray[np.void]:

@@ -27,6 +27,7 @@ from cosim.plant.outcome import (
     failure,
 )
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
+from cosim.plant.unloading import keep, threads, unload
 
 _MAX_EVENT_ITERATIONS = 100
 _MAX_STATES = 1_000_000
@@ -164,7 +165,7 @@ class Instance:
         return failure(what, status, said)
 
     def close(self) -> None:
-        """Terminate the instance, free it and release its library, as far as its status allows."""
+        """Terminate the instance, free it and release its library, as far as its status and its threads allow."""
         fmu, self._fmu = self._fmu, None
         if fmu is not None and fmu.component and self._initialised and self.status < ERROR:
             try:
@@ -173,14 +174,20 @@ class Instance:
                 self._note(error)
         if fmu is not None and self.status < FATAL:
             if fmu.component:
-                fmu.freeInstance()  # and the library
-            else:
-                fmu.freeLibrary()
+                getattr(fmu, self._free)(fmu.component)  # FMPy's freeInstance would unload the library too
+            unload((fmu, self.log), fmu.freeLibrary, self._threads)
+        elif fmu is not None:
+            keep((fmu, self.log))
         self.log.close()
 
     @property
     def _version(self) -> int:
         return int(self.spec.fmi[0])
+
+    @property
+    def _free(self) -> str:
+        kind = "" if self._version > 1 else "Slave" if self._co_simulation else "Model"
+        return f"fmi{self._version}Free{kind}Instance"
 
     @property
     def _co_simulation(self) -> bool:
@@ -202,6 +209,7 @@ class Instance:
         }
         slaves = {1: fmi1.FMU1Slave, 2: fmi2.FMU2Slave, 3: fmi3.FMU3Slave}
         models = {2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
+        self._threads = threads()
         try:
             self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
         except Exception as error:

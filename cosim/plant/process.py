@@ -221,7 +221,7 @@ def _launched() -> subprocess.Popen[bytes]:
         options["stderr"] = subprocess.DEVNULL
     try:
         return subprocess.Popen(
-            [sys.executable, *WORKER, str(os.getpid())],
+            [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,

@@ -12,11 +12,13 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.plant.foreign_modules import make_room
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.outcome import FINE, PlantError
@@ -93,15 +95,21 @@ def start(spec: PlantSpec) -> StepwisePlant:
     PlantError
         See `cosim.plant.instance.Instance`.
     """
-    if not spec.uses_cvode:
-        return LocalPlant(spec)
-    from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
+    plant: Callable[[PlantSpec], StepwisePlant] = LocalPlant
+    if spec.uses_cvode:
+        from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
 
-    return CvodePlant(spec)
+        plant = CvodePlant
+    make_room(Path(spec.directory, "resources"))  # from now on what is imported may be the FMU's
+    return plant(spec)
 
 
 def main() -> None:
-    """Serve one plant until the harness, whose process is the argument, says that it ends, or is gone."""
+    """Serve one plant until the harness says that it ends, or is gone.
+
+    The arguments are the harness's process, and the folders where its Python finds modules.
+    """
+    sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     replies = _Replies()
     if os.name == "posix":
         threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()

@@ -1,0 +1,57 @@
+"""What an FMU brings besides its binary that a process can hold only once: Python modules, libraries, Java classes.
+
+The first `model` that Python imports, the first `libvendor.so.3` that the linker loads, is that of every later FMU in
+the process too, whatever file it came in; and what it has in memory outlasts the run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import fmpy
+
+_LANGUAGES = {
+    ".py": "Python code",
+    ".pyc": "Python code",
+    ".pyd": "Python code",
+    ".jar": "Java code",
+    ".class": "Java code",
+    ".jl": "Julia code",
+    ".lua": "Lua code",
+}
+_LIBRARIES = {
+    ".dll": r".+\.dll",
+    ".dylib": r".+\.(dylib|so)",
+    ".so": r".+\.so(\.[0-9]+)*",
+}
+"""What a shared library is called, by the suffix of an FMU's binaries on the system."""
+
+
+def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> str:
+    """Return what code an FMU brings besides its binaries, in words; empty for none.
+
+    Parameters
+    ----------
+    directory
+        Where it is unpacked.
+    platform
+        The folder of its binaries for this machine.
+    binaries
+        The names of its binaries: those of its interfaces.
+    """
+    library = re.compile(_LIBRARIES[fmpy.sharedLibraryExtension], re.IGNORECASE)
+    beside = directory / "binaries" / platform
+    for path in (*_files(directory / "resources"), *_files(beside), *_files(directory / "extra")):
+        language = _LANGUAGES.get(path.suffix.lower())
+        if language is not None:
+            return f"{language} ({path.name})"
+        if library.fullmatch(path.name) and not (path.parent == beside and path.name in binaries):
+            return f"a library of its own ({path.name})"
+    return ""
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Return all files in a folder, those nearest to it first."""
+    return iter(sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda p: (len(p.parts), p)))

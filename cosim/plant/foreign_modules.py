@@ -1,0 +1,24 @@
+"""Python modules that an FMU brings: in a process of its own it gets its own, not those of the same name of ours."""
+
+from __future__ import annotations
+
+import pkgutil
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES, BuiltinImporter, FrozenImporter
+from pathlib import Path
+
+
+def make_room(folder: Path) -> None:
+    """Forget the modules of this process whose names modules in a folder have.
+
+    Whoever has imported them keeps them; who imports them from now on looks for them anew. What the interpreter has
+    within itself nobody can bring, and a package with compiled modules cannot be loaded twice: both stay.
+    """
+    for _, name, _ in pkgutil.iter_modules([str(folder)]):
+        own = {key: module for key, module in sys.modules.items() if key == name or key.startswith(f"{name}.")}
+        files = [str(getattr(module, "__file__", "")) for module in own.values()]
+        within = name == "__main__" or BuiltinImporter.find_spec(name) or FrozenImporter.find_spec(name)
+        if within or any(file.endswith(tuple(EXTENSION_SUFFIXES)) for file in files):
+            continue
+        for key in own:
+            del sys.modules[key]
