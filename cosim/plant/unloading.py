@@ -22,7 +22,10 @@ _kept: list[object] = []
 def threads() -> frozenset[int] | None:
     """Return the threads of this process that Python has not started; None where the system does not tell."""
     if sys.platform == "linux":
-        found = {int(name) for name in os.listdir("/proc/self/task")}
+        try:
+            found = {int(name) for name in os.listdir("/proc/self/task")}
+        except OSError:
+            return None
     elif sys.platform == "win32":
         found = _threads_of_windows()
     elif sys.platform == "darwin":

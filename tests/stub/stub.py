@@ -16,6 +16,7 @@ from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import Platform, host
 
 HERE = Path(__file__).parent
+VENDOR = "libvendor.so.3"
 
 BEHAVIOURS = {
     "good": "does all right",
@@ -48,6 +49,7 @@ BEHAVIOURS = {
     "trap": "lets invalid floating-point operations raise SIGFPE (glibc)",
     "chdir": "changes the working directory to /",
     "signals": "ignores SIGINT",
+    "thread": "starts a thread that never ends, and aborts if it is unloaded or torn down under it",
 }
 """What a stub can be made to do at its `place`. Before what ends or hangs the process it logs a line."""
 
@@ -62,7 +64,7 @@ PLACES = {
 }
 """In which function a stub does what it is made to do."""
 
-_PLACE = dict.fromkeys(("rounding", "trap", "chdir", "signals"), "instantiate")
+_PLACE = dict.fromkeys(("rounding", "trap", "chdir", "signals", "thread"), "instantiate")
 _ROLES = ("x", "y", "psi", "gamma", "v", "omega")
 
 # Unit of each state, of the torques, of the wheelbase, of the time.
@@ -167,6 +169,7 @@ class Options:
     names: Mapping[str, str] | None = None
     execution_tool: bool = False
     macros: tuple[str, ...] = ()
+    vendor: float | None = None
 
     def __post_init__(self) -> None:
         three = self.fmi == "3.0"
@@ -287,12 +290,18 @@ def make_fmu(where: Path, **options: object) -> Path:
         needsExecutionTool.
     macros : tuple of str
         C macros; WITHOUT_DO_STEP leaves the function out.
+    vendor : float
+        Mass [kg], 10 kg otherwise, that it has from a library of its own, `VENDOR` beside its binary. Linux.
     """
     chosen = Options(**options)  # type: ignore[arg-type]
     content = {
         "modelDescription.xml": description(chosen).encode(),
-        binary_path(chosen): binary(chosen.fmi, chosen.name, chosen.macros),
+        binary_path(chosen): binary(
+            chosen.fmi, chosen.name, (*chosen.macros, *["VENDOR"][: chosen.vendor is not None])
+        ),
     }
+    if chosen.vendor is not None:
+        content[str(Path(binary_path(chosen)).with_name(VENDOR))] = vendor_library(chosen.vendor)
     return write(where / f"{chosen.name}.fmu", content)
 
 
@@ -326,11 +335,26 @@ def _compile(major: str, name: str, macros: tuple[str, ...]) -> bytes:
     assert spec is not None
     assert spec.origin is not None
     headers = Path(spec.origin).parent / "c-code"
-    flags = ("-O1", f"-I{headers}", f"-DMODEL={name}", *(f"-D{macro}" for macro in macros))
+    flags = ("-O1", "-pthread", f"-I{headers}", f"-DMODEL={name}", *(f"-D{macro}" for macro in macros))
     with tempfile.TemporaryDirectory() as scratch:
         for source in HERE.glob("*.[ch]"):
             (Path(scratch) / source.name).write_bytes(source.read_bytes())
+        if "VENDOR" in macros:
+            (Path(scratch) / VENDOR).write_bytes(vendor_library(10.0))
+            flags += (f"-L{scratch}", "-Wl,--no-as-needed", f"-l:{VENDOR}", "-Wl,-rpath,$ORIGIN")
         return compile_library(find_compiler(), host(), Path(scratch), [f"fmi{major}.c"], name, flags)
+
+
+@functools.cache
+def vendor_library(mass: float) -> bytes:
+    """Return a library that says which mass a stub has; all are known by one name."""
+    with tempfile.TemporaryDirectory() as scratch:
+        (Path(scratch) / "vendor.c").write_text(
+            'double vendor_mass(void);\n__attribute__((visibility("default"))) '
+            f"double vendor_mass(void) {{ return {mass!r}; }}\n"
+        )
+        flags = (f"-Wl,-soname,{VENDOR}",)
+        return compile_library(find_compiler(), host(), Path(scratch), ["vendor.c"], "libvendor", flags)
 
 
 # The model description ------------------------------------------------------------------------------------------

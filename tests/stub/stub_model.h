@@ -11,6 +11,7 @@
 #define _GNU_SOURCE
 #include <fenv.h>
 #include <math.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -129,6 +130,20 @@ static inline void hang(void)
     for (;;) pause();
 }
 
+/* A thread that never ends, in code of this library: which may neither be unloaded nor torn down under it. */
+static volatile bool has_thread = false;
+
+static inline void *live(void *nothing)
+{
+    for (;;) usleep(1000);
+    return nothing;
+}
+
+__attribute__((destructor)) static void torn_down(void)
+{
+    if (has_thread) abort();
+}
+
 /* Do what this stub does in a function of the importer's interface: mostly nothing. */
 static inline Status act(Stub *s, const char *place)
 {
@@ -170,6 +185,10 @@ static inline Status act(Stub *s, const char *place)
 #endif
     if (is(s, "chdir") && chdir("/") != 0) return ERROR;
     if (is(s, "signals")) signal(SIGINT, SIG_IGN);
+    if (is(s, "thread") && !has_thread) {
+        pthread_t thread;
+        has_thread = pthread_create(&thread, NULL, live, NULL) == 0;
+    }
     if (is(s, "terminate")) car->terminated = true;
     if (strncmp(s->behaviour, "log_", 4) == 0 && !car->logged) {
         car->logged = true;
@@ -305,6 +324,15 @@ static inline Status finish(Stub *s)
 
 /* ---- the model ---- */
 
+#ifdef VENDOR
+double vendor_mass(void); /* of a library of its own */
+#else
+static inline double vendor_mass(void)
+{
+    return 10.0;
+}
+#endif
+
 static inline void derivatives(const Stub *s, double rate[STATES])
 {
     const Car *const car = &s->car;
@@ -314,7 +342,7 @@ static inline void derivatives(const Stub *s, double rate[STATES])
     rate[Y] = z[V] * sin(z[PSI]);
     rate[PSI] = z[V] * tan(z[GAMMA]) / car->a;
     rate[GAMMA] = held ? 0.0 : z[OMEGA];
-    rate[V] = car->input[0] / 10.0 * (car->enabled ? car->gear : 0) * (2 - car->direction);
+    rate[V] = car->input[0] / vendor_mass() * (car->enabled ? car->gear : 0) * (2 - car->direction);
     rate[OMEGA] = held ? 0.0 : car->input[1] / 10.0;
     if (is(s, "nan") && car->time >= car->when - EPSILON) rate[X] = NAN;
     if (is(s, "infinity") && car->time >= car->when - EPSILON) rate[V] = INFINITY;

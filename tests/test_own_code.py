@@ -1,0 +1,181 @@
+"""No FMU runs with another's code, nor with what another run has left in memory, in whatever order they come."""
+
+import json
+import math
+import shutil
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import cosim
+from cosim.cli import main
+from cosim.connect import member
+from cosim.reader import read_scenario
+from cosim.result import load
+from cosim.simulation import Simulation
+from cosim.tests.driving import scenario
+
+from .foreign import vehicles
+from .stub.stub import VENDOR, make_fmu
+from .test_foreign_log import BINDING
+
+MODEL = """
+from math import cos, sin, tan
+
+from numbers_of_the_vendor import WHEELBASE
+from plants import DRAG
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from queue import GAIN
+
+built = [0.0]
+
+
+class Vehicle(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        built[0] += 0.5  # what another instance would find
+        self.number = built[0]
+        self.wheelbase = 1000.0
+        for causality, variability, names in (
+            (Fmi2Causality.parameter, Fmi2Variability.fixed, "x0 y0 heading0 steer0 wheelbase"),
+            (Fmi2Causality.input, Fmi2Variability.continuous, "drive_torque steer_torque"),
+            (Fmi2Causality.output, Fmi2Variability.continuous, "pos_x pos_y heading steer speed steer_rate"),
+        ):
+            for name in names.split():
+                setattr(self, name, getattr(self, name, 0.0))
+                self.register_variable(Real(name, causality=causality, variability=variability))
+
+    def exit_initialization_mode(self):
+        self.pos_x, self.pos_y, self.heading, self.steer = self.x0, self.y0, self.heading0, self.steer0
+
+    def do_step(self, current_time, step_size):
+        import late
+
+        self.speed += late.ONE * GAIN * self.number * step_size * (self.drive_torque - DRAG * self.speed)
+        self.pos_x += self.speed * step_size / WHEELBASE
+        return True
+"""
+
+TWO = [("a", 1.0), ("b", 3.0)]
+
+
+@pytest.fixture(scope="module")
+def python_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return two revisions of one vehicle, of which the modules have names that modules of ours have too."""
+    vehicles.require("pythonfmu")
+    made = {}
+    for name, wheelbase in TWO:
+        folder = tmp_path_factory.mktemp(name)
+        modules = {
+            "model": MODEL,
+            "numbers_of_the_vendor": f"WHEELBASE = {wheelbase}",
+            "plants": "DRAG = 0.1",
+            "queue": "GAIN = 1.0",
+            "late": "ONE = 1.0",
+        }
+        (folder / "sources").mkdir()
+        for module, text in modules.items():
+            (folder / "sources" / f"{module}.py").write_text(text)
+        # Built elsewhere than where these modules would get in the way of the tool itself.
+        program = (
+            "import sys, queue, pathlib; del sys.modules['queue']; from pythonfmu.builder import FmuBuilder; "
+            "files = [path for path in pathlib.Path('sources').iterdir() if path.stem != 'model']; "
+            "FmuBuilder.build_FMU('sources/model.py', project_files=files)"
+        )
+        made[name] = vehicles.run(folder, "Vehicle.fmu", "-c", program)
+    return made
+
+
+@pytest.fixture(scope="module")
+def linked_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return two FMUs that each bring another library of one name."""
+    return {name: make_fmu(tmp_path_factory.mktemp(name), vendor=10 * number) for name, number in TWO}
+
+
+Scenario = Callable[..., Path]
+
+
+@pytest.fixture(params=["python_fmus", "linked_fmus"])
+def written(request: pytest.FixtureRequest, tmp_path: Path) -> Scenario:
+    """Return a function that writes a scenario in which the robots, leader first, are of these FMUs."""
+    fmus = request.getfixturevalue(request.param)
+    if request.param == "linked_fmus" and sys.platform != "linux":
+        pytest.skip("its library is ELF")
+    (tmp_path / "binding.xml").write_text(BINDING, encoding="utf-8")
+    binding = 'binding="binding.xml"' if request.param == "python_fmus" else ""
+
+    def write(name: str, *robots: str, more: str = "") -> Path:
+        plants = "".join(f'<plant id="{key}" fmu="{fmus[key]}" {binding}/>' for key in sorted({*robots}))
+        leader, *followers = robots
+        return scenario(tmp_path / f"{name}.xml", plants, leader=leader, followers=followers, more=more)
+
+    return write
+
+
+def same(one: xr.Dataset, other: xr.Dataset) -> bool:
+    return bool(one.drop_attrs().identical(other.drop_attrs()))
+
+
+def test_in_one_scenario_and_one_after_the_other(written: Scenario, tmp_path: Path) -> None:
+    """Each robot moves as it does with its own kind alone, whatever ran before in this process."""
+    runs = {name: written(name, *name) for name in ("aa", "bb", "ab", "ba")}
+    assert main(["run", *map(str, runs.values()), "--out", str(tmp_path), "--no-figure"]) == 0
+    once = {name: load(tmp_path / name / "result.nc") for name in runs}
+    again = {name: cosim.run(path) for name, path in reversed(runs.items())}
+    assert all(same(once[name], again[name]) for name in runs)
+    for leader, follower in ("ab", "ba"):
+        mixed, alone = once[leader + follower], once[leader * 2]
+        assert (mixed.leader_pose == alone.leader_pose).all()
+        assert not (mixed.pose == alone.pose).all(), "the follower is another vehicle"
+    assert not (once["ab"].leader_pose == once["ba"].leader_pose).all()
+
+
+def test_in_a_comparison(written: Scenario) -> None:
+    """The scenario that another one is compared with runs as it does alone."""
+    a, b = (cosim.run(written(name * 2, *name * 2)) for name in "ab")
+    rms = [float((run.range_error**2).mean() ** 0.5) for run in (a, b)]
+    compare = '<expect><compare measure="rms" signal="range_error" factor="1" scenario="aa.xml"/></expect>'
+    expected = rms[1] <= rms[0]
+    assert (main(["run", str(written("bb", "b", "b", more=compare)), "--no-figure"]) == 0) == expected
+    assert rms[0] != rms[1]
+
+
+def test_a_file_that_is_replaced(python_fmus: dict[str, Path], tmp_path: Path) -> None:
+    (tmp_path / "binding.xml").write_text(BINDING, encoding="utf-8")
+    plant = f'<plant id="car" fmu="{tmp_path}/Vehicle.fmu" binding="binding.xml"/>'
+    results = []
+    for name in "aba":
+        shutil.copy(python_fmus[name], tmp_path / "Vehicle.fmu")
+        results.append(cosim.run(scenario(tmp_path / "s.xml", plant)))
+    assert not (results[0].pose == results[1].pose).all()
+    assert same(results[0], results[2])
+
+
+def test_it_is_said(written: Scenario, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written("said", "a", "a")
+    assert main(["check", str(path)]) == 0
+    what = f"a library of its own ({VENDOR})" if "linked" in request.node.name else "Python code (late.py)"
+    assert f"each robot in a process of its own, as it brings {what}; " in capsys.readouterr().out
+    assert json.loads(cosim.run(path).attrs["plants"])["a"]["process"] == "its own"
+
+
+def test_an_fmu_that_is_one_binary_stays_in_the_harness(tmp_path: Path) -> None:
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make_fmu(tmp_path, interface="both")}"/>')
+    assert json.loads(cosim.run(path).attrs["plants"])["car"]["process"] == "the harness"
+
+
+@pytest.mark.parametrize(("stated", "limit"), [("", math.inf), ('time_limit="7 s"', 7.0)])
+def test_it_may_take_as_long_as_in_the_harness(tmp_path: Path, stated: str, limit: float) -> None:
+    """Nobody has asked for a process, and so for no limit."""
+    fmu = make_fmu(tmp_path)
+    with zipfile.ZipFile(fmu, "a") as archive:
+        archive.writestr("resources/lib/model.jar", b"")
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {stated}/>')
+    with Simulation(read_scenario(path)) as simulation:
+        plant = member(simulation.setup.leader, 1.0)
+    assert plant.isolated
+    assert plant.spec.time_limit == limit
