@@ -1,4 +1,4 @@
-"""What an FMU brings besides its binary that a process can hold only once: Python modules, libraries, Java classes.
+"""What an FMU brings that a process can hold only once: Python modules, libraries beside its binary, Java classes.
 
 The first `model` that Python imports, the first `libvendor.so.3` that the linker loads, is that of every later FMU in
 the process too, whatever file it came in; and what it has in memory outlasts the run.
@@ -11,6 +11,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import fmpy
+
+from cosim.unique_variables import unique_variable
 
 _LANGUAGES = {
     ".py": "Python code",
@@ -30,7 +32,7 @@ _LIBRARIES = {
 
 
 def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> str:
-    """Return what code an FMU brings besides its binaries, in words; empty for none.
+    """Return what an FMU brings that a process can hold only once, in words; empty for nothing.
 
     Parameters
     ----------
@@ -49,6 +51,10 @@ def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> s
             return f"{language} ({path.name})"
         if library.fullmatch(path.name) and not (path.parent == beside and path.name in binaries):
             return f"a library of its own ({path.name})"
+    for name in binaries:
+        variable = unique_variable(beside / name) if (beside / name).is_file() else ""
+        if variable:
+            return f"variables that a process has only once ({variable})"
     return ""
 
 

@@ -72,7 +72,7 @@ class Fmu(Package):
     binding : Binding
         Which variable plays which role.
     brought_code : str
-        The code that it brings besides its binaries, in words; see `cosim.brought_code`.
+        What it brings that a process can hold only once, in words; see `cosim.brought_code`.
     """
 
     interface: str
@@ -304,7 +304,7 @@ def check_binary(package: Package, identifier: str, where: Location | None) -> N
 
 
 def _brought_code(package: Package) -> str:
-    """Return the code that an FMU brings besides the binaries of its interfaces, in words."""
+    """Return what an FMU brings that a process can hold only once, in words."""
     about = package.description
     interfaces_ = (about.coSimulation, about.modelExchange, about.scheduledExecution)
     names = [one.modelIdentifier + fmpy.sharedLibraryExtension for one in interfaces_ if one is not None]

@@ -179,3 +179,13 @@ def test_it_may_take_as_long_as_in_the_harness(tmp_path: Path, stated: str, limi
         plant = member(simulation.setup.leader, 1.0)
     assert plant.isolated
     assert plant.spec.time_limit == limit
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the linker of Linux")
+def test_variables_that_a_process_has_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each run of an FMU of C++ begins anew: this one drives by how many instances there were."""
+    plant = f'<plant id="car" fmu="{make_fmu(tmp_path, macros=("UNIQUE",))}"/>'
+    path = scenario(tmp_path / "s.xml", plant)
+    assert same(cosim.run(path), cosim.run(path))
+    assert main(["check", str(path)]) == 0
+    assert "as it brings variables that a process has only once (unique_count)" in capsys.readouterr().out

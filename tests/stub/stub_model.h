@@ -246,8 +246,17 @@ static inline bool claim(Stub *s)
     return true;
 }
 
+#ifdef UNIQUE
+__attribute__((visibility("default"))) extern double unique_count;
+__asm__(".pushsection .data\n.balign 8\n.globl unique_count\n.type unique_count, %gnu_unique_object\n"
+        ".size unique_count, 8\nunique_count: .quad 0\n.popsection");
+#endif
+
 static inline void reset(Stub *s, double when)
 {
+#ifdef UNIQUE
+    unique_count += 1.0;
+#endif
     s->car = (Car){.a = 1.2, .drive = 3, .when = when, .enabled = true, .gear = 1, .direction = 1, .note = ""};
 }
 
@@ -329,7 +338,11 @@ double vendor_mass(void); /* of a library of its own */
 #else
 static inline double vendor_mass(void)
 {
+#ifdef UNIQUE /* as a static variable of an inline function of C++: it counts the instances */
+    return unique_count * 10.0;
+#else
     return 10.0;
+#endif
 }
 #endif
 
