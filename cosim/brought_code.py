@@ -10,8 +10,6 @@ import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-import fmpy
-
 from cosim.unique_variables import unique_variable
 
 _LANGUAGES = {
@@ -43,7 +41,7 @@ def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> s
     binaries
         The names of its binaries: those of its interfaces.
     """
-    library = re.compile(_LIBRARIES[fmpy.sharedLibraryExtension], re.IGNORECASE)
+    library = re.compile("|".join(_LIBRARIES[Path(name).suffix] for name in binaries), re.IGNORECASE)
     beside = directory / "binaries" / platform
     for path in (*_files(directory / "resources"), *_files(beside), *_files(directory / "extra")):
         language = _LANGUAGES.get(path.suffix.lower())
