@@ -23,7 +23,7 @@ from cosim.plant.fleet import STATE, Fleet
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
 from cosim.quantity import split
 from cosim.reader import read_binding
-from cosim.scenario import PlantSource, Setting
+from cosim.scenario import FIRST_STEP, PlantSource, Setting
 from cosim.setup import check_solver, check_step
 from plants import UnitError, units
 
@@ -49,7 +49,7 @@ class PlantFile:
         The FMU's file, or the name of a built-in model.
     binding : str, Path or None
         The file with the binding; None if its variables have the names of the roles.
-    interface, solver : str
+    interface, solver, start : str
         As in a scenario; empty for the default.
     parameters : dict
         Values of parameters as in a scenario, by the parameter's name or the role that it plays.
@@ -60,11 +60,13 @@ class PlantFile:
     interface: str = ""
     solver: str = ""
     parameters: Mapping[str, str] = field(default_factory=dict)
+    start: str = ""
 
     def __post_init__(self) -> None:
         for what, said, known in (
             ("interface", self.interface, (CO_SIMULATION, MODEL_EXCHANGE)),
             ("solver", self.solver, SOLVERS),
+            ("start", self.start, (FIRST_STEP,)),
         ):
             if said and said not in known:
                 raise InputError(f"there is no {what} {said!r}: {nearest(said, list(known))}")
@@ -308,6 +310,7 @@ class _Run:
             binding=None if file.binding is None else read_binding(file.binding),
             interface=file.interface,
             solver=file.solver,
+            late_outputs=bool(file.start),
             isolated=isolated and not built_in,
             parameters=tuple(
                 Setting(key, value, Location(f"--parameter {key}={value}")) for key, value in file.parameters.items()

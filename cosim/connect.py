@@ -10,10 +10,10 @@ import numpy as np
 
 from cosim.binding import BoundRole, BoundVariable, start_of
 from cosim.contract import Role
-from cosim.fmu import Fmu
+from cosim.fmu import Fmu, experiment_number
 from cosim.parameters import ParameterValue
-from cosim.plant.fleet import Link, Member
-from cosim.plant.spec import Block, PlantSpec, Value
+from cosim.plant.member import Link, Member
+from cosim.plant.spec import MODEL_EXCHANGE, Block, PlantSpec, Value
 from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
 from cosim.setup import RobotSetup
 
@@ -84,7 +84,8 @@ def plant(
     bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
     driven = (*(binding.bound[role.name] for role in contract.torque), *inputs)
     input_block, input_places = _block(description, driven, given)
-    output_block, output_places = _block(description, binding.of(states))
+    presumed = (*pose, *[0.0] * len(contract.velocity)) if source.late_outputs else ()
+    output_block, output_places = _block(description, binding.of(states), presumed)
     spec = PlantSpec(
         robot=name,
         file=fmu.path.name,
@@ -102,7 +103,8 @@ def plant(
         completed_steps=bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
         solver=source.solver or DEFAULT_SOLVER,
         solver_steps=source.solver_steps or 1,
-        tolerance=source.tolerance or DEFAULT_TOLERANCE,
+        tolerance=tolerance_of(fmu, source),
+        late_outputs=source.late_outputs,
         time_limit=_time_limit(fmu, source),
         logging=source.logging,
         discrete=tuple(value.as_value for value in discrete),
@@ -119,6 +121,19 @@ def plant(
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
         where=source.where,
     )
+
+
+def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
+    """Return the relative tolerance of CVODE, or the one that a Co-Simulation FMU is told for its own solver.
+
+    Without one in the scenario, an FMU is told that of its default experiment, if it has one that can be meant; so does
+    FMPy. A built-in model has a parameter for it. None if nobody is told any.
+    """
+    if fmu.interface == MODEL_EXCHANGE:
+        return (source.tolerance or DEFAULT_TOLERANCE) if source.solver == "cvode" else None
+    if source.model is not None or fmu.description.fmiVersion == "1.0":
+        return None
+    return source.tolerance or experiment_number(fmu.description, "tolerance")
 
 
 def in_own_process(fmu: Fmu, source: PlantSource) -> bool:

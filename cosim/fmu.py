@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
 import shutil
@@ -148,6 +149,15 @@ def interfaces(description: Any) -> dict[str, Any]:
     if description.fmiVersion != "1.0":
         known[MODEL_EXCHANGE] = description.modelExchange
     return {name: about for name, about in known.items() if about is not None}
+
+
+def experiment_number(description: Any, name: str) -> float | None:
+    """Return a number of an FMU's default experiment, such as its ``tolerance``; None if it is not more than zero."""
+    try:
+        number = float(getattr(description.defaultExperiment, name, None) or 0.0)
+    except ValueError:
+        return None
+    return number if 0.0 < number < math.inf else None
 
 
 def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:

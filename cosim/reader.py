@@ -15,6 +15,7 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
 from cosim.scenario import (
+    FIRST_STEP,
     LEADER,
     OPEN,
     BindingSource,
@@ -156,6 +157,7 @@ class _Reader:
             solver=element.get("solver", ""),
             solver_steps=self._solver_steps(element),
             tolerance=self._tolerance(element),
+            late_outputs=element.get("start") == FIRST_STEP,
             isolated="isolate" in element.attrib or (path is not None and self._distrusts(path)),
             time_limit=self._positive(element, "time_limit", "s") if "time_limit" in element.attrib else None,
             logging="log" in element.attrib,

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 
-from cosim.connect import in_own_process
+from cosim.connect import in_own_process, tolerance_of
 from cosim.contract import labels
 from cosim.errors import OutputError
 from cosim.fmu import Fmu
@@ -160,6 +160,7 @@ def _provenance(
                     "fmi_version": fmu.description.fmiVersion,
                     "interface": fmu.interface,
                     "process": "its own" if in_own_process(fmu, scenario.plants[name]) else "the harness",
+                    "tolerance": tolerance_of(fmu, scenario.plants[name]),
                     "generation_tool": fmu.description.generationTool,
                     "binding": fmu.binding.described(),
                 }

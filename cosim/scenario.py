@@ -10,6 +10,9 @@ from cosim.errors import Location
 
 LEADER = "leader"
 
+FIRST_STEP = "first_step"
+"""From when on the outputs of a plant count, where that is not the start."""
+
 DEFAULT_SOLVER = "runge_kutta_4"
 """What integrates a Model Exchange FMU."""
 DEFAULT_TOLERANCE = 1e-6
@@ -94,7 +97,9 @@ class PlantSource:
     solver_steps : int or None
         How many of the solver's steps make a communication step; None if nothing is said, for one.
     tolerance : float or None
-        Relative tolerance of a solver with variable steps; None if nothing is said, for the default.
+        Relative tolerance of cvode, or of the solver that a Co-Simulation FMU brings; None if nothing is said.
+    late_outputs : bool
+        Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
     logging : bool
@@ -112,6 +117,7 @@ class PlantSource:
     solver: str = ""
     solver_steps: int | None = None
     tolerance: float | None = None
+    late_outputs: bool = False
     isolated: bool = False
     time_limit: float | None = None
     logging: bool = False

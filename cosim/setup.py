@@ -225,8 +225,16 @@ def _plants_of(scenario: Scenario) -> list[str]:
 
 def check_solver(fmu: Fmu, source: PlantSource) -> None:
     """Refuse what is said of a solver that an FMU does not use."""
-    asked = {"solver": source.solver or None, "solver_step": source.solver_steps, "tolerance": source.tolerance}
+    asked = {"solver": source.solver or None, "solver_step": source.solver_steps}
     given = [name for name, value in asked.items() if value is not None]
+    if fmu.interface == CO_SIMULATION and source.tolerance is not None:
+        if source.model is not None:
+            raise InputError(
+                f'a built-in model has a parameter for it: <parameter name="tolerance" value="{source.tolerance:g}"/>',
+                source.where,
+            )
+        if fmu.description.fmiVersion == "1.0":
+            raise InputError(f"the FMU {fmu.path} is FMI 1.0 Co-Simulation, which is told no tolerance", source.where)
     if fmu.interface == CO_SIMULATION and given:
         other = (
             f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
@@ -239,7 +247,7 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
             source.where,
         )
     solver = source.solver or DEFAULT_SOLVER
-    if source.tolerance is not None and solver != "cvode":
+    if fmu.interface == MODEL_EXCHANGE and source.tolerance is not None and solver != "cvode":
         raise InputError(
             f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
             source.where,

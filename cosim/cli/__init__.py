@@ -230,6 +230,12 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
             help=f"what integrates {name} in Model Exchange (runge_kutta_4)",
         )
         command.add_argument(
+            f"--start-{side}",
+            choices=["first_step"],
+            default="",
+            help=f"from when on the outputs of {name} count (the start)",
+        )
+        command.add_argument(
             f"--parameter-{side}", action="append", default=[], metavar="NAME=VALUE", help=f"a parameter of {name}"
         )
     command.add_argument(

@@ -65,6 +65,7 @@ def _plant(options: argparse.Namespace, side: str) -> PlantFile:
         interface=getattr(options, f"interface_{side}"),
         solver=getattr(options, f"solver_{side}"),
         parameters=both | own,
+        start=getattr(options, f"start_{side}"),
     )
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import safe, table
-from cosim.connect import in_own_process, why_own_process
+from cosim.connect import in_own_process, tolerance_of, why_own_process
 from cosim.fmu_facts import NAMES
-from cosim.plant.spec import MODEL_EXCHANGE
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import (
     DEFAULT_SOLVER,
     DEFAULT_TOLERANCE,
@@ -81,12 +81,15 @@ def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
                 yield f"plant {name}: {how}"
             continue
         solver = f", {_solver(source, scenario.step)}" if fmu.interface == MODEL_EXCHANGE else ""
+        if fmu.interface == CO_SIMULATION and (tolerance := tolerance_of(fmu, source)) is not None:
+            solver = f", told a tolerance of {tolerance:g}"
+        late = ", whose outputs count from the first step on" if source.late_outputs else ""
         players = {role: player for role, player in fmu.binding.described().items() if player != role}
         roles = [f"{role}: {player}" for role, player in players.items()]
         if len(players) < len(fmu.binding.bound):
             roles.append(f"all {'other ' if players else ''}roles by their names")
         version = f"FMI {fmu.description.fmiVersion} {NAMES[fmu.interface]}"
-        yield f"plant {name}: {fmu.path.name}, {version}{solver}, {how}; {'; '.join(roles)}"
+        yield f"plant {name}: {fmu.path.name}, {version}{solver}, {how}{late}; {'; '.join(roles)}"
 
 
 # In words ---------------------------------------------------------------------------------------------------

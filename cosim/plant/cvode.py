@@ -51,8 +51,9 @@ class CvodePlant:
         self._given = np.full(len(spec.inputs.start), np.nan)
         try:
             self._fmu = self._instance.fmu
+            assert spec.tolerance is not None
             self._solver = _Solver(self._instance, spec.tolerance)
-            self.first_outputs = self._outputs()
+            self.first_outputs = list(spec.outputs.start) if spec.late_outputs else self._outputs()
         except BaseException as error:
             said = self._instance.log.take() or str(error)
             self.close()

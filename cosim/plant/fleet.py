@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import InputError, Location, SimulationError
+from cosim.errors import InputError, SimulationError
 from cosim.plant.calls import compiled
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
-from cosim.plant.outcome import FINE, NoInstance, PlantError
+from cosim.plant.member import Link, Member
+from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.process import ProcessPlant, end
-from cosim.plant.spec import PlantSpec, Value
+from cosim.plant.spec import Value
+from cosim.plant.start import SHOWN_LATE, check_pose, moved_too_far, not_started
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
 from cosim.plant.stepwise import StepwisePlant
 
@@ -28,65 +28,9 @@ STATE = 6
 KEPT_MESSAGES = 20
 """How many of a plant's messages are kept, the first ones."""
 
-START_TOLERANCE = 1e-6
-"""How far [m, rad], and relative to what was asked for, a plant may be from its initial pose at the start."""
-
 _LINK = np.dtype(
     [("row", np.int64), ("place", np.int64), ("scale", np.float64), ("offset", np.float64), ("bound", np.float64)]
 )
-
-
-@dataclass(frozen=True)
-class Link:
-    """A role that a number of an FMU plays.
-
-    Attributes
-    ----------
-    name, unit : str
-        The role and its unit.
-    place : int
-        Which number of the block of inputs or outputs it is; -1 if nothing plays the role, which is then not a number.
-    scale, offset : float
-        ``value in the role's unit = scale * number + offset``.
-    bound : float
-        Magnitude in the role's unit beyond which the motion has diverged.
-    """
-
-    name: str
-    unit: str
-    place: int
-    scale: float
-    offset: float
-    bound: float = np.inf
-
-
-@dataclass(frozen=True)
-class Member:
-    """A plant of a fleet.
-
-    Attributes
-    ----------
-    spec : PlantSpec
-        What to start.
-    inputs, outputs : tuple of Link
-        Its roles.
-    pose : tuple of float
-        The initial pose, as the first of the outputs must be at the start; empty if it does not matter.
-    isolated : bool
-        Whether it runs in a process of its own.
-    needs_tool : bool
-        Whether it says that it needs another program.
-    where : Location or None
-        Who asks for it.
-    """
-
-    spec: PlantSpec
-    inputs: tuple[Link, ...]
-    outputs: tuple[Link, ...]
-    pose: tuple[float, ...] = ()
-    isolated: bool = False
-    needs_tool: bool = False
-    where: Location | None = None
 
 
 class Fleet:
@@ -146,7 +90,9 @@ class Fleet:
             for index, failure in self._failed().items() if found == _FAILED else ():
                 raise self._not_started(index, PlantError(f"it {failure}"))
             self._check(0.0, found, 0.0)
-            self._check_start()
+            for member, found_there in zip(self.members, self._state, strict=True):
+                check_pose(member, found_there)
+            self._late = [index for index, member in enumerate(self.members) if member.spec.late_outputs]
             self._cleanup = cleanup.pop_all()
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
@@ -165,10 +111,17 @@ class Fleet:
             Plants did not accept their inputs, complete the step or return finite outputs: each of them, with its own
             messages.
         """
-        rows, time = self._rows, tick * step
-        if not self._external:
-            self._check(time, _tick(self._arrays, given, time, step), (tick + 1) * step)
-            return
+        time, after = tick * step, (tick + 1) * step
+        if self._external:
+            self._step_all(time, step, given, after)
+        else:
+            self._check(time, _tick(self._arrays, given, time, step), after)
+        if self._late:
+            self._check_first_step(after)
+
+    def _step_all(self, time: float, step: float, given: NDArray[np.float64], after: float) -> None:
+        """Step the plants here and those that are stepped elsewhere side by side."""
+        rows = self._rows
         _give(self._arrays, given)
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
@@ -180,7 +133,7 @@ class Fleet:
             except PlantError as error:
                 failures[index] = str(error)
         found = _FAILED if failed or failures else _take(self._arrays)
-        self._check(time, found, (tick + 1) * step, failures)
+        self._check(time, found, after, failures)
 
     def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Take many steps in one call, with all inputs given.
@@ -199,12 +152,13 @@ class Fleet:
         SimulationError
             See `step`; what was reached is in `out`.
         """
-        if self._external:
-            for k, now in enumerate(given):
-                self.step(first + k, step, now)
-                out[k] = self._state
+        one_by_one = len(given) if self._external else min(len(given), 1 if self._late else 0)
+        for k in range(one_by_one):
+            self.step(first + k, step, given[k])
+            out[k] = self._state
+        if one_by_one == len(given):
             return
-        tick, found = _run(self._arrays, given, first, step, out)
+        tick, found = _run(self._arrays, given[one_by_one:], first + one_by_one, step, out[one_by_one:])
         self._check(tick * step, found, (tick + 1) * step)
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
@@ -270,31 +224,16 @@ class Fleet:
         return instances
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
-        member = self.members[index]
-        spec = member.spec
-        message = f"the FMU {spec.file} cannot be started as {spec.robot}: {error}"
-        here = [other.spec for other in self.members[:index] if not other.isolated]
-        others = [o.robot for o in here if (o.identifier, o.token) == (spec.identifier, spec.token)]
-        if isinstance(error, NoInstance) and others and not member.isolated:
-            message += (
-                f"; {others[0]} runs the same FMU in this process, which may allow one only: "
-                'isolate="process" in its <plant> gives each robot a process of its own'
-            )
-        if member.needs_tool:
-            message += "; it also says that it needs an execution tool, which may be missing here"
-        return InputError(message, member.where)
+        return not_started(self.members, index, error)
 
-    def _check_start(self) -> None:
-        """Refuse a plant that does not start at its initial pose."""
-        for index, member in enumerate(self.members):
-            for link, wanted, found in zip(member.outputs, member.pose, self._state[index].tolist(), strict=False):
-                apart = math.remainder(found - wanted, math.tau) if link.unit == "rad" else found - wanted
-                if abs(apart) > START_TOLERANCE * max(1.0, abs(wanted)):
-                    raise InputError(
-                        f"the FMU {member.spec.file} does not take the initial pose of {member.spec.robot}: "
-                        f"{link.name} is {found:g} {link.unit} at the start, not {wanted:g} {link.unit}",
-                        member.where,
-                    )
+    def _check_first_step(self, time: float) -> None:
+        """Refuse a plant whose outputs, which show its pose from now on, show another one than its initial pose."""
+        late, self._late = self._late, []
+        failures = {
+            index: said for index in late if (said := moved_too_far(self.members[index], time, self._state[index]))
+        }
+        if failures:
+            raise SimulationError(*self._failures(failures, time))
 
     # What has become of a step ----------------------------------------------------------------------------------
 
@@ -305,6 +244,8 @@ class Fleet:
             failures |= self._failed()
         elif found == _DIVERGED:
             time, failures = after, self._diverged()
+            if after == 0.0:
+                failures = {index: f"{said}; {SHOWN_LATE}" for index, said in failures.items()}
         if Log.pending:
             for index, instance in self._instances.items():
                 self._keep(index, instance.log.take(), time)
@@ -422,7 +363,7 @@ def _read(plants: _Arrays) -> int:
     failed = False
     for i in range(len(plants.rows)):
         row = plants.rows[i]
-        if row["kind"] != EXTERNAL:
+        if row["kind"] != EXTERNAL and row["late"] == 0:
             row["what"], row["status"] = read_outputs(row)
             failed = failed or row["what"] != FINE
     return _FAILED if failed else _take(plants)

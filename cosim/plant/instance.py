@@ -236,16 +236,17 @@ class Instance:
 
     def _initialise(self) -> None:
         fmu = self._fmu
+        tolerance = self.spec.tolerance if self._co_simulation else None
         stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
         if self._version == 1:
             self._give_inputs()
             self._initialise_slave(stop)
         else:
             if self._version == 2:
-                fmu.setupExperiment(startTime=0.0, stopTime=stop)
+                fmu.setupExperiment(tolerance=tolerance, startTime=0.0, stopTime=stop)
                 fmu.enterInitializationMode()
             else:
-                fmu.enterInitializationMode(startTime=0.0, stopTime=stop)
+                fmu.enterInitializationMode(tolerance=tolerance, startTime=0.0, stopTime=stop)
             self._give_inputs()
             fmu.exitInitializationMode()
         self._initialised = True

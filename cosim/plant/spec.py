@@ -68,8 +68,10 @@ class PlantSpec:
         Of a Model Exchange FMU: one of `SOLVERS`.
     solver_steps : int
         How many steps of the solver make a communication step.
-    tolerance : float
-        Relative tolerance of a solver with variable steps.
+    tolerance : float or None
+        Relative tolerance: of CVODE, or what a Co-Simulation FMU is told for its own solver; None if there is none.
+    late_outputs : bool
+        Whether the outputs count only from the first step on, and are taken to be as `outputs` has them until then.
     time_limit : float
         Of a process of its own: how long [s] the plant may take to start, for a step, and to end.
     logging : bool
@@ -92,7 +94,8 @@ class PlantSpec:
     completed_steps: bool = True
     solver: str = "runge_kutta_4"
     solver_steps: int = 1
-    tolerance: float = 1e-6
+    tolerance: float | None = None
+    late_outputs: bool = False
     time_limit: float = 10.0
     logging: bool = False
     discrete: tuple[Value, ...] = ()

@@ -28,7 +28,7 @@ ROW = np.dtype(
         for name in (
             *("kind", "version", "component", "set", "get", "step"),
             *("in_names", "in_count", "in_values", "in_size", "in_changed"),
-            *("out_names", "out_count", "out_values", "out_size"),
+            *("out_names", "out_count", "out_values", "out_size", "late"),
             *("scratch", "method", "steps", "states", "indicators", "work", "first", "completes"),
             *FUNCTIONS,
             *("what", "status"),
@@ -106,6 +106,7 @@ class Rows:
             row[f"{which}_size"] = len(block.start)
             values[starts[index] : starts[index + 1]] = block.start
         row["scratch"], row["in_changed"] = self.scratch[index].ctypes.data, True
+        row["late"] = spec.late_outputs
         if slave:
             row["step"] = instance.address("DoStep")
             return

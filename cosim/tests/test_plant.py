@@ -440,7 +440,6 @@ def test_followers_without_velocities(make: Make, tmp_path: Path) -> None:
     [
         ('solver="cvode"', "no solver goes"),
         ('solver_step="20 ms"', "no solver_step goes"),
-        ('tolerance="1e-6"', "no tolerance goes"),
         ('solver="euler" solver_step="5 ms"', "no solver and no solver_step goes"),
     ],
 )

@@ -46,8 +46,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2R
                                fmi2Boolean has_stop, fmi2Real stop)
 {
     REQUIRE(1 << CREATED);
-    (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
+    (void)has_stop, (void)stop;
     ((Stub *)c)->car.time = start;
+    hear_tolerance(c, has_tolerance, tolerance);
     return fmi2OK;
 }
 

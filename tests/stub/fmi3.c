@@ -84,7 +84,8 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean has_tolerance
                                        fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
     REQUIRE(1 << CREATED);
-    (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
+    (void)has_stop, (void)stop;
+    hear_tolerance(c, has_tolerance, tolerance);
     ((Stub *)c)->car.time = start;
     ((Stub *)c)->car.mode = INITIALIZATION;
     return fmi3OK;

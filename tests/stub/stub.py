@@ -161,6 +161,9 @@ class Options:
     units: str = "si"
     initial: str = "exact"
     start_torque: bool = False
+    late: str = ""
+    tolerance: str = ""
+    says_tolerance: bool = False
     velocities: bool = True
     drive: bool = True
     discrete: bool = False
@@ -215,6 +218,8 @@ class Options:
             "step_event": self.step_event,
             "start_parameters": self.initial == "parameters",
             "start_torque": self.start_torque,
+            "late": ("", "zero", "nan", "error").index(self.late),
+            "says_tolerance": self.says_tolerance,
             "event_mode": self.event_mode,
             "early_return": bool(self.early_return),
             "early_always": self.early_return == "always",
@@ -275,6 +280,12 @@ def make_fmu(where: Path, **options: object) -> Path:
         The initial pose: start values of the outputs, or parameters x0, y0, psi0 and gamma0.
     start_torque : bool
         An initial equation uses an input: at the start v = tau_drive / 10.
+    late : {"", "zero", "nan", "error"}
+        What the outputs are before the first step of Co-Simulation instead of what they should be.
+    tolerance : str
+        That of the default experiment.
+    says_tolerance : bool
+        It logs the tolerance that it is told. FMI 2 and 3.
     velocities, drive : bool
         Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
     discrete : bool
@@ -484,7 +495,8 @@ def _said(variable: Variable) -> dict[str, object]:
 
 
 def _experiment(options: Options) -> str:
-    return f'  <DefaultExperiment startTime="0" stopTime="2" stepSize="{options.fixed_step or 0.02}"/>\n'
+    said = _attributes(startTime=0, stopTime=2, tolerance=options.tolerance, stepSize=options.fixed_step or 0.02)
+    return f"  <DefaultExperiment {said}/>\n"
 
 
 _ITEMS = {

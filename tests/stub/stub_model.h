@@ -69,8 +69,9 @@ struct Stub {
     char behaviour[32], place[32]; /* what goes wrong, and in which function */
     double scale[STATES];          /* of the states' units, relative to SI */
     double end_stop, fixed_step, seconds, per_whole; /* per_whole: units of a whole number in one of the real one */
+    int late; /* before the first step outputs are: 1 zero, 2 not a number, 3 refused */
     long lines;
-    bool once, time_event, step_event, start_parameters, start_torque;
+    bool once, time_event, step_event, start_parameters, start_torque, says_tolerance;
     bool model_exchange, fatal, nothing, event_mode, early_always;
     bool early_return, intermediate_update, save;
     bool event_mode_used, early_allowed; /* as the importer says, FMI 3 */
@@ -287,6 +288,8 @@ static inline Stub *create(Stub made, const char *name, const char *token, bool 
     s->time_event = option(token, "time_event", 0) != 0;
     s->step_event = option(token, "step_event", 0) != 0;
     s->start_parameters = option(token, "start_parameters", 0) != 0;
+    s->late = (int)option(token, "late", 0.0);
+    s->says_tolerance = option(token, "says_tolerance", 0) != 0;
     s->start_torque = option(token, "start_torque", 0) != 0;
     s->event_mode = option(token, "event_mode", 0) != 0;
     s->early_return = option(token, "early_return", 0) != 0;
@@ -310,6 +313,12 @@ static inline void destroy(Stub *s)
     act(s, "free");
     if (s->once) unsetenv("FORMATION_STUB_INSTANCE");
     free(s);
+}
+
+static inline void hear_tolerance(Stub *s, bool told, double tolerance)
+{
+    if (s->says_tolerance && told) say(s, OK, "it is told a tolerance of %g", tolerance);
+    if (s->says_tolerance && !told) say(s, OK, "it is told no tolerance");
 }
 
 static inline Status finish_initialization(Stub *s, Mode next)
@@ -515,6 +524,10 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
         return ERROR;
     }
     const bool is_output = reference < STATES || reference == POSE;
+    if (is_output && s->late > 0 && car->steps == 0) {
+        for (size_t i = 0; i < length(reference); i++) value[i] = s->late == 1 ? 0.0 : NAN;
+        return s->late == 3 ? ERROR : OK;
+    }
     return is_output ? act(s, "get") : OK;
 }
 

@@ -1,0 +1,63 @@
+"""A plant of a fleet: what to start, and which numbers play which roles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.errors import Location
+from cosim.plant.spec import PlantSpec
+
+
+@dataclass(frozen=True)
+class Link:
+    """A role that a number of an FMU plays.
+
+    Attributes
+    ----------
+    name, unit : str
+        The role and its unit.
+    place : int
+        Which number of the block of inputs or outputs it is; -1 if nothing plays the role, which is then not a number.
+    scale, offset : float
+        ``value in the role's unit = scale * number + offset``.
+    bound : float
+        Magnitude in the role's unit beyond which the motion has diverged.
+    """
+
+    name: str
+    unit: str
+    place: int
+    scale: float
+    offset: float
+    bound: float = np.inf
+
+
+@dataclass(frozen=True)
+class Member:
+    """A plant of a fleet.
+
+    Attributes
+    ----------
+    spec : PlantSpec
+        What to start.
+    inputs, outputs : tuple of Link
+        Its roles.
+    pose : tuple of float
+        The initial pose, as the first of the outputs must be at the start; empty if it does not matter.
+    isolated : bool
+        Whether it runs in a process of its own.
+    needs_tool : bool
+        Whether it says that it needs another program.
+    where : Location or None
+        Who asks for it.
+    """
+
+    spec: PlantSpec
+    inputs: tuple[Link, ...]
+    outputs: tuple[Link, ...]
+    pose: tuple[float, ...] = ()
+    isolated: bool = False
+    needs_tool: bool = False
+    where: Location | None = None
