@@ -214,7 +214,7 @@ def test_the_first_step_in_a_scenario(make: Make, tmp_path: Path, capsys: pytest
 
 def test_the_first_step_in_a_comparison(make: Make, tmp_path: Path) -> None:
     fmu = make(late="zero")
-    other = ["compare-plants", str(make()), str(fmu), "--duration", "1 s", "--within", "1e-12", "--no-figure"]
+    other = ["compare-plants", str(make()), str(fmu), "--duration", "1 s", "--within", "1e-12 m", "--no-figure"]
     assert main([*other, "--out", str(tmp_path), "--start-b", "first_step"]) == 0
     assert main([*other, "--out", str(tmp_path)]) == 2
 
