@@ -24,7 +24,7 @@ from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
 from cosim.quantity import split
 from cosim.reader import read_binding
 from cosim.scenario import FIRST_STEP, PlantSource, Setting
-from cosim.setup import check_solver, check_step
+from cosim.solver import check_solver, check_step
 from plants import UnitError, units
 
 TOLERANCE = 1e-6

@@ -287,7 +287,19 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
         raise InputError(
             f"the FMU {package.path} has the model identifier {identifier!r}, which is no C identifier", where
         )
+    clocks = [v.name for v in description.modelVariables if v.type == "Clock" and _ticked_from_outside(v)]
+    if clocks:
+        raise InputError(
+            f"the FMU {package.path} has the input clock{'s' * (len(clocks) > 1)} {', '.join(map(repr, clocks[:3]))}"
+            f"{', ...' if len(clocks) > 3 else ''}, which an importer must let tick at its times: here, no clock ticks",
+            where,
+        )
     return chosen
+
+
+def _ticked_from_outside(clock: Any) -> bool:
+    """Return whether an importer must let a clock of FMI 3.0 tick; triggered ones may well never tick."""
+    return bool(clock.causality == "input" and clock.intervalVariability != "triggered")
 
 
 def check_binary(package: Package, identifier: str, where: Location | None) -> None:

@@ -18,14 +18,14 @@ from cosim.binding import BoundRole
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location
 from cosim.expectation import Recorded, check, recorded
-from cosim.fmu import Fmu, interfaces, open_fmu
+from cosim.fmu import Fmu, open_fmu
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
-from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.recorder import Channel
 from cosim.robot_inputs import robot_inputs
-from cosim.scenario import DEFAULT_SOLVER, LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
+from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
+from cosim.solver import check_solver, check_step
 from cosim.team import Law, find_law, gains_of
 from cosim.timing import timed
 from cosim.trajectory import Motion, leader_motion
@@ -221,51 +221,6 @@ def _understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> t
 
 def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
-
-
-def check_solver(fmu: Fmu, source: PlantSource) -> None:
-    """Refuse what is said of a solver that an FMU does not use."""
-    asked = {"solver": source.solver or None, "solver_step": source.solver_steps}
-    given = [name for name, value in asked.items() if value is not None]
-    if fmu.interface == CO_SIMULATION and source.tolerance is not None:
-        if source.model is not None:
-            raise InputError(
-                f'a built-in model has a parameter for it: <parameter name="tolerance" value="{source.tolerance:g}"/>',
-                source.where,
-            )
-        if fmu.description.fmiVersion == "1.0":
-            raise InputError(f"the FMU {fmu.path} is FMI 1.0 Co-Simulation, which is told no tolerance", source.where)
-    if fmu.interface == CO_SIMULATION and given:
-        other = (
-            f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
-            if len(interfaces(fmu.description)) > 1
-            else ""
-        )
-        raise InputError(
-            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver, with which no "
-            f"{' and no '.join(given)} goes{other}",
-            source.where,
-        )
-    solver = source.solver or DEFAULT_SOLVER
-    if fmu.interface == MODEL_EXCHANGE and source.tolerance is not None and solver != "cvode":
-        raise InputError(
-            f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
-            source.where,
-        )
-
-
-def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
-    """Refuse an FMU whose fixed internal step does not divide the communication step."""
-    internal = getattr(fmu.about_interface, "fixedInternalStepSize", None)
-    if not internal:
-        return
-    steps = step / float(internal) if float(internal) > 0 else 0.0
-    if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
-        raise InputError(
-            f"the FMU {fmu.path} has a fixed internal step of {float(internal):g} s, which does not divide the "
-            f"communication step of {step:g} s",
-            source.where,
-        )
 
 
 # Robots -----------------------------------------------------------------------------------------------------

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from contextlib import ExitStack
 
-from cosim.cli.console import out, report, verbatim
-from cosim.cli.overview import described_plants, print_overview
+from cosim.cli.console import out, report, verbatim, warn
+from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError
 from cosim.setup import set_up
@@ -21,7 +21,8 @@ def check(options: argparse.Namespace) -> int:
         try:
             scenario = read(path, options)
             with ExitStack() as cleanup:
-                plants = list(described_plants(scenario, set_up(scenario, cleanup, {})))
+                setup = set_up(scenario, cleanup, {})
+                plants, doubts = list(described_plants(scenario, setup)), list(doubtful_plants(scenario, setup))
         except FormationError as error:
             report(error)
             status = max(status, error.exit_status)
@@ -36,4 +37,6 @@ def check(options: argparse.Namespace) -> int:
                 soft_wrap=True,
             )
             print_overview(out(), scenario, plants)
+            for doubt in doubts:
+                warn(doubt)
     return status

@@ -28,6 +28,7 @@ from cosim.scenario import (
     Trajectory,
 )
 from cosim.setup import Setup
+from cosim.solver import step_doubt
 
 _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
 
@@ -67,6 +68,13 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
         console.print(f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}", soft_wrap=True)
     for expectation in scenario.expectations:
         console.print(f"expected: {safe(_expected(expectation))}", soft_wrap=True)
+
+
+def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
+    """Return what may go wrong with plants, as far as their files tell."""
+    for name, fmu in setup.fmus.items():
+        if doubt := step_doubt(fmu, scenario.step):
+            yield f"plant {name}: {fmu.path.name} {doubt}"
 
 
 def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
