@@ -12,11 +12,13 @@ from typing import Any
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu_units import UnitContradiction, stated, unit_of
+from cosim.plant.spec import FLOAT_TYPES, REAL_TYPES, WHOLE
 from cosim.quantity import quantity, split
 from cosim.scenario import BindingSource, RoleSource
 from plants import UnitError, units
 
-REAL_TYPES = ("Real", "Float64")
+NUMBER_TYPES = (*FLOAT_TYPES, *WHOLE)
+"""Types of variables that can play a role with a unit."""
 NEGATED = "negatedAlias"
 """The causality, here, of a variable of FMI 1.0 that is another with the opposite sign."""
 _TWICE: Any = object()
@@ -275,7 +277,7 @@ def _found(
         raise ValueError(f"has {name!r} as {variable.causality}, which {cannot} {role.name!r}")
     if source.where is None and variable.causality != causality:
         raise ValueError(f"has {name!r} as {variable.causality}, not as {causality}")
-    if role.unit and variable.type not in REAL_TYPES:
+    if role.unit and variable.type not in NUMBER_TYPES:
         raise ValueError(f"has {name!r} as {variable.type}, not as {REAL_TYPES[description.fmiVersion[0] == '3']}")
     if role.unit:
         start_of(description, variable)  # which must be such that it can be exchanged

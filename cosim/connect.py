@@ -13,7 +13,7 @@ from cosim.contract import Role
 from cosim.fmu import Fmu, experiment_number
 from cosim.parameters import ParameterValue
 from cosim.plant.member import Link, Member
-from cosim.plant.spec import MODEL_EXCHANGE, Block, PlantSpec, Value
+from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
 from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
 from cosim.setup import RobotSetup
 
@@ -163,7 +163,8 @@ def _block(
 
     The block starts with the roles' values, in the roles' units; where there are none, with the FMU's start values.
     """
-    first: dict[int, int] = {}  # by value reference
+    first: dict[tuple[str, int], int] = {}  # by type and value reference
+    variables: list[Exchanged] = []
     start: list[float] = []
     places = []
     for bound in roles:
@@ -171,30 +172,34 @@ def _block(
             places.append(-1)
             continue
         variable = bound.played_by.variable
-        if variable.valueReference not in first:
-            first[variable.valueReference] = len(start)
+        key = (variable.type, variable.valueReference)
+        if key not in first:
+            first[key] = len(start)
             start += start_of(description, variable)
-        places.append(first[variable.valueReference] + bound.played_by.element)
+            variables.append(Exchanged(variable.name, variable.type, len(start) - first[key]))
+        places.append(first[key] + bound.played_by.element)
     for bound, place, value in zip(roles, places, values, strict=False):
         if bound is not None and bound.played_by is not None:
             start[place] = (value - bound.played_by.offset) / bound.played_by.scale
-    return Block(tuple(first), tuple(start)), places
+    return Block(tuple(reference for _, reference in first), tuple(start), tuple(variables)), places
 
 
 def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: float = np.inf) -> Link:
     scale, offset = (1.0, 0.0) if bound is None else (bound.scale, bound.offset)
-    return Link(role.name, role.unit, place, scale, offset, bound_by)
+    resolution = 0.5 * abs(scale) if bound is not None and bound.variable.type in WHOLE else 0.0
+    return Link(role.name, role.unit, place, scale, offset, bound_by, resolution)
 
 
 def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
     """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
-    values: dict[int, tuple[Any, list[float]]] = {}
+    values: dict[tuple[str, int], tuple[Any, list[float]]] = {}
     for bound, entry in zip(fmu.binding.of(fmu.binding.contract.pose), pose, strict=True):
         assert bound is not None
         assert bound.initial is not None
         variable = bound.initial.variable
         start = list(start_of(fmu.description, variable))
-        _, elements = values.setdefault(variable.valueReference, (variable, start))
+        _, elements = values.setdefault((variable.type, variable.valueReference), (variable, start))
         elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
     for variable, elements in values.values():
-        yield Value(variable.name, variable.type, variable.valueReference, tuple(elements))
+        numbers = map(round, elements) if variable.type in WHOLE else elements
+        yield Value(variable.name, variable.type, variable.valueReference, tuple(numbers))

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, nearest
+from cosim.plant.exchange import whole_range
+from cosim.plant.spec import WHOLE
 from cosim.scenario import InputSource, Wave
 from cosim.signals import acting
 from cosim.table import read_table
 from plants import units
 
-WHOLE = ("Integer", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
-"""Types of whole numbers, those of FMI 1.0 and 2.0 first."""
 DISCRETE = (*WHOLE, "Boolean", "Enumeration", "String")
 """Types of variables that change at communication points only."""
 Discrete: TypeAlias = int | bool | str
@@ -65,8 +65,7 @@ def check_whole(variable: Any, value: Discrete, text: str) -> None:
     kind = variable.type
     if kind not in WHOLE:
         return
-    bits = int(kind.partition("Int")[2]) if kind != "Integer" else 32
-    least, most = (0, 2**bits - 1) if kind.startswith("U") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    least, most = whole_range(kind)
     if not least <= int(value) <= most:
         raise ValueError(f"{text} is out of bounds; a {kind} is from {least} to {most}")
     check_bounds(variable, int(value), text)

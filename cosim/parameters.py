@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of
+from cosim.binding import BoundRole, BoundVariable, start_of
 from cosim.contract import Role
 from cosim.discrete import DISCRETE, check_bounds, check_whole, discrete_value, items
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu import Fmu
-from cosim.fmu_units import unit_of_values
-from cosim.plant.spec import Value
-from cosim.quantity import quantity
+from cosim.fmu_units import unit_of, unit_of_values
+from cosim.plant.spec import FLOAT_TYPES, Value
+from cosim.quantity import quantity, split
 from cosim.scenario import Setting
 from plants import UnitError
+
+_WHOLE_TOLERANCE = 1e-9
+"""By how much a computed number may differ, relative to it, from the whole one that is meant."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,9 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
     values = []
     for setting in settings:
         variable = parameters.get(setting.name)
-        bound = _geometry_role(fmu, setting.name) if variable is None else None
+        bound = _geometry_role(fmu, setting.name)
+        if variable is not None and not _reads_by_role(fmu, setting, bound, variable):
+            bound = None
         player = _player(bound)
         if variable is None and player is None and (bound is None or bound.played_by is not None):
             if any(v.name == setting.name and v.causality == "input" for v in fmu.description.modelVariables):
@@ -98,6 +104,23 @@ def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
     return fmu.binding.bound.get(name) if name in roles else None
 
 
+def _reads_by_role(fmu: Fmu, setting: Setting, bound: BoundRole | None, variable: Any) -> bool:
+    """Return whether a value with a unit is one of the role that the parameter of the role's own name plays.
+
+    That is where the FMU does not say clearly in which unit the parameter is, but the binding does.
+    """
+    player = _player(bound)
+    if bound is None or player is None or player.variable is not variable or not bound.role.unit:
+        return False
+    try:
+        unit_of(fmu.description, variable)
+        return False
+    except UnitError:
+        with suppress(ValueError):
+            return split(setting.value)[1] != "1"
+        return False
+
+
 def _player(bound: BoundRole | None) -> BoundVariable | None:
     """Return what plays a role, if it is a parameter of the FMU."""
     if bound is None or bound.played_by is None or bound.played_by.variable.causality != "parameter":
@@ -114,8 +137,13 @@ def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float |
         raise ValueError("it is an array, which a scenario cannot set")
     value = quantity(setting.value, role.unit)
     number = (value - player.offset) / player.scale
-    check_bounds(player.variable, number, setting.value)
-    return number
+    if player.variable.type in FLOAT_TYPES:
+        check_bounds(player.variable, number, setting.value)
+        return number
+    if abs(number - round(number)) > _WHOLE_TOLERANCE * max(1.0, abs(number)):
+        raise ValueError(f"{setting.value} would be {number:g} of {player.variable.name!r}, which is a whole number")
+    check_whole(player.variable, round(number), setting.value)
+    return round(number)
 
 
 def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, Any]:
@@ -158,7 +186,7 @@ def value_of(description: Any, variable: Any, text: str) -> float | int | bool |
     """
     if variable.dimensions:
         raise ValueError("it is an array, which a scenario cannot set")
-    if variable.type in (*REAL_TYPES, "Float32"):
+    if variable.type in FLOAT_TYPES:
         value = quantity(text, unit_of_values(description, variable, [text]))
         check_bounds(variable, value, text)
         return value

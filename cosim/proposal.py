@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from cosim.binding import REAL_TYPES, match, may_be_started, shape_of
+from cosim.binding import NUMBER_TYPES, match, may_be_started, shape_of
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import Location, printable
 from cosim.fmu_units import UnitContradiction, unit_name, unit_of
 from cosim.grammar import NAMESPACE
 from cosim.naming import NEUTRAL, RECOGNITIONS, SERIES, doubtful, without_start, words_of
+from cosim.plant.spec import WHOLE
 from cosim.scenario import OPEN, BindingSource, RoleSource
 from plants import UnitError, units
 
@@ -217,7 +218,7 @@ def _numbers(description: Any, contract: Contract) -> Iterator[_Number]:
     names = Counter(variable.name for variable in description.modelVariables)
     arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
     for variable in description.modelVariables:
-        if variable.type not in REAL_TYPES or variable.causality not in wanted or names[variable.name] > 1:
+        if variable.type not in NUMBER_TYPES or variable.causality not in wanted or names[variable.name] > 1:
             continue
         if variable.name.startswith(("der(", "__")):
             continue
@@ -298,7 +299,7 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: Iterable
             unfit.append(f"{number.name!r} is in {unit_name(number.variable)}")
             continue
         fitting.append(((rank[0], _ALLOWED[role.causality].index(causality), rank[1]), number, reading))
-    best = _best(fitting)
+    best = _best([found for found in fitting if found[1].variable.type not in WHOLE] or fitting)
     if len(best) == 1:
         return _played(role, description, contract, best[0][1], best[0][2], numbers)
     reasons = []

@@ -9,20 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.binding import REAL_TYPES, BoundRole, BoundVariable, start_of
+from cosim.binding import BoundRole, BoundVariable, start_of
 from cosim.contract import Role
 from cosim.discrete import DISCRETE, Discrete, check_whole, discrete_value, input_course
 from cosim.errors import InputError, nearest
 from cosim.fmu import Fmu
 from cosim.fmu_units import unit_of_values
 from cosim.parameters import ParameterValue
+from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario import InputSource, Scenario, Setting, Wave
 from cosim.schedule import tick_at
 from cosim.signals import input_samples
 from plants import UnitError, units
 
-INPUT_TYPES = (*REAL_TYPES, *DISCRETE)
+INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
 """Types of inputs that a scenario can give values to."""
 
 

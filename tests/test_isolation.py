@@ -26,7 +26,7 @@ from cosim.errors import InputError
 from cosim.plant.outcome import PlantError
 from cosim.plant.process import ProcessPlant
 from cosim.plant.protocol import DONE, FAILED, HEADER, SAID
-from cosim.plant.spec import Block, PlantSpec
+from cosim.plant.spec import Block, Exchanged, PlantSpec
 from cosim.result import load
 from cosim.tests.driving import scenario
 
@@ -578,7 +578,18 @@ def test_ctrl_c_twice_in_a_step_that_does_not_end(harness: Callable[..., Harness
 # What a plant's process answers -----------------------------------------------------------------------------
 
 SPEC = PlantSpec(
-    "robot", "a.fmu", "", "2.0", "co_simulation", "a", "", (), Block((), ()), Block((1,), (0.0,)), 1.0, time_limit=1.0
+    "robot",
+    "a.fmu",
+    "",
+    "2.0",
+    "co_simulation",
+    "a",
+    "",
+    (),
+    Block((), (), ()),
+    Block((1,), (0.0,), (Exchanged("x", "Real"),)),
+    1.0,
+    time_limit=1.0,
 )
 HELLO = HEADER.pack(DONE, 0)
 STARTED = HELLO + HEADER.pack(DONE, 8) + bytes(8)

@@ -17,6 +17,7 @@ from fmpy.sundials.cvode import CV_NORMAL, CV_ROOT_RETURN, CVode
 from fmpy.sundials.nvector_serial import NV_DATA_S
 from numpy.typing import NDArray
 
+from cosim.plant.exchange import give, take
 from cosim.plant.instance import Instance
 from cosim.plant.outcome import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.spec import PlantSpec
@@ -47,7 +48,6 @@ class CvodePlant:
     def __init__(self, spec: PlantSpec) -> None:
         self.spec = spec
         self._instance = Instance(spec)
-        self._three = spec.fmi.startswith("3")
         self._given = np.full(len(spec.inputs.start), np.nan)
         try:
             self._fmu = self._instance.fmu
@@ -131,14 +131,10 @@ class CvodePlant:
         return bool(event)
 
     def _give(self) -> None:
-        setter = self._fmu.setFloat64 if self._three else self._fmu.setReal
-        setter(self.spec.inputs.references, self._given)
+        give(self._fmu, self.spec.inputs, self._given.tolist())
 
     def _outputs(self) -> list[float]:
-        block = self.spec.outputs
-        if self._three:
-            return list(self._fmu.getFloat64(block.references, nValues=len(block.start)))
-        return list(self._fmu.getReal(block.references))
+        return take(self._fmu, self.spec.outputs)
 
 
 class _Solver(CVodeSolver):  # type: ignore[misc]

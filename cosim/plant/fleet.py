@@ -20,7 +20,7 @@ from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
 from cosim.plant.start import SHOWN_LATE, check_pose, moved_too_far, not_started
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
-from cosim.plant.stepwise import StepwisePlant
+from cosim.plant.stepwise import StepwisePlant, stepper
 
 STATE = 6
 """Pose entries and pseudo-velocities of a plant."""
@@ -70,7 +70,7 @@ class Fleet:
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
         with ExitStack() as cleanup:
             cleanup.enter_context(returning())
-            self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_cvode(cleanup)
+            self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_stepwise(cleanup)
             self._instances = self._start_instances(cleanup)
             self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
             rows = self._rows
@@ -199,14 +199,13 @@ class Fleet:
                 raise self._not_started(index, error) from None
         return dict(processes)
 
-    def _start_cvode(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
+    def _start_stepwise(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
         plants: dict[int, StepwisePlant] = {}
         for index, member in enumerate(self.members):
-            if member.spec.uses_cvode and not member.isolated:
-                from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
-
+            make = None if member.isolated else stepper(member.spec)
+            if make is not None:
                 try:
-                    plants[index] = CvodePlant(member.spec)
+                    plants[index] = make(member.spec)
                 except PlantError as error:
                     raise self._not_started(index, error) from None
                 cleanup.callback(plants[index].close)

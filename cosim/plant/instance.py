@@ -11,6 +11,7 @@ from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
+from cosim.plant.exchange import give
 from cosim.plant.log import Log
 from cosim.plant.missing import why_not_loaded
 from cosim.plant.outcome import (
@@ -258,13 +259,10 @@ class Instance:
 
     def _give_inputs(self) -> None:
         """Give the inputs their values at the start, which initial equations may use."""
-        inputs = self.spec.inputs
         for value in self.spec.discrete:
             self._set(value)
-        if not inputs.references:
-            return
         try:
-            (self._fmu.setFloat64 if self._version == 3 else self._fmu.setReal)(inputs.references, inputs.start)
+            give(self._fmu, self.spec.inputs, self.spec.inputs.start)
         except FMICallException as error:
             raise PlantError(f"{self._it}{self.failure(ACCEPT, error.status)}") from None
 

@@ -24,6 +24,8 @@ class Link:
         ``value in the role's unit = scale * number + offset``.
     bound : float
         Magnitude in the role's unit beyond which the motion has diverged.
+    resolution : float
+        How far a whole number may be from what it stands for, in the role's unit.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Link:
     scale: float
     offset: float
     bound: float = np.inf
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)

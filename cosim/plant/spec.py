@@ -21,9 +21,25 @@ class Value:
     values: tuple[float | int | bool | str, ...]
 
 
+REAL_TYPES = ("Real", "Float64")
+"""Types of doubles: of FMI 1.0 and 2.0, and of FMI 3.0."""
+FLOAT_TYPES = (*REAL_TYPES, "Float32")
+WHOLE = ("Integer", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
+"""Types of whole numbers, the one of FMI 1.0 and 2.0 first."""
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """A variable that is exchanged: its name, its type, and how many elements it has."""
+
+    name: str
+    type: str
+    size: int = 1
+
+
 @dataclass(frozen=True)
 class Block:
-    """Real variables that are exchanged together.
+    """Variables that are exchanged together.
 
     Attributes
     ----------
@@ -31,10 +47,18 @@ class Block:
         Their value references.
     start : tuple of float
         A value of every element of every variable, in this order: of inputs, those at the start of the run.
+    variables : tuple of Exchanged
+        The variables themselves.
     """
 
     references: tuple[int, ...]
     start: tuple[float, ...]
+    variables: tuple[Exchanged, ...]
+
+    def name_of(self, place: int) -> str:
+        """Return the name of the variable that has an element at this place."""
+        names = [variable.name for variable in self.variables for _ in range(variable.size)]
+        return names[place]
 
 
 @dataclass(frozen=True)
@@ -105,6 +129,11 @@ class PlantSpec:
         """Whether CVODE integrates the plant."""
         return self.interface == MODEL_EXCHANGE and self.solver == "cvode"
 
+    @property
+    def is_typed(self) -> bool:
+        """Whether it exchanges other numbers than doubles."""
+        return any(v.type not in REAL_TYPES for v in (*self.inputs.variables, *self.outputs.variables))
+
     def to_json(self) -> bytes:
         """Return a text from which `from_json` makes the same again, to the bit."""
         return json.dumps(asdict(self)).encode()
@@ -116,7 +145,8 @@ class PlantSpec:
         for values in ("values", "discrete"):
             data[values] = values_from(data[values])
         for block in ("inputs", "outputs"):
-            data[block] = Block(**{name: tuple(values) for name, values in data[block].items()})
+            variables = tuple(Exchanged(**variable) for variable in data[block].pop("variables"))
+            data[block] = Block(**{name: tuple(v) for name, v in data[block].items()}, variables=variables)
         return cls(**data)
 
 

@@ -49,7 +49,7 @@ def check_pose(member: Member, state: NDArray[np.float64]) -> None:
         It is elsewhere.
     """
     for link, wanted, found, apart in _apart(member, state):
-        if apart > START_TOLERANCE * max(1.0, abs(wanted)):
+        if apart > START_TOLERANCE * max(1.0, abs(wanted)) + link.resolution:
             raise InputError(
                 f"the FMU {member.spec.file} does not take the initial pose of {member.spec.robot}: "
                 f"{link.name} is {found:g} {link.unit} at the start, not {wanted:g} {link.unit}; "

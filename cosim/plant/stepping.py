@@ -16,7 +16,7 @@ from cosim.plant.calls import c_function, compiled
 from cosim.plant.instance import Instance
 from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, enter_event_mode, integrate, leave_event_mode, work_size
 from cosim.plant.outcome import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
-from cosim.plant.spec import CO_SIMULATION, SOLVERS
+from cosim.plant.spec import CO_SIMULATION, SOLVERS, Block
 
 EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
 """Kinds of plants: stepped elsewhere; Co-Simulation of FMI 1.0 and 2.0; of FMI 3.0; Model Exchange."""
@@ -99,6 +99,7 @@ class Rows:
             ("in", spec.inputs, self.inputs, self.first_input),
             ("out", spec.outputs, self.outputs, self.first_output),
         ):
+            block = Block((), (), ()) if spec.is_typed else block  # that is exchanged elsewhere
             names = np.array(block.references, dtype=np.uint32)
             self._names.append(names)
             row[f"{which}_names"], row[f"{which}_count"] = names.ctypes.data, len(names)
@@ -120,7 +121,9 @@ class Rows:
 
 @compiled
 def read_outputs(row: np.void) -> tuple[int, int]:
-    """Read the outputs of one plant; return what failed and the status."""
+    """Read the outputs of one plant, if they are read here; return what failed and the status."""
+    if row["out_count"] == 0:
+        return FINE, 0
     if row["version"] == 3:
         arguments = (row["component"], row["out_names"], row["out_count"], row["out_values"], row["out_size"])
         status = _exchange_3(row["get"], arguments)

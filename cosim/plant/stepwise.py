@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.plant.spec import Value
+from cosim.plant.spec import PlantSpec, Value
 
 
 class StepwisePlant(Protocol):
@@ -33,3 +33,16 @@ class StepwisePlant(Protocol):
 
     def close(self) -> None:
         """End it."""
+
+
+def stepper(spec: PlantSpec) -> Callable[[PlantSpec], StepwisePlant] | None:
+    """Return what makes a plant that must be stepped one call at a time; None of one that compiled code can step."""
+    if spec.uses_cvode:
+        from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
+
+        return CvodePlant
+    if spec.is_typed:
+        from cosim.plant.typed import TypedPlant
+
+        return TypedPlant
+    return None

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +25,14 @@ from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs
-from cosim.plant.stepwise import StepwisePlant
+from cosim.plant.stepwise import StepwisePlant, stepper
 
 _ORPHAN_CHECK = 1.0
 """How often [s] it is checked whether the harness is still there."""
 
 
 class LocalPlant:
-    """A plant that is not CVODE's, stepped here.
+    """A plant that compiled code can step, stepped here.
 
     Raises
     ------
@@ -96,11 +96,7 @@ def start(spec: PlantSpec) -> StepwisePlant:
     PlantError
         See `cosim.plant.instance.Instance`.
     """
-    plant: Callable[[PlantSpec], StepwisePlant] = LocalPlant
-    if spec.uses_cvode:
-        from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
-
-        plant = CvodePlant
+    plant = stepper(spec) or LocalPlant
     make_room(Path(spec.directory, "resources"))  # from now on what is imported may be the FMU's
     return plant(spec)
 

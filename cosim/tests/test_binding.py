@@ -433,7 +433,7 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
         ('<role name="x" variable="tau_drive"/>', "has 'tau_drive' as input, which cannot play the output 'x'"),
         ('<role name="tau_drive" variable="x"/>', "has 'x' as output, which cannot play the input 'tau_drive'"),
         ('<role name="a" variable="x"/>', "has 'x' as output, which cannot play the parameter 'a'"),
-        ('<role name="x" variable="events"/>', "has 'events' as Integer, not as Real"),
+        ('<role name="x" variable="events"/>', "has 'events' without a unit: a binding states it"),
         ('<role name="a" variable="drive"/>', "has 'drive' as Enumeration, not as Real"),
         ('<role name="drive" variable="a"/>', "has 'a' as Real, not as Enumeration"),
         ('<role name="drive" variable="drive" unit="m"/>', "with which neither unit nor factor nor offset go"),

@@ -26,7 +26,7 @@ from cosim.errors import InputError, SimulationError
 from cosim.fmu import open_fmu
 from cosim.grammar import NAMESPACE
 from cosim.plant.calls import COMPILED, c_function, compiled
-from cosim.plant.spec import Block, PlantSpec, Value
+from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
 from cosim.reader import read_binding, read_scenario
 from cosim.scenario import BindingSource
 from cosim.simulation import Simulation
@@ -566,8 +566,8 @@ def test_a_spec_is_the_same_after_its_journey() -> None:
             Value("s", "String", 2, ("ß",)),
             Value("b", "Boolean", 3, (True,)),
         ),
-        inputs=Block((1, 2), (1 / 3, 1e-300)),
-        outputs=Block((), ()),
+        inputs=Block((1, 2), (1 / 3, 1e-300), (Exchanged("a", "Real"), Exchanged("b", "Float32", 1))),
+        outputs=Block((), (), ()),
         stop_time=1 / 3,
     )
     assert PlantSpec.from_json(spec.to_json()) == spec

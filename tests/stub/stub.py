@@ -94,6 +94,7 @@ _BASE = {
     "rad/s2": 'rad="1" s="-2"',
     "N.m": 'kg="1" m="2" s="-2"',
     "s": 's="1"',
+    "N": 'kg="1" m="1" s="-2"',
     "W": 'kg="1" m="2" s="-3"',
     "deg": f'rad="1" factor="{_DEGREE}"',
     "deg/s": f'rad="1" s="-1" factor="{_DEGREE}"',
@@ -289,7 +290,8 @@ def make_fmu(where: Path, **options: object) -> Path:
     velocities, drive : bool
         Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
     discrete : bool
-        Further inputs: ``enable`` (true or false), ``gear`` (whole), ``direction`` (an enumeration), ``note`` (a text).
+        Further inputs: ``enable`` (true or false), ``gear`` (whole), ``direction`` (an enumeration), ``note`` (a text);
+        and ``push``, a force.
     types : {"", "single", "whole"}
         "single" has Float32 in place of Float64 for inputs, outputs and the wheelbase; "whole" has whole numbers,
         without units: of mm, mrad, mm/s, mrad/s, mN.m.
@@ -453,6 +455,7 @@ def _variables(options: Options) -> Iterator[Variable]:
         yield Variable("gear", 51, kind="integer", start="1", **given)
         yield Variable("direction", 52, kind="enumeration", start="1", **given)
         yield Variable("note", 53, kind="string", start="none", **given)
+        yield Variable("push", 54, "input", unit="N" if options.units == "si" else "", start="0")
     for i in range(options.fillers):
         yield Variable(f"filler_{i + 1}", 1000 + i, start="0", **fixed)
     if options.fmi == "3.0":

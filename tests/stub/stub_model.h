@@ -45,6 +45,7 @@ enum {
     GEAR,
     DIRECTION,
     NOTE,
+    PUSH,            /* a real input [N], which accelerates the mass of 10 kg */
     FILLER = 1000    /* and all above: parameters that do nothing */
 };
 
@@ -56,7 +57,7 @@ typedef struct Stub Stub;
 
 /* What can be saved and restored. */
 typedef struct {
-    double time, state[STATES], input[2], a, when, start[4], last_successful_time;
+    double time, state[STATES], input[2], push, a, when, start[4], last_successful_time;
     int drive, gear, direction, events, contact[2]; /* contact: with the end stops of the steering, at +limit and -limit */
     long steps;
     bool enabled, braked, terminated, logged, event_pending;
@@ -364,7 +365,7 @@ static inline void derivatives(const Stub *s, double rate[STATES])
     rate[Y] = z[V] * sin(z[PSI]);
     rate[PSI] = z[V] * tan(z[GAMMA]) / car->a;
     rate[GAMMA] = held ? 0.0 : z[OMEGA];
-    rate[V] = car->input[0] / vendor_mass() * (car->enabled ? car->gear : 0) * (2 - car->direction);
+    rate[V] = car->input[0] / vendor_mass() * (car->enabled ? car->gear : 0) * (2 - car->direction) + car->push / 10.0;
     rate[OMEGA] = held ? 0.0 : car->input[1] / 10.0;
     if (is(s, "nan") && car->time >= car->when - EPSILON) rate[X] = NAN;
     if (is(s, "infinity") && car->time >= car->when - EPSILON) rate[V] = INFINITY;
@@ -515,6 +516,8 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
         for (int i = 0; i < 4; i++) value[i] = rate[i] * s->scale[i];
     } else if (reference == TORQUE) {
         memcpy(value, car->input, sizeof car->input);
+    } else if (reference == PUSH) {
+        *value = car->push;
     } else if (reference == TIME) {
         *value = car->time;
     } else if (reference >= FILLER) {
@@ -551,6 +554,8 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
             return ERROR;
         }
         car->a = *value;
+    } else if (reference == PUSH) {
+        car->push = *value;
     } else if (reference == WHEN) {
         car->when = *value;
     } else if (before && reference < STATES && (!s->start_parameters || reference >= V)) {

@@ -1,0 +1,87 @@
+"""Plants that exchange other numbers than doubles: Float32, and whole numbers. They are stepped one call at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from numpy.typing import NDArray
+
+from cosim.plant.exchange import give, take
+from cosim.plant.instance import Instance
+from cosim.plant.outcome import ACCEPT, FINE, RETURN, PlantError
+from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
+from cosim.plant.stepping import Rows, advance
+
+
+class TypedPlant:
+    """A plant that exchanges numbers of any type; of Model Exchange, one that is integrated with a fixed step.
+
+    Legal call order: see `cosim.plant.stepwise.StepwisePlant`.
+
+    Raises
+    ------
+    PlantError
+        See `cosim.plant.instance.Instance`.
+    """
+
+    def __init__(self, spec: PlantSpec) -> None:
+        self._instance = Instance(spec)
+        self._given = np.full(len(spec.inputs.start), np.nan)
+        try:
+            self._rows = Rows([self._instance], [(0, 0)])  # inputs and outputs are exchanged here
+            self.first_outputs = self._outputs("it ")
+        except BaseException:
+            self.close()
+            raise
+
+    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
+        """Do nothing yet."""
+        self._pending = (time, step, inputs)
+
+    def finish(self, outputs: NDArray[np.float64]) -> None:
+        """Give the inputs, take the step and write the outputs.
+
+        Raises
+        ------
+        PlantError
+            The FMU failed, or the type of an input does not have its value.
+        """
+        time, step, inputs = self._pending
+        instance, rows = self._instance, self._rows
+        if instance.spec.interface == CO_SIMULATION:
+            self._give(inputs)
+        elif not np.array_equal(inputs, self._given):  # they jump, which is an event
+            self._given = inputs.copy()
+            instance.handle_event(lambda: self._give(self._given))
+            rows.rows["next_event"] = instance.next_event
+        what, status = advance(rows.rows[0], rows.scratch[0], rows.work, time, step)
+        if what != FINE:
+            raise PlantError(instance.failure(what, status))
+        outputs[:] = self._outputs()
+
+    def change(self, values: Sequence[Value]) -> None:
+        """See `Instance.change`."""
+        self._instance.change(values)
+        self._rows.rows["next_event"] = self._instance.next_event
+
+    def take_messages(self) -> str:
+        """Return what the FMU has logged since the last time."""
+        return self._instance.log.take()
+
+    def close(self) -> None:
+        """End the plant."""
+        self._instance.close()
+
+    def _give(self, numbers: NDArray[np.float64]) -> None:
+        try:
+            give(self._instance.fmu, self._instance.spec.inputs, numbers.tolist())
+        except FMICallException as error:
+            raise PlantError(self._instance.failure(ACCEPT, error.status)) from None
+
+    def _outputs(self, subject: str = "") -> list[float]:
+        try:
+            return take(self._instance.fmu, self._instance.spec.outputs)
+        except FMICallException as error:
+            raise PlantError(subject + self._instance.failure(RETURN, error.status)) from None
