@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
-from cosim.plant.exchange import give
+from cosim.plant.exchange import give, take
 from cosim.plant.log import Log
 from cosim.plant.missing import why_not_loaded
 from cosim.plant.outcome import (
@@ -22,6 +22,7 @@ from cosim.plant.outcome import (
     ERROR,
     EVENT,
     FATAL,
+    RETURN,
     WARNING,
     NoInstance,
     PlantError,
@@ -116,6 +117,32 @@ class Instance:
     def event_indicators(self) -> int:
         """Of Model Exchange: the number of event indicators."""
         return int(self._numbers[1])
+
+    def give(self, numbers: Sequence[float]) -> None:
+        """Give the inputs, in the FMU's own units.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses a number, or its type does not have it.
+        """
+        try:
+            give(self._fmu, self.spec.inputs, numbers)
+        except FMICallException as error:
+            raise PlantError(f"{self._it}{self.failure(ACCEPT, error.status)}") from None
+
+    def take(self) -> list[float]:
+        """Return the outputs, in the FMU's own units.
+
+        Raises
+        ------
+        PlantError
+            The FMU does not return them.
+        """
+        try:
+            return take(self._fmu, self.spec.outputs)
+        except FMICallException as error:
+            raise PlantError(f"{self._it}{self.failure(RETURN, error.status)}") from None
 
     def change(self, values: Iterable[Value]) -> None:
         """Give parameters other values at a communication point.
@@ -261,10 +288,7 @@ class Instance:
         """Give the inputs their values at the start, which initial equations may use."""
         for value in self.spec.discrete:
             self._set(value)
-        try:
-            give(self._fmu, self.spec.inputs, self.spec.inputs.start)
-        except FMICallException as error:
-            raise PlantError(f"{self._it}{self.failure(ACCEPT, error.status)}") from None
+        self.give(self.spec.inputs.start)
 
     def _initialise_slave(self, stop: float) -> None:
         """Initialise an FMI 1.0 instance; FMPy takes the status that is returned for a string."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
-from cosim.plant.exchange import give, take
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import ACCEPT, FINE, RETURN, PlantError
+from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.stepping import Rows, advance
 
@@ -31,7 +29,10 @@ class TypedPlant:
         self._given = np.full(len(spec.inputs.start), np.nan)
         try:
             self._rows = Rows([self._instance], [(0, 0)])  # inputs and outputs are exchanged here
-            self.first_outputs = self._outputs("it ")
+            self.first_outputs = self._instance.take()
+        except PlantError as error:
+            self.close()
+            raise PlantError(f"it {error}") from None
         except BaseException:
             self.close()
             raise
@@ -51,15 +52,15 @@ class TypedPlant:
         time, step, inputs = self._pending
         instance, rows = self._instance, self._rows
         if instance.spec.interface == CO_SIMULATION:
-            self._give(inputs)
+            instance.give(inputs.tolist())
         elif not np.array_equal(inputs, self._given):  # they jump, which is an event
             self._given = inputs.copy()
-            instance.handle_event(lambda: self._give(self._given))
+            instance.handle_event(lambda: instance.give(self._given.tolist()))
             rows.rows["next_event"] = instance.next_event
         what, status = advance(rows.rows[0], rows.scratch[0], rows.work, time, step)
         if what != FINE:
             raise PlantError(instance.failure(what, status))
-        outputs[:] = self._outputs()
+        outputs[:] = instance.take()
 
     def change(self, values: Sequence[Value]) -> None:
         """See `Instance.change`."""
@@ -73,15 +74,3 @@ class TypedPlant:
     def close(self) -> None:
         """End the plant."""
         self._instance.close()
-
-    def _give(self, numbers: NDArray[np.float64]) -> None:
-        try:
-            give(self._instance.fmu, self._instance.spec.inputs, numbers.tolist())
-        except FMICallException as error:
-            raise PlantError(self._instance.failure(ACCEPT, error.status)) from None
-
-    def _outputs(self, subject: str = "") -> list[float]:
-        try:
-            return take(self._instance.fmu, self._instance.spec.outputs)
-        except FMICallException as error:
-            raise PlantError(subject + self._instance.failure(RETURN, error.status)) from None
