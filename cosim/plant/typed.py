@@ -29,7 +29,7 @@ class TypedPlant:
         self._given = np.full(len(spec.inputs.start), np.nan)
         try:
             self._rows = Rows([self._instance], [(0, 0)])  # inputs and outputs are exchanged here
-            self.first_outputs = self._instance.take()
+            self.first_outputs = list(spec.outputs.start) if spec.late_outputs else self._instance.take()
         except PlantError as error:
             self.close()
             raise PlantError(f"it {error}") from None

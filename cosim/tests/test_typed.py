@@ -118,6 +118,13 @@ def open_fmu_description(path: Path) -> Any:
     return fmpy.read_model_description(str(path))
 
 
+def test_outputs_after_the_first_step(make: Make) -> None:
+    late = make(fmi="3.0", types="single", late="error")
+    found = drive(late, torques(20), pose=POSE, late_outputs=True)
+    assert found[0, :4] == pytest.approx(POSE, abs=1e-7)
+    assert np.array_equal(found[1:], drive(make(fmi="3.0", types="single"), torques(20), pose=POSE)[1:])
+
+
 # In a scenario ----------------------------------------------------------------------------------------------
 
 
