@@ -85,6 +85,10 @@ _HOMES = {
 }
 
 
+def __dir__() -> list[str]:
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+
+
 def __getattr__(name: str) -> object:  # the libraries of the master take a second to import
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
