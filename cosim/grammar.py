@@ -105,7 +105,7 @@ def _description_of(simple_type: str) -> str:
     return "any text" if found is None else " ".join(found.findtext(f".//{_XS}documentation", "").split())
 
 
-def _matches(simple_type: str, value: str) -> bool:
+def matches(simple_type: str, value: str) -> bool:
     """Return whether a value matches a pattern of a simple type, and of those that it restricts; false without any."""
     patterns: list[list[str]] = []
     while (found := _named("simpleType", simple_type)) is not None:
@@ -131,7 +131,7 @@ def _sentence(message: str, element: etree._Element) -> str:
         return f"<{tag}> lacks the attribute {match[1]!r}"
     if match := re.search(r"attribute '([^']+)': (?:\[facet|'.*' is not a valid value)", message):
         value, simple_type = element.get(match[1], ""), attributes[match[1]]
-        expected = _description_of(simple_type) + (advice(value) if _matches(simple_type, meant(value)) else "")
+        expected = _description_of(simple_type) + (advice(value) if matches(simple_type, meant(value)) else "")
         return f'{match[1]}="{_shown(value)}" of <{tag}> is not {expected}'
     if "[facet" in message:
         simple_type = next(e.get("type") for e in _schema_tree().iter(_XS + "element") if e.get("name") == tag)

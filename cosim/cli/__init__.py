@@ -15,9 +15,12 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from cosim.cli.completing import SHELLS
 from cosim.cli.console import err, report
+from cosim.cli.helping import explain
 from cosim.cli.options import Parser
 from cosim.errors import FormationError
+from cosim.template import VEHICLES
 
 INTERRUPTED = 130
 
@@ -87,6 +90,24 @@ def _list(options: argparse.Namespace) -> int:
     return inventory(options)
 
 
+def _new(options: argparse.Namespace) -> int:
+    from cosim.cli.starting import new
+
+    return new(options)
+
+
+def _examples(options: argparse.Namespace) -> int:
+    from cosim.cli.starting import copy_examples
+
+    return copy_examples(options)
+
+
+def _completion(options: argparse.Namespace) -> int:
+    from cosim.cli.completing import completion
+
+    return completion(_parser(), options.shell)
+
+
 _COMMANDS = {
     "run": _run,
     "check": _check,
@@ -94,7 +115,10 @@ _COMMANDS = {
     "inspect": _inspect,
     "swap": _swap,
     "compare-plants": _compare_plants,
+    "new": _new,
+    "examples": _examples,
     "list": _list,
+    "completion": _completion,
 }
 
 
@@ -169,8 +193,28 @@ def _parser() -> Parser:
     compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
     _add_comparison(compare)
 
+    about = "write a scenario to start from, with a comment on each thing in it"
+    new = commands.add_parser("new", help=about, description=about[0].upper() + about[1:] + ".")
+    new.add_argument("file", type=Path, metavar="NAME.xml", help="the file, named after the scenario")
+    new.add_argument("--vehicle", choices=VEHICLES, default=VEHICLES[0], help=f"kind of vehicle ({VEHICLES[0]})")
+    new.add_argument("--followers", type=int, default=2, metavar="N", help="how many (2)")
+    new.add_argument("--force", action="store_true", help="overwrite the file")
+
+    about = "copy the scenarios that come with Formation into a folder"
+    examples = commands.add_parser("examples", help=about, description=about[0].upper() + about[1:] + ".")
+    examples.add_argument(
+        "folder", type=Path, nargs="?", default=Path("scenarios"), metavar="DIR", help="which (scenarios)"
+    )
+    examples.add_argument("--force", action="store_true", help="overwrite files")
+
     about = "list plants, controllers and scenarios, and say where the schema is"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
+
+    about = "print the script by which a shell completes the command line"
+    completion = commands.add_parser("completion", help=about, description=about[0].upper() + about[1:] + ".")
+    completion.add_argument("shell", choices=SHELLS)
+
+    explain(parser)
     return parser
 
 

@@ -11,6 +11,7 @@ from rich.markup import escape
 import plants
 from cosim.cli.console import out, table
 from cosim.errors import InputError
+from cosim.examples import examples
 from cosim.grammar import schema_path
 from cosim.reader import read_scenario
 from cosim.swap import BINDING_SUFFIX
@@ -19,7 +20,10 @@ _FOLDER = Path("scenarios")
 
 
 def inventory(_: argparse.Namespace) -> int:
-    """Print built-in plants, installed controllers, the scenarios in ./scenarios and where their schema is."""
+    """Print built-in plants, installed controllers, scenarios and where their schema is.
+
+    The scenarios are those in ./scenarios; where there are none, those that come with Formation.
+    """
     console = out()
     listed = table(console, "Plants")
     listed.add_column("model")
@@ -35,17 +39,22 @@ def inventory(_: argparse.Namespace) -> int:
         listed.add_row(name, found.package, found.version)
     console.print(listed)
 
-    listed = table(console, f"Scenarios in {_FOLDER}/")
+    own = [path for path in sorted(_FOLDER.glob("*.xml")) if not path.name.endswith(BINDING_SUFFIX)]
+    where = f"in {_FOLDER}/" if own else "that come with Formation"
+    listed = table(console, f"Scenarios {where}")
     listed.add_column("file", no_wrap=True)
     listed.add_column("title")
-    for path in sorted(_FOLDER.glob("*.xml")):
-        if path.name.endswith(BINDING_SUFFIX):
-            continue
-        try:
-            title = read_scenario(path).title
-        except InputError as error:
-            title = f"not a scenario: {error.message}"
-        listed.add_row(escape(str(path)), escape(title))
+    for path in own or [path for path in examples() if path.suffix == ".xml"]:
+        listed.add_row(escape(str(path) if own else path.name), escape(_title(path)))
     console.print(listed)
+    if not own:
+        console.print(f'"formation examples" copies them to {_FOLDER}/, "formation new NAME.xml" writes another.')
     console.print(f"Schema of scenarios, for an editor: {schema_path()}", markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def _title(path: Path) -> str:
+    try:
+        return read_scenario(path).title
+    except InputError as error:
+        return f"not a scenario: {error.message}"

@@ -1,0 +1,85 @@
+"""What ``--help`` says beyond the options: examples, and what the exit status means."""
+
+from __future__ import annotations
+
+import argparse
+
+_STATUS = {
+    0: "done",
+    1: "an expectation failed",
+    2: "bad input, with file, line and column",
+    3: "the simulation itself failed; everything recorded up to then is saved",
+    130: "interrupted, likewise",
+}
+_OF = {
+    "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
+    "check": {0: "the scenario can be run", 2: None},
+    "compare-plants": {0: None, 1: "they differ by more than --within allows", 2: None, 3: "a plant failed"},
+}
+"""The statuses of a command, in its own words where these are not those of `_STATUS`."""
+
+_EXAMPLES = {
+    "run": """\
+formation run scenarios/clmr_line.xml
+formation run scenarios/*.xml --out results --junit verdicts.xml
+formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
+formation run mine.xml --controller pid=observer-pid""",
+    "check": """\
+formation check mine.xml
+formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",
+    "build": """\
+formation build
+formation build car_like --fmi 3 --platform all --out fmus""",
+    "inspect": "formation inspect my_robot.fmu",
+    "swap": "formation swap scenarios/convoy.xml --plant car=my_robot.fmu --out mine.xml",
+    "compare-plants": """\
+formation compare-plants car_like my_robot.fmu --binding-b my_robot.binding.xml
+formation compare-plants old.fmu new.fmu --duration "10 s" --within "1 mm" --within "psi=0.1 deg\"""",
+    "new": """\
+formation new mine.xml
+formation new trucks.xml --vehicle tractor_trailer --followers 4""",
+    "examples": """\
+formation examples
+formation examples my_folder""",
+    "list": "formation list",
+    "completion": """\
+formation completion bash > ~/.local/share/bash-completion/completions/formation
+formation completion zsh > ~/.zfunc/_formation
+formation completion fish > ~/.config/fish/completions/formation.fish
+formation completion powershell | Out-String | Invoke-Expression""",
+}
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Wraps text as ever, but for lines that are indented: these stay as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if "\n  " not in text:
+            return super()._fill_text(text, width, indent)
+        return "".join(indent + line for line in text.splitlines(keepends=True))
+
+
+def explain(parser: argparse.ArgumentParser) -> None:
+    """Give a parser and those of its commands what their ``--help`` ends with."""
+    parser.formatter_class = _Formatter
+    parser.epilog = "\n\n".join(
+        [
+            _section("start", "formation examples\nformation run scenarios/clmr_line.xml\nformation new mine.xml"),
+            "formation COMMAND --help shows its options and examples.",
+            _statuses(_OF["run"]),
+        ]
+    )
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, command in action.choices.items():
+                command.formatter_class = _Formatter
+                sections = [_section("examples", _EXAMPLES[name])] if name in _EXAMPLES else []
+                command.epilog = "\n\n".join([*sections, _statuses(_OF.get(name, {0: None, 2: None}))])
+
+
+def _section(title: str, text: str) -> str:
+    return "\n  ".join([f"{title}:", *text.splitlines()]).replace("%", "%%")
+
+
+def _statuses(known: dict[int, str | None]) -> str:
+    return _section("exit status", "\n".join(f"{code:<4} {said or _STATUS[code]}" for code, said in known.items()))
