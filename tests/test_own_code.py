@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
@@ -50,6 +51,9 @@ class Vehicle(Fmi2Slave):
                 self.register_variable(Real(name, causality=causality, variability=variability))
 
     def exit_initialization_mode(self):
+        import beside_the_harness
+
+        assert beside_the_harness.THERE
         self.pos_x, self.pos_y, self.heading, self.steer = self.x0, self.y0, self.heading0, self.steer0
 
     def do_step(self, current_time, step_size):
@@ -94,6 +98,14 @@ def python_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def linked_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return two FMUs that each bring another library of one name."""
     return {name: make_fmu(tmp_path_factory.mktemp(name), vendor=10 * number) for name, number in TWO}
+
+
+@pytest.fixture(autouse=True)
+def beside_the_harness(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Offer a module that no FMU brings, as a script of the user's would have it beside it."""
+    folder = tmp_path_factory.mktemp("beside")
+    (folder / "beside_the_harness.py").write_text("THERE = True")
+    monkeypatch.syspath_prepend(folder)
 
 
 Scenario = Callable[..., Path]
@@ -189,3 +201,18 @@ def test_variables_that_a_process_has_once(tmp_path: Path, capsys: pytest.Captur
     assert same(cosim.run(path), cosim.run(path))
     assert main(["check", str(path)]) == 0
     assert "as it brings variables that a process has only once (unique_count)" in capsys.readouterr().out
+
+
+def test_modules_that_make_room(tmp_path: Path) -> None:
+    """What the interpreter has within itself and what is compiled cannot be loaded anew."""
+    for name in ("json", "numpy", "os", "time", "__main__", "unheard_of"):
+        (tmp_path / f"{name}.py").write_text("")
+    program = (
+        "import sys, pathlib, json.decoder, numpy, os, time\n"
+        "from cosim.plant.foreign_modules import make_room\n"
+        "before = set(sys.modules)\n"
+        f"make_room(pathlib.Path({str(tmp_path)!r}))\n"
+        "print(*sorted(name.partition('.')[0] for name in before - set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
+    assert set(done.stdout.split()) == {"json"}
