@@ -100,7 +100,8 @@ def plant(
         stop_time=stop_time,
         states=description.numberOfContinuousStates,
         event_indicators=description.numberOfEventIndicators,
-        completed_steps=bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
+        completed_steps=description.fmiVersion == "1.0"
+        or bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
         solver=source.solver or DEFAULT_SOLVER,
         solver_steps=source.solver_steps or 1,
         tolerance=tolerance_of(fmu, source),

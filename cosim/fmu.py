@@ -145,9 +145,7 @@ def open_fmu(
 
 def interfaces(description: Any) -> dict[str, Any]:
     """Return what an FMU says of each interface that it offers and that can be used here, by its name."""
-    known = {CO_SIMULATION: description.coSimulation}
-    if description.fmiVersion != "1.0":
-        known[MODEL_EXCHANGE] = description.modelExchange
+    known = {CO_SIMULATION: description.coSimulation, MODEL_EXCHANGE: description.modelExchange}
     return {name: about for name, about in known.items() if about is not None}
 
 
@@ -276,7 +274,7 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
         ]
         raise InputError(
             f"the FMU {package.path} is FMI {version} {' and '.join(kinds) or 'of another kind'}; expected is "
-            "Co-Simulation of FMI 1.0, 2.0 or 3.0, or Model Exchange of FMI 2.0 or 3.0",
+            "Co-Simulation or Model Exchange of FMI 1.0, 2.0 or 3.0",
             where,
         )
     if wanted and wanted not in offered:

@@ -125,7 +125,8 @@ class CvodePlant:
         """Complete a step of the solver; return whether that is an event."""
         if not self.spec.completed_steps:
             return False
-        event, terminate = self._fmu.completedIntegratorStep()
+        found = self._fmu.completedIntegratorStep()
+        event, terminate = found if isinstance(found, tuple) else (found, False)  # FMI 1.0 has no such flag
         if terminate:
             raise PlantError(failure(END, 0, self._instance.log.take()))
         return bool(event)
@@ -142,6 +143,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
 
     def __init__(self, instance: Instance, tolerance: float) -> None:
         fmu = self._fmu = instance.fmu
+        self._one = instance.spec.fmi.startswith("1")
         self._failure: FMICallException | None = None
         super().__init__(
             nx=instance.states,
@@ -195,7 +197,10 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         return _TRY_A_SHORTER_STEP if error.status == DISCARD else _STOP
 
     def _nominals(self, place: Any, n: int) -> None:
-        self._fmu.getNominalsOfContinuousStates(place, n)
+        if self._one:
+            self._fmu.getNominalContinuousStates(place, n)
+        else:
+            self._fmu.getNominalsOfContinuousStates(place, n)
         nominals = np.ctypeslib.as_array(place, (n,))
         nominals[~(np.isfinite(nominals) & (nominals > 0.0))] = 1.0
 

@@ -171,11 +171,13 @@ class Instance:
             The FMU refuses a value, or does not process the event.
         """
         try:
-            self._fmu.enterEventMode()
+            if self._version > 1:
+                self._fmu.enterEventMode()
             if give is not None:
                 give()
             self._update()
-            self._fmu.enterContinuousTimeMode()
+            if self._version > 1:
+                self._fmu.enterContinuousTimeMode()
         except FMICallException as error:
             raise PlantError(self.failure(EVENT, error.status)) from None
 
@@ -236,7 +238,7 @@ class Instance:
             "instanceName": spec.robot,
         }
         slaves = {1: fmi1.FMU1Slave, 2: fmi2.FMU2Slave, 3: fmi3.FMU3Slave}
-        models = {2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
+        models = {1: fmi1.FMU1Model, 2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
         self._threads = threads()
         try:
             self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
@@ -267,8 +269,7 @@ class Instance:
         tolerance = self.spec.tolerance if self._co_simulation else None
         stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
         if self._version == 1:
-            self._give_inputs()
-            self._initialise_slave(stop)
+            self._initialise_1(stop)
         else:
             if self._version == 2:
                 fmu.setupExperiment(tolerance=tolerance, startTime=0.0, stopTime=stop)
@@ -280,8 +281,9 @@ class Instance:
         self._initialised = True
         self._numbers = (0, 0)
         if not self._co_simulation:
-            self._update()
-            fmu.enterContinuousTimeMode()
+            if self._version > 1:
+                self._update()
+                fmu.enterContinuousTimeMode()
             self._numbers = self._counted()
 
     def _give_inputs(self) -> None:
@@ -290,8 +292,15 @@ class Instance:
             self._set(value)
         self.give(self.spec.inputs.start)
 
-    def _initialise_slave(self, stop: float) -> None:
-        """Initialise an FMI 1.0 instance; FMPy takes the status that is returned for a string."""
+    def _initialise_1(self, stop: float) -> None:
+        """Initialise an FMI 1.0 instance; of Co-Simulation, FMPy takes the status that is returned for a string."""
+        if not self._co_simulation:
+            self._fmu.setTime(0.0)
+            self._give_inputs()
+            if not self._heed(*_in_order(self._fmu.initialize())):
+                self._update()
+            return
+        self._give_inputs()
         function = self._fmu.dll[f"{self.spec.identifier}_fmiInitializeSlave"]
         function.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_char, ctypes.c_double)
         status = function(self.component, 0.0, fmi1.fmi1True, stop)
@@ -300,16 +309,24 @@ class Instance:
 
     def _update(self) -> None:
         """Iterate over the discrete states in Event Mode until they do not change any more."""
-        update = self._fmu.newDiscreteStates if self._version == 2 else self._fmu.updateDiscreteStates
+        fmu = self._fmu
         for _ in range(_MAX_EVENT_ITERATIONS):
-            more, terminate, _, _, next_event_defined, next_event = update()
-            if terminate:
-                said = self.log.take()
-                raise PlantError(f"{self._it}asks to end the simulation" + (f": {said}" if said else ""))
-            if not more:
-                self.next_event = float(next_event) if next_event_defined else float("inf")
+            if self._version == 1:
+                found = _in_order(fmu.eventUpdate())
+            else:
+                found = fmu.newDiscreteStates() if self._version == 2 else fmu.updateDiscreteStates()
+            if self._heed(*found):
                 return
         raise PlantError(f"{self._it}does not settle its discrete states in {_MAX_EVENT_ITERATIONS} iterations")
+
+    def _heed(self, more: bool, end: bool, nominals: bool, values: bool, is_next: bool, next_event: float) -> bool:
+        """Return whether the discrete states have settled, and keep the next time event."""
+        if end:
+            said = self.log.take()
+            raise PlantError(f"{self._it}asks to end the simulation" + (f": {said}" if said else ""))
+        if not more:
+            self.next_event = float(next_event) if is_next else float("inf")
+        return not more
 
     def _counted(self) -> tuple[int, int]:
         numbers = (self.spec.states, self.spec.event_indicators)
@@ -336,3 +353,9 @@ class Instance:
             self._note(error)
             shown = " ".join(str(v) for v in values)
             raise PlantError(f"{self._it}refuses {value.name} = {shown}: {self.log.take() or error}") from None
+
+
+def _in_order(info: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the event information of FMI 1.0 as FMI 2.0 has it."""
+    converged, names_changed, values_changed, end, is_next, next_event = info
+    return (not converged, end, names_changed, values_changed, is_next, next_event)

@@ -1,4 +1,4 @@
-"""A Model Exchange FMU integrated with a fixed step: FMI 2.0 (section 3.2) and FMI 3.0 (section 3.2), by address.
+"""A Model Exchange FMU integrated with a fixed step: FMI 1.0, FMI 2.0 and FMI 3.0 (section 3.2 each), by address.
 
 Inputs that change do so in an event, as they jump. Time events are hit exactly. A state event, a change of sign of an
 event indicator, is handled at the end of the solver step in which it happens: the error is of the order of that step.
@@ -13,17 +13,17 @@ from cosim.plant.calls import c_function, compiled
 from cosim.plant.outcome import COMPLETE, DERIVE, END, EVENT, FINE, ITERATE, WARNING
 
 FUNCTIONS = {
-    "set_time": ("SetTime", "SetTime"),
-    "set_states": ("SetContinuousStates", "SetContinuousStates"),
-    "get_states": ("GetContinuousStates", "GetContinuousStates"),
-    "get_derivatives": ("GetDerivatives", "GetContinuousStateDerivatives"),
-    "get_indicators": ("GetEventIndicators", "GetEventIndicators"),
-    "completed": ("CompletedIntegratorStep", "CompletedIntegratorStep"),
-    "enter_event": ("EnterEventMode", "EnterEventMode"),
-    "update": ("NewDiscreteStates", "UpdateDiscreteStates"),
-    "enter_continuous": ("EnterContinuousTimeMode", "EnterContinuousTimeMode"),
+    "set_time": ("SetTime", "SetTime", "SetTime"),
+    "set_states": ("SetContinuousStates", "SetContinuousStates", "SetContinuousStates"),
+    "get_states": ("GetContinuousStates", "GetContinuousStates", "GetContinuousStates"),
+    "get_derivatives": ("GetDerivatives", "GetDerivatives", "GetContinuousStateDerivatives"),
+    "get_indicators": ("GetEventIndicators", "GetEventIndicators", "GetEventIndicators"),
+    "completed": ("CompletedIntegratorStep", "CompletedIntegratorStep", "CompletedIntegratorStep"),
+    "enter_event": ("", "EnterEventMode", "EnterEventMode"),
+    "update": ("EventUpdate", "NewDiscreteStates", "UpdateDiscreteStates"),
+    "enter_continuous": ("", "EnterContinuousTimeMode", "EnterContinuousTimeMode"),
 }
-"""What is called, with its name in FMI 2.0 and in FMI 3.0."""
+"""What is called, with its name in FMI 1.0, which has no modes, in FMI 2.0 and in FMI 3.0."""
 
 SCRATCH = 8
 """Doubles per plant for what FMI functions return through pointers."""
@@ -41,9 +41,11 @@ _STAGE_WEIGHT = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 _plain = c_function("pointer")
 _at_time = c_function("pointer", "double")
 _vector = c_function("pointer", "pointer", "size")
+_completed_1 = c_function("pointer", "pointer")
 _completed = c_function("pointer", "int", "pointer", "pointer")
 _update_3 = c_function("pointer", "pointer", "pointer", "pointer", "pointer", "pointer", "pointer")
 _update_2 = c_function("pointer", "pointer")
+_update_1 = c_function("pointer", "int", "pointer")
 
 
 def work_size(states: int, indicators: int) -> int:
@@ -125,18 +127,15 @@ def _solver_step(row: np.void, work: NDArray[np.float64], now: float, step: floa
 @compiled
 def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.float64], now: float) -> tuple[int, int]:
     """Complete a solver step and handle the events that it has brought."""
-    nx, nz, place = row["states"], row["indicators"], row["scratch"]
-    before, flags = row["first"] + 4 * nx, scratch.view(np.int32)
+    nx, nz = row["states"], row["indicators"]
+    before = row["first"] + 4 * nx
     event = now >= row["next_event"]
     status = 0
     if row["completes"] != 0:
-        scratch[:] = 0.0
-        status = _completed(row["completed"], (row["component"], np.int32(1), place, place + 8))
-        if status > WARNING:
-            return COMPLETE, status
-        if flags[2] != 0:  # terminateSimulation
-            return END, status
-        event = event or flags[0] != 0
+        what, status, asked = _complete(row, scratch)
+        if what != FINE:
+            return what, status
+        event = event or asked
     if nz > 0:
         status = _vector(row["get_indicators"], (row["component"], row["work"] + 8 * (4 * nx + nz), nz))
         if status > WARNING:
@@ -160,30 +159,59 @@ def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.flo
 
 
 @compiled
+def _complete(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int, bool]:
+    """Complete a solver step; return what failed, the status, and whether the FMU asks for an event."""
+    place = row["scratch"]
+    scratch[:] = 0.0
+    if row["version"] == 1:
+        status = _completed_1(row["completed"], (row["component"], place))
+        return (COMPLETE if status > WARNING else FINE), status, scratch.view(np.int8)[0] != 0
+    status = _completed(row["completed"], (row["component"], np.int32(1), place, place + 8))
+    flags = scratch.view(np.int32)
+    if status > WARNING:
+        return COMPLETE, status, False
+    return (END if flags[2] != 0 else FINE), status, flags[0] != 0
+
+
+@compiled
 def enter_event_mode(row: np.void) -> int:
     """Enter Event Mode; return the status."""
+    if row["enter_event"] == 0:
+        return 0
     return _plain(row["enter_event"], (row["component"],))
 
 
 @compiled
 def leave_event_mode(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int]:
     """Iterate over the discrete states, and go back to Continuous-Time Mode."""
-    flags, place = scratch.view(np.int32), row["scratch"]
+    flags, small_flags, place = scratch.view(np.int32), scratch.view(np.int8), row["scratch"]
     status = 0
     for _ in range(_MAX_ITERATIONS):
         scratch[:] = 0.0
-        # Both versions return five flags and a time; in FMI 2.0 they are one structure.
+        # All versions return five flags and a time; before FMI 3.0 in one structure, in FMI 1.0 with flags of a byte.
         if row["version"] == 3:
             places = (row["component"], place, place + 4, place + 8, place + 12, place + 16, place + 24)
             status = _update_3(row["update"], places)
-        else:
+        elif row["version"] == 2:
             status = _update_2(row["update"], (row["component"], place))
+        else:
+            status = _update_1(row["update"], (row["component"], np.int32(0), place))
+        if row["version"] == 1:
+            again, ended, is_next, next_event = (
+                small_flags[0] == 0,
+                small_flags[3] != 0,
+                small_flags[4] != 0,
+                scratch[1],
+            )
+        else:
+            again, ended, is_next, next_event = flags[0] != 0, flags[1] != 0, flags[4] != 0, scratch[3]
         if status > WARNING:
             return EVENT, status
-        if flags[1] != 0:
+        if ended:
             return END, status
-        if flags[0] == 0:
-            row["next_event"] = scratch[3] if flags[4] != 0 else np.inf
-            status = _plain(row["enter_continuous"], (row["component"],))
+        if not again:
+            row["next_event"] = next_event if is_next else np.inf
+            if row["enter_continuous"] != 0:
+                status = _plain(row["enter_continuous"], (row["component"],))
             return (EVENT if status > WARNING else FINE), status
     return ITERATE, status

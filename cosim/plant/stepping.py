@@ -115,7 +115,8 @@ class Rows:
         row["states"], row["indicators"] = instance.states, instance.event_indicators
         row["first"], row["work"] = first, self.work.ctypes.data + 8 * first
         for field, functions in FUNCTIONS.items():
-            row[field] = instance.address(functions[row["version"] - 2])
+            name = functions[row["version"] - 1]
+            row[field] = instance.address(name) if name else 0
         row["next_event"], row["completes"] = instance.next_event, spec.completed_steps
 
 

@@ -107,7 +107,7 @@ def exact(torques: Floats, pose: tuple[float, ...] = POSE, step: float = STEP) -
 
 KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     **{f"fmi{fmi[0]}_cs": ({"fmi": fmi}, {}) for fmi in FMI},
-    **{f"fmi{fmi[0]}_me": ({"fmi": fmi, **MODEL}, {"solver": "euler"}) for fmi in FMI[1:]},
+    **{f"fmi{fmi[0]}_me": ({"fmi": fmi, **MODEL}, {"solver": "euler"}) for fmi in FMI},
     **{f"fmi{fmi[0]}_me_of_both": ({"fmi": fmi, "interface": "both"}, MODEL | {"solver": "euler"}) for fmi in FMI[1:]},
     "arrays_cs": ({"fmi": "3.0", "arrays": True}, {}),
     "arrays_me": ({"fmi": "3.0", "arrays": True, **MODEL}, {"solver": "euler"}),
@@ -156,7 +156,8 @@ def test_tick_by_tick_is_as_at_once(make: Make, reference: Floats) -> None:
 def test_many_kinds_in_one_fleet(make: Make, reference: Floats) -> None:
     """Of all versions and interfaces, in this process and in others."""
     fmus = [
-        make(**options) for options in ({"fmi": "1.0"}, {"fmi": "2.0"}, {"fmi": "3.0", **MODEL}, {"fmi": "3.0"})
+        make(**options)
+        for options in ({"fmi": "1.0", **MODEL}, {"fmi": "2.0"}, {"fmi": "3.0", **MODEL}, {"fmi": "3.0"})
     ] * 2
     isolated = [True, False] * 3 + [False, True]
     with fleet(*fmus, pose=POSE, solver="euler", isolated=isolated) as (started, state):
@@ -202,7 +203,7 @@ def test_velocities_that_are_not_offered_are_no_numbers(make: Make, reference: F
 # Model Exchange ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize(("solver", "order"), [("euler", 1), ("runge_kutta_4", 4)])
 def test_order_of_convergence(make: Make, fmi: str, solver: str, order: int) -> None:
     """The error falls with the order of the method as the solver's step is halved, against an exact solution."""
@@ -222,7 +223,7 @@ def test_the_default_is_runge_kutta_with_the_communication_step(make: Make) -> N
     np.testing.assert_array_equal(drive(fmu, TORQUES), expected)
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_cvode_keeps_its_tolerance(make: Make, fmi: str, tolerance: float) -> None:
     """Over 20 steps of 0.5 s, in each of which it starts anew, errors add up to some hundred times the tolerance."""
@@ -245,7 +246,7 @@ def test_cvode_in_a_process_of_its_own_is_the_same(make: Make, isolated: bool) -
 SOLVERS = ("euler", "runge_kutta_4", "cvode")
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("when", [1.0, 1.013, 0.02, 1e-12])
 def test_a_time_event_is_hit(make: Make, fmi: str, solver: str, when: float) -> None:
@@ -264,7 +265,7 @@ def pressed_to_the_stop(time: Floats, limit: float) -> Floats:
     return np.where(time < reached, 0.5 * time**2, np.where(time < 2.0, limit, back))
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_state_events_and_inputs_that_jump(make: Make, fmi: str, solver: str) -> None:
     """The steering meets a stop, is held, is released by a torque that changes its sign, and meets the other stop."""
@@ -283,7 +284,7 @@ def test_state_events_and_inputs_that_jump(make: Make, fmi: str, solver: str) ->
     assert moved[time > 3.6, 3] == pytest.approx(-0.5, abs=1e-12)
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_step_event(make: Make, fmi: str, solver: str) -> None:
     """After a step that has turned it by more than half a turn, the heading is brought back by a whole one."""
@@ -298,7 +299,7 @@ def test_a_step_event(make: Make, fmi: str, solver: str) -> None:
     assert turns.max() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 def test_events_in_a_process_of_its_own(make: Make, fmi: str) -> None:
     torques = np.zeros((150, 2))
     torques[:100, 1], torques[100:, 1] = 10.0, -10.0

@@ -1,4 +1,4 @@
-/* FMI 1.0 for Co-Simulation. MODEL is the model identifier, with which all names begin. */
+/* FMI 1.0 for Co-Simulation and Model Exchange. MODEL is the model identifier, with which all names begin. */
 #include "stub_model.h"
 
 #include "fmi1Functions.h"
@@ -8,8 +8,9 @@
 #define FMI(name) NAMED(MODEL, name)
 #define REQUIRE(name, modes) do { if (!allowed(c, name, (unsigned)(modes))) return fmi1Error; } while (0)
 
-enum { ANY = ~0, BEFORE = 1 << CREATED, READABLE = 1 << CREATED | 1 << STEP_MODE | 1 << TERMINATED,
-       SETTABLE = 1 << CREATED | 1 << STEP_MODE };
+/* Model Exchange of FMI 1.0 has no modes: all is allowed that FMI 2.0 allows in one of two. */
+enum { ANY = ~0, BEFORE = 1 << CREATED, ACTIVE = 1 << STEP_MODE | 1 << CONTINUOUS_TIME,
+       READABLE = BEFORE | ACTIVE | 1 << TERMINATED, SETTABLE = BEFORE | ACTIVE, ME_ACTIVE = 1 << CONTINUOUS_TIME };
 
 static void log_message(Stub *s, Status status, const char *category, const char *text, bool as_format)
 {
@@ -155,6 +156,119 @@ fmi1Status FMI(fmiDoStep)(fmi1Component c, fmi1Real time, fmi1Real h, fmi1Boolea
     return (fmi1Status)status;
 }
 #endif
+
+/* ---- Model Exchange ---- */
+
+const char *FMI(fmiGetModelTypesPlatform)(void) { return "standard32"; }
+
+fmi1Component FMI(fmiInstantiateModel)(fmi1String name, fmi1String guid, fmi1CallbackFunctions functions,
+                                       fmi1Boolean logging)
+{
+    (void)logging;
+    const Stub made = {.log = log_message, .logger = (void (*)(void))functions.logger};
+    Stub *const s = create(made, name, guid, true);
+    if (s != NULL) s->environment = s;
+    return s;
+}
+
+void FMI(fmiFreeModelInstance)(fmi1Component c) { destroy(c); }
+
+static void handle(Stub *s, fmi1EventInfo *info)
+{
+    *info = (fmi1EventInfo){.stateValuesChanged = handle_events(s), .terminateSimulation = s->car.terminated};
+    info->iterationConverged = true;
+    info->upcomingTimeEvent = s->time_event && !s->car.braked;
+    info->nextEventTime = info->upcomingTimeEvent ? s->car.when : 0.0;
+}
+
+fmi1Status FMI(fmiInitialize)(fmi1Component c, fmi1Boolean has_tolerance, fmi1Real tolerance, fmi1EventInfo *info)
+{
+    REQUIRE("fmiInitialize", BEFORE);
+    (void)has_tolerance, (void)tolerance;
+    const Status status = finish_initialization(c, CONTINUOUS_TIME);
+    if (status < DISCARD) handle(c, info);
+    return (fmi1Status)status;
+}
+
+fmi1Status FMI(fmiEventUpdate)(fmi1Component c, fmi1Boolean intermediate_results, fmi1EventInfo *info)
+{
+    REQUIRE("fmiEventUpdate", ME_ACTIVE);
+    (void)intermediate_results;
+    handle(c, info);
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiCompletedIntegratorStep)(fmi1Component c, fmi1Boolean *event)
+{
+    REQUIRE("fmiCompletedIntegratorStep", ME_ACTIVE);
+    *event = step_event_due(c) || ((Stub *)c)->car.terminated;
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiSetTime)(fmi1Component c, fmi1Real time)
+{
+    REQUIRE("fmiSetTime", BEFORE | ME_ACTIVE);
+    ((Stub *)c)->car.time = time;
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiSetContinuousStates)(fmi1Component c, const fmi1Real x[], size_t n)
+{
+    REQUIRE("fmiSetContinuousStates", ME_ACTIVE);
+    Stub *const s = c;
+    if (n != STATES) return none(s, "a number of states other than 6", 1);
+    for (int i = 0; i < STATES; i++) s->car.state[i] = x[i] / s->scale[i];
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiGetContinuousStates)(fmi1Component c, fmi1Real x[], size_t n)
+{
+    REQUIRE("fmiGetContinuousStates", ME_ACTIVE);
+    Stub *const s = c;
+    if (n != STATES) return none(s, "a number of states other than 6", 1);
+    for (int i = 0; i < STATES; i++) x[i] = s->car.state[i] * s->scale[i];
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiGetDerivatives)(fmi1Component c, fmi1Real dx[], size_t n)
+{
+    REQUIRE("fmiGetDerivatives", ME_ACTIVE);
+    Stub *const s = c;
+    if (n != STATES) return none(s, "a number of states other than 6", 1);
+    const Status status = act(s, "step");
+    derivatives(s, dx);
+    for (int i = 0; i < STATES; i++) dx[i] *= s->scale[i];
+    return (fmi1Status)status;
+}
+
+fmi1Status FMI(fmiGetEventIndicators)(fmi1Component c, fmi1Real value[], size_t n)
+{
+    REQUIRE("fmiGetEventIndicators", ME_ACTIVE);
+    if (n == 2) indicators(c, value);
+    return n == 2 || n == 0 ? fmi1OK : fmi1Error;
+}
+
+fmi1Status FMI(fmiGetNominalContinuousStates)(fmi1Component c, fmi1Real nominal[], size_t n)
+{
+    REQUIRE("fmiGetNominalContinuousStates", BEFORE | ME_ACTIVE);
+    for (size_t i = 0; i < n; i++) nominal[i] = 1.0;
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiGetStateValueReferences)(fmi1Component c, fmi1ValueReference reference[], size_t n)
+{
+    REQUIRE("fmiGetStateValueReferences", ANY);
+    for (size_t i = 0; i < n; i++) reference[i] = (fmi1ValueReference)i;
+    return fmi1OK;
+}
+
+fmi1Status FMI(fmiTerminate)(fmi1Component c)
+{
+    REQUIRE("fmiTerminate", ME_ACTIVE);
+    return (fmi1Status)finish(c);
+}
+
+/* ---- Co-Simulation ---- */
 
 fmi1Status FMI(fmiCancelStep)(fmi1Component c) { return none(c, "fmiCancelStep", 1); }
 

@@ -180,7 +180,7 @@ class Options:
         wrong = (
             self.fmi not in ("1.0", "2.0", "3.0")
             or self.interface not in ("co_simulation", "model_exchange", "both")
-            or (self.fmi == "1.0" and self.interface != "co_simulation")
+            or (self.fmi == "1.0" and self.interface == "both")
             or self.behaviour not in BEHAVIOURS
             or self.place not in ("", *PLACES)
             or self.early_return not in ("", "allowed", "always")
@@ -242,7 +242,7 @@ def make_fmu(where: Path, **options: object) -> Path:
     Parameters
     ----------
     fmi : {"2.0", "3.0", "1.0"}
-        Version; 1.0 is Co-Simulation only.
+        Version; 1.0 has one interface.
     interface : {"co_simulation", "model_exchange", "both"}
     behaviour, place : str
         What it does, and where: BEHAVIOURS and PLACES. The place is "step" by default, or "instantiate" where the
@@ -635,8 +635,8 @@ def _description1(options: Options) -> str:
         modelIdentifier=options.name,
         guid=options.token,
         generationTool="formation tests",
-        numberOfContinuousStates=0,
-        numberOfEventIndicators=0,
+        numberOfContinuousStates=6 if options.model_exchange else 0,
+        numberOfEventIndicators=2 if options.end_stop is not None and options.model_exchange else 0,
     )
     text = f"{_HEAD}<fmiModelDescription {head}>\n"
     used = sorted({variable.unit for variable in found} - {""})
@@ -669,7 +669,10 @@ def _description1(options: Options) -> str:
         start = _attributes(start=v.start, fixed=True if v.start and v.causality != "input" else "")
         declared = _attributes(declaredType=_TYPE.get(v.reference), unit=v.unit)
         text += f"    <ScalarVariable {outer}><{tags[v.kind]} {declared} {start}/></ScalarVariable>\n"
-    text += "  </ModelVariables>\n  <Implementation>\n    <CoSimulation_StandAlone>\n      <Capabilities "
+    text += "  </ModelVariables>\n"
+    if options.model_exchange:
+        return text + "</fmiModelDescription>\n"
+    text += "  <Implementation>\n    <CoSimulation_StandAlone>\n      <Capabilities "
     text += _attributes(
         canHandleVariableCommunicationStepSize=options.variable_step and options.fixed_step is None,
         canBeInstantiatedOnlyOncePerProcess=options.once,
