@@ -157,7 +157,7 @@ def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode
 
 
 @pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
-@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("behaviour", ["error", "discard", "terminate", "nan"])
 def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour=behaviour, fmi=fmi, interface="model_exchange")

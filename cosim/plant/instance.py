@@ -256,10 +256,8 @@ class Instance:
             callbacks = {"logMessage": self.log.log_message}
         try:
             self._fmu.instantiate(loggingOn=spec.logging, **callbacks)
-        except Exception as error:
-            if (
-                type(error) is not Exception
-            ):  # FMPy's bare one, where there is no instance; it overlooks that in FMI 1.0
+        except Exception as error:  # FMPy's bare one, where there is no instance; of FMI 1.0 slaves it overlooks that
+            if type(error) is not Exception:
                 raise
         if not self._fmu.component:
             raise NoInstance(self.log.take() or "; ".join(filter(None, ("it does not instantiate", self._no_reason()))))

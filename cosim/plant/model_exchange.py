@@ -1,4 +1,4 @@
-"""A Model Exchange FMU integrated with a fixed step: FMI 1.0, FMI 2.0 and FMI 3.0 (section 3.2 each), by address.
+"""A Model Exchange FMU integrated with a fixed step: FMI 1.0, FMI 2.0 and 3.0 (section 3.2 of each), by address.
 
 Inputs that change do so in an event, as they jump. Time events are hit exactly. A state event, a change of sign of an
 event indicator, is handled at the end of the solver step in which it happens: the error is of the order of that step.

@@ -44,7 +44,11 @@ def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
     ("options", "run"),
     [
         *(({"fmi": fmi}, {"isolated": isolated}) for fmi in ("1.0", "2.0", "3.0") for isolated in (False, True)),
-        *(({"fmi": fmi, **MODEL}, {"solver": solver}) for fmi in ("1.0", "2.0", "3.0") for solver in ("euler", "cvode")),
+        *(
+            ({"fmi": fmi, **MODEL}, {"solver": solver})
+            for fmi in ("1.0", "2.0", "3.0")
+            for solver in ("euler", "cvode")
+        ),
         ({"fmi": "2.0", **MODEL}, {"solver": "cvode", "isolated": True}),
     ],
 )
