@@ -41,7 +41,7 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         pose=robot.pose,
         inputs=robot.inputs,
         given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),
-        discrete=robot.started,
+        held=robot.held,
         stop_time=stop_time,
     )
 
@@ -51,11 +51,11 @@ def plant(
     source: PlantSource,
     *,
     name: str,
-    parameters: Iterable[ParameterValue],
+    parameters: Sequence[ParameterValue],
     pose: Sequence[float],
     inputs: Iterable[BoundRole] = (),
     given: Sequence[float] = (),
-    discrete: Iterable[ParameterValue] = (),
+    held: Iterable[ParameterValue] = (),
     stop_time: float,
 ) -> Member:
     """Return an FMU as a plant.
@@ -74,8 +74,8 @@ def plant(
         Those that are given besides the torques.
     given
         What the torques and these inputs are at the start, in the roles' units; empty for the FMU's own start values.
-    discrete
-        Inputs that are no real numbers, at the start.
+    held
+        Inputs that keep their values until they are changed, at the start.
     stop_time
         End of the run [s].
     """
@@ -94,7 +94,10 @@ def plant(
         interface=fmu.interface,
         identifier=fmu.about_interface.modelIdentifier,
         token=description.guid or "",
-        values=(*(parameter.as_value for parameter in parameters), *_initial_values(fmu, pose)),
+        values=(
+            *(parameter.as_value for parameter in parameters if not parameter.is_input),
+            *_initial_values(fmu, pose),
+        ),
         inputs=input_block,
         outputs=output_block,
         stop_time=stop_time,
@@ -108,7 +111,7 @@ def plant(
         late_outputs=source.late_outputs,
         time_limit=_time_limit(fmu, source),
         logging=source.logging,
-        discrete=tuple(value.as_value for value in discrete),
+        held=tuple(value.as_value for value in (*(p for p in parameters if p.is_input), *held)),
     )
     return Member(
         spec=spec,

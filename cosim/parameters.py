@@ -25,11 +25,16 @@ _WHOLE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A parameter of an FMU and the value that it gets, in the FMU's own unit."""
+    """A parameter or an input of an FMU and the value that it gets, in the FMU's own unit."""
 
     variable: Any
     value: float | int | bool | str
     where: Location
+
+    @property
+    def is_input(self) -> bool:
+        """Whether it is an input, which has its value from the start of the run on."""
+        return bool(self.variable.causality == "input")
 
     @property
     def as_value(self) -> Value:
@@ -40,7 +45,8 @@ class ParameterValue:
 def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tuple[ParameterValue, ...]:
     """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
 
-    A role that has a constant value in the binding may be set to this value, which then sets nothing.
+    An input that does not drive or disturb the vehicle may be set likewise, to a value that it keeps. A role that has a
+    constant value in the binding may be set to this value, which then sets nothing.
 
     Parameters
     ----------
@@ -54,19 +60,21 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
     InputError
         The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
     """
-    parameters = {v.name: v for v in fmu.description.modelVariables if v.causality == "parameter"}
+    parameters = {
+        v.name: v
+        for v in fmu.description.modelVariables
+        if v.causality == "parameter" or (v.causality == "input" and not _drives(fmu, v))
+    }
     values = []
     for setting in settings:
         variable = parameters.get(setting.name)
         bound = _geometry_role(fmu, setting.name)
-        if variable is not None and not _reads_by_role(fmu, setting, bound, variable):
-            bound = None
         player = _player(bound)
+        plays = player is not None and player.variable is variable
+        if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
+            bound = player = None  # it is meant by its own name
         if variable is None and player is None and (bound is None or bound.played_by is not None):
-            if any(v.name == setting.name and v.causality == "input" for v in fmu.description.modelVariables):
-                known = f'it is an input, which <input name="{setting.name}" .../> gives a value'
-            else:
-                known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
+            known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
             raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
         try:
             if bound is not None and bound.played_by is None:
@@ -104,26 +112,29 @@ def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
     return fmu.binding.bound.get(name) if name in roles else None
 
 
-def _reads_by_role(fmu: Fmu, setting: Setting, bound: BoundRole | None, variable: Any) -> bool:
-    """Return whether a value with a unit is one of the role that the parameter of the role's own name plays.
+def needs_a_role(description: Any, variable: Any, text: str) -> bool:
+    """Return whether a value has a unit, but the FMU does not say clearly in which unit the parameter is.
 
-    That is where the FMU does not say clearly in which unit the parameter is, but the binding does.
+    Then the binding says it, of a parameter that plays a role.
     """
-    player = _player(bound)
-    if bound is None or player is None or player.variable is not variable or not bound.role.unit:
-        return False
     try:
-        unit_of(fmu.description, variable)
-        return False
+        unit_of(description, variable)
     except UnitError:
         with suppress(ValueError):
-            return split(setting.value)[1] != "1"
-        return False
+            return split(text)[1] != "1"
+    return False
+
+
+def _drives(fmu: Fmu, variable: Any) -> bool:
+    """Return whether an input plays the role of a torque or a disturbance."""
+    contract = fmu.binding.contract
+    driven = fmu.binding.of((*contract.torque, *contract.disturbance))
+    return any(b is not None and b.played_by is not None and b.played_by.variable is variable for b in driven)
 
 
 def _player(bound: BoundRole | None) -> BoundVariable | None:
-    """Return what plays a role, if it is a parameter of the FMU."""
-    if bound is None or bound.played_by is None or bound.played_by.variable.causality != "parameter":
+    """Return what plays a role, if it is a parameter or an input of the FMU."""
+    if bound is None or bound.played_by is None or bound.played_by.variable.causality not in ("parameter", "input"):
         return None
     return bound.played_by
 

@@ -45,6 +45,22 @@ class RobotInputs:
     samples: dict[str, tuple[BoundRole, NDArray[np.float64]]] = field(default_factory=dict)
     discrete: dict[int, tuple[ParameterValue, ...]] = field(default_factory=dict)
 
+    def check_free(self, values: Iterable[ParameterValue]) -> None:
+        """Refuse values of inputs that are given signals.
+
+        Raises
+        ------
+        InputError
+            An input has both.
+        """
+        names = {*self.samples, *(value.variable.name for given in self.discrete.values() for value in given)}
+        for value in values:
+            if value.is_input and value.variable.name in names:
+                raise InputError(
+                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: one must do",
+                    value.where,
+                )
+
 
 def robot_inputs(
     scenario: Scenario, fmu: Fmu, robot: str, sources: Sequence[InputSource], times: NDArray[np.float64]

@@ -22,7 +22,7 @@ from cosim.fmu import Fmu, open_fmu
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.recorder import Channel
-from cosim.robot_inputs import robot_inputs
+from cosim.robot_inputs import RobotInputs, robot_inputs
 from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.schedule import check_channels, tick_at
 from cosim.solver import check_solver, check_step
@@ -61,7 +61,7 @@ class RobotSetup:
         Other inputs of the FMU that are given.
     samples : ndarray
         Their values (ticks + 1, inputs) in the roles' units.
-    started : tuple of ParameterValue
+    held : tuple of ParameterValue
         Inputs that are no real numbers, at the start.
     changes : dict
         Parameters and such inputs that change, by tick.
@@ -79,7 +79,7 @@ class RobotSetup:
     torque: NDArray[np.float64]
     inputs: tuple[BoundRole, ...]
     samples: NDArray[np.float64]
-    started: tuple[ParameterValue, ...]
+    held: tuple[ParameterValue, ...]
     changes: Mapping[int, tuple[ParameterValue, ...]]
 
     @property
@@ -305,6 +305,8 @@ def _robot(
     check_channels(sensor, [role.name for role in contract.pose], f"the pose of {name}, a {contract.vehicle},")
     check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
     given = robot_inputs(scenario, fmu, name, inputs, _times(scenario))
+    changes = _changes(scenario, fmu, source, name, given)
+    given.check_free(parameters)
     for column, samples in given.torque.items():
         torque[:, column] += samples
     for event in _events_of(scenario, name):
@@ -325,8 +327,8 @@ def _robot(
         samples=np.column_stack(
             [np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in given.samples.values())]
         ),
-        started=given.discrete.pop(0, ()),
-        changes=_changes(scenario, fmu, source, name, given.discrete),
+        held=given.discrete.get(0, ()),
+        changes=changes,
     )
 
 
@@ -397,19 +399,20 @@ def _changes(
     fmu: Fmu,
     source: PlantSource,
     robot: str,
-    inputs: Mapping[int, tuple[ParameterValue, ...]],
+    inputs: RobotInputs,
 ) -> dict[int, tuple[ParameterValue, ...]]:
     """Return the values that a robot's FMU is given in the course of the run, by tick: inputs, then parameters."""
-    changes = dict(inputs)
+    changes = {tick: values for tick, values in inputs.discrete.items() if tick > 0}
     for event in _events_of(scenario, robot):
         values = _understood(fmu, source, event.parameters)
         for value in values:
-            if value.variable.variability != "tunable":
+            if value.variable.variability != "tunable" and not value.is_input:
                 raise InputError(
                     f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
                     "tunable one can change in the course of a run",
                     value.where,
                 )
+        inputs.check_free(values)
         tick = tick_at(event.time, scenario.step)
         changes[tick] = (*changes.get(tick, ()), *values)
     return changes

@@ -18,7 +18,7 @@ from cosim.document import read_document
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.fmu import Package, open_package
 from cosim.grammar import NAMESPACE
-from cosim.parameters import check_constant, value_of
+from cosim.parameters import check_constant, needs_a_role, value_of
 from cosim.proposal import Proposal, binding_xml, proposals, propose
 from cosim.quantity import quantity
 from cosim.reader import read_binding, read_scenario
@@ -283,8 +283,13 @@ class _Writer:
     def _carried(self, replacement: Replacement, setting: Setting, whose: str, *, tunable: bool = False) -> str:
         """Return the name of a parameter in the FMU that takes a plant's place; an empty one if it has no such."""
         package = replacement.package
-        parameters = {v.name: v for v in package.description.modelVariables if v.causality == "parameter"}
         roles = {role.name: role for role in replacement.contract.geometry.values()}
+        driving = {s.variable for s in replacement.roles if s.name not in roles}
+        parameters = {
+            v.name: v
+            for v in package.description.modelVariables
+            if v.causality == "parameter" or (v.causality == "input" and v.name not in driving)
+        }
         bound = {source.name: source for source in replacement.roles if source.name in roles}.get(setting.name)
         player = bound.variable if bound is not None and bound.variable else None
         # By the role that it plays, unless the FMU has a parameter of this name that is something else.
@@ -296,11 +301,13 @@ class _Writer:
             reason = contradiction
         elif variable is None:
             reason = f"{package.path.name} has no such parameter"
-        elif tunable and variable.variability != "tunable":
+        elif tunable and variable.variability != "tunable" and variable.causality != "input":
             reason = f"{package.path.name} has it {variable.variability} for the whole run"
         else:
             try:
-                if name == variable.name or not roles[setting.name].unit:
+                plays = player == name == setting.name
+                by_role = plays and needs_a_role(package.description, variable, setting.value)
+                if (name == variable.name and not by_role) or not roles[setting.name].unit:
                     value_of(package.description, variable, setting.value)
                 else:
                     quantity(setting.value, roles[setting.name].unit)

@@ -75,6 +75,22 @@ def test_an_input_may_have_one_value(tmp_path: Path) -> None:
     assert "the note says hello there" in result.attrs["plant_messages"]
 
 
+@pytest.mark.parametrize("interface", ["co_simulation", "model_exchange"])
+def test_an_input_may_be_set_as_a_parameter(tmp_path: Path, interface: str) -> None:
+    more = '<event at="0.5 s" robots="leader"><parameter name="gear" value="3"/></event>'
+    given = '<parameter name="gear" value="2"/><parameter name="push" value="1 N"/>'
+    result = cosim.run(written(tmp_path, given, more=more, interface=interface))
+    assert gains(result) == pytest.approx(course((0.5, 2), (1.0, 3)) + 0.1 / ACCELERATION)
+
+
+def test_plants_are_compared_with_inputs_of_their_own(tmp_path: Path) -> None:
+    fmu = make_fmu(tmp_path, discrete=True)
+    options: dict[str, Any] = {"duration": 1.0, "torque": np.full((50, 2), 1.0), "isolated": False}
+    still, moving = cosim.PlantFile(fmu, parameters={"enable": "false"}), cosim.PlantFile(fmu, parameters={"gear": "2"})
+    comparison = cosim.compare_plants(still, moving, **options)
+    assert [states[-1, 4] for states in comparison.states] == pytest.approx([0.0, 0.2])
+
+
 def test_a_signal_that_does_not_act_leaves_the_fmu_s_start_value(tmp_path: Path) -> None:
     result = cosim.run(written(tmp_path, '<input name="enable"><pulse value="0" from="0.4 s" to="0.6 s"/></input>'))
     assert gains(result) == pytest.approx(course((0.4, 1), (0.6, 0), (1.0, 1)))
@@ -114,7 +130,10 @@ def test_a_table_holds_from_row_to_row(tmp_path: Path, name: str, rows: str, exp
         ('', '<event at="0 s" robots="leader"><input name="gear" value="x"/></event>', "value=\"x\" of the input 'gear': 'x' is not a whole number"),
         ('', '<event at="0 s" robots="leader"><input name="gear" value="1"/><input name="gear" value="2"/></event>', "the input 'gear' is given twice"),
         ('', '<event at="0 s" robots="leader"><input name="tau_drive" value="1 N.m"/></event>', "an event cannot set 'tau_drive', which a controller or the <torque> of the leader commands"),
-        ('', '<event at="0 s" robots="leader"><parameter name="enable" value="1"/></event>', "has no parameter 'enable': it is an input, which <input name=\"enable\" .../> gives a value"),
+        ('<parameter name="tau_steer" value="1 N.m"/>', "", "has no parameter 'tau_steer'"),
+        ('<parameter name="gear" value="x"/>', "", "parameter gear of stub.fmu: 'x' is not a whole number"),
+        ('<parameter name="gear" value="2"/><input name="gear" value="3"/>', "", "the input 'gear' is given a value as <parameter> and as <input>: one must do"),
+        ('<input name="gear" value="3"/>', '<event at="0 s" robots="leader"><parameter name="gear" value="1"/></event>', "the input 'gear' is given a value as <parameter> and as <input>: one must do"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_at_its_place(tmp_path: Path, inputs: str, more: str, sentence: str) -> None:

@@ -286,7 +286,7 @@ class Instance:
 
     def _give_inputs(self) -> None:
         """Give the inputs their values at the start, which initial equations may use."""
-        for value in self.spec.discrete:
+        for value in self.spec.held:
             self._set(value)
         self.give(self.spec.inputs.start)
 

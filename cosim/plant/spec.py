@@ -80,8 +80,8 @@ class PlantSpec:
         Start values and parameters.
     inputs, outputs : Block
         What it is given and what it returns at every communication point.
-    discrete : tuple of Value
-        Other inputs, which change at communication points only, at the start of the run.
+    held : tuple of Value
+        Other inputs, which keep their values until they are changed, at the start of the run.
     stop_time : float
         End of the run [s].
     states, event_indicators : int
@@ -122,7 +122,7 @@ class PlantSpec:
     late_outputs: bool = False
     time_limit: float = 10.0
     logging: bool = False
-    discrete: tuple[Value, ...] = ()
+    held: tuple[Value, ...] = ()
 
     @property
     def uses_cvode(self) -> bool:
@@ -142,7 +142,7 @@ class PlantSpec:
     def from_json(cls, text: bytes) -> PlantSpec:
         """Return what `to_json` has written."""
         data = json.loads(text)
-        for values in ("values", "discrete"):
+        for values in ("values", "held"):
             data[values] = values_from(data[values])
         for block in ("inputs", "outputs"):
             variables = tuple(Exchanged(**variable) for variable in data[block].pop("variables"))
