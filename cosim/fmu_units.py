@@ -68,7 +68,8 @@ def unit_of(description: Any, variable: Any) -> units.Unit:
         return units.parse(name)
     except UnitError:
         raise UnitError(
-            f'has {variable.name!r} in {name!r}, which it does not define: a binding states the unit, unit="..."'
+            f"has {variable.name!r} in {name!r}, which it does not define: a binding states the unit, "
+            f'unit="{units.guess(name) or "..."}"'
         ) from None
 
 

@@ -205,10 +205,15 @@ def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:
 
 def _fmu_path(source: PlantSource) -> Path:
     if source.fmu is not None:
+        if source.fmu.name in plants.models() and not source.fmu.exists():
+            raise InputError(f'a built-in model is no file: write model="{source.fmu.name}" for fmu=...', source.where)
         return source.fmu
     assert source.model is not None
     try:
         return plants.build(source.model)
+    except plants.UnknownModel as error:
+        hint = f'; a file is named by fmu="{source.model}"' if source.model.endswith(".fmu") else ""
+        raise InputError(f"{error}{hint}", source.where) from None
     except plants.PlantError as error:
         raise InputError(str(error), source.where) from None
 

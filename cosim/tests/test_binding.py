@@ -117,7 +117,7 @@ def test_what_is_missing_is_named_for_every_kind_of_vehicle(describe: Describe) 
             "has no start value of 'x' that could be set; if a parameter gives the initial value",
         ),
         ({"units": "none"}, "has 'x' without a unit: a binding states it"),
-        ({"fmi": "1.0", "units": "names"}, "has 'x' in 'metre', which it does not define: a binding states"),
+        ({"fmi": "1.0", "units": "names"}, 'it does not define: a binding states the unit, unit="m"'),
         (
             {"replace": ('causality="output"', 'causality="local"')},
             "has 'x' as local, not as output; it has 'y'",
