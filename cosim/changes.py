@@ -6,7 +6,9 @@ elements without their namespace.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,28 @@ from cosim.errors import InputError, nearest
 from cosim.xpaths import advice, unclosed
 
 Change = Callable[[etree._Element], None]
+
+
+@dataclass(frozen=True)
+class Option:
+    """A change that an option of the command line asks for; `words` is that option, as a shell would take it."""
+
+    words: str
+    change: Change
+
+    def __call__(self, root: etree._Element) -> None:
+        """Make the change."""
+        self.change(root)
+
+
+def in_words(change: Change) -> str:
+    """Return what a change is called."""
+    return change.words if isinstance(change, Option) else getattr(change, "__name__", type(change).__name__)
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a shell takes it, in double quotes where it has single ones, as XPaths often do."""
+    return f'"{text}"' if "'" in text and not set('"$`\\!') & set(text) else shlex.quote(text)
 
 
 def set_value(replacement: str) -> Change:
@@ -29,12 +53,12 @@ def set_value(replacement: str) -> Change:
         except ValueError as error:
             raise InputError(f"--set {replacement}: {error}") from None
 
-    return change
+    return Option(f"--set {_quoted(replacement)}", change)
 
 
 def set_seed(seed: int) -> Change:
     """Return the change to another seed of the noise."""
-    return set_value(f"simulation/@seed={seed}")
+    return Option(f"--seed {seed}", set_value(f"simulation/@seed={seed}"))
 
 
 def set_fmu(plant: str, fmu: Path) -> Change:
@@ -45,7 +69,7 @@ def set_fmu(plant: str, fmu: Path) -> Change:
         element.attrib.pop("model", None)
         element.set("fmu", str(fmu.absolute()))
 
-    return change
+    return Option(f"--plant {_quoted(f'{plant}={fmu}')}", change)
 
 
 def set_binding(plant: str, file: Path) -> Change:
@@ -57,7 +81,7 @@ def set_binding(plant: str, file: Path) -> Change:
             element.remove(binding)
         element.set("binding", str(file.absolute()))
 
-    return change
+    return Option(f"--binding {_quoted(f'{plant}={file}')}", change)
 
 
 def set_controller(controller: str, name: str, package: str, version: str) -> Change:
@@ -72,7 +96,7 @@ def set_controller(controller: str, name: str, package: str, version: str) -> Ch
         for gain in element.findall("gain"):
             element.remove(gain)
 
-    return change
+    return Option(f"--controller {_quoted(f'{controller}={name}')}", change)
 
 
 def select(root: etree._Element, xpath: str) -> list[Any]:

@@ -81,6 +81,21 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     return Document(path, _serialised(root), root, places) if changes else document
 
 
+def parse_document(text: str, path: Path) -> Document:
+    """Return the document of a scenario's resolved text, checked against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    root, places = _parse(text.encode(), path)
+    _check_names(root, places, "scenario")
+    _collapse(root)
+    _validate(root, places)
+    return Document(path, text, root, places)
+
+
 def read_binding_document(path: Path) -> Document:
     """Read a file whose root element is a binding, and check it against the schema.
 

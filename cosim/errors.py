@@ -40,26 +40,58 @@ class OutputError(FormationError):
     """A result could not be written."""
 
 
+@dataclass(frozen=True)
+class Failure:
+    """Why a run did not reach its end.
+
+    Attributes
+    ----------
+    robot : str
+        Which robot failed; empty if the run was interrupted.
+    time : float
+        Communication point [s] at which it was noticed.
+    variable : str
+        What has diverged or was not finite, such as ``v``; empty if it is not about one variable.
+    message : str
+        What happened.
+    """
+
+    robot: str
+    time: float
+    variable: str
+    message: str
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user stopped the run."""
+        return not self.robot
+
+    def __str__(self) -> str:
+        """Return who failed when, and what happened, in a line."""
+        if self.interrupted:
+            return f"{self.message} at t = {self.time:.6g} s"
+        return f"{self.robot} at t = {self.time:.6g} s: {self.message}"
+
+
 class SimulationError(FormationError):
     """A plant or a controller failed in the course of a run, or the motion diverged.
 
     Attributes
     ----------
-    robot : str
-        Which robot.
-    time : float
-        Communication point [s] at which it was noticed.
+    failure : Failure
+        Which robot, when, and what happened; also as `robot` and `time`.
     result : xarray.Dataset or None
         Everything recorded up to then; set by the master.
     """
 
     exit_status = 3
 
-    def __init__(self, robot: str, time: float, message: str) -> None:
+    def __init__(self, robot: str, time: float, message: str, variable: str = "") -> None:
+        self.failure = Failure(robot, time, variable, message)
         self.robot = robot
         self.time = time
         self.result: Any = None
-        super().__init__(f"{robot} at t = {time:.6g} s: {message}")
+        super().__init__(str(self.failure))
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -68,7 +100,12 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, time: float, result: Any) -> None:
         self.time = time
         self.result = result
-        super().__init__(f"interrupted at t = {time:.6g} s")
+        super().__init__(str(interruption(time)))
+
+
+def interruption(time: float) -> Failure:
+    """Return what a run that the user has stopped at a time [s] tells of it."""
+    return Failure(robot="", time=time, variable="", message="interrupted")
 
 
 def printable(text: str) -> str:

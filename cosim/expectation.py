@@ -14,10 +14,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from cosim.errors import FormationError, InputError, Location, nearest
+from cosim.errors import FormationError, InputError, nearest
 from cosim.measure import figure_of, settling_time, smallest_distance
 from cosim.recorder import Channel
 from cosim.scenario import LEADER, Expectation, Scenario
+from cosim.verdict import Verdict
 from plants import UnitError, units
 
 DERIVED = {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
@@ -201,76 +202,8 @@ def _refuse(expectation: Expectation, message: str) -> NoReturn:
 # After the run ----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """An expectation and what came of it.
-
-    Attributes
-    ----------
-    expectation : str
-        What is expected.
-    robot : str
-        Of which follower, or "leader"; empty where it is about the team.
-    figure, bound : float
-        What came about and what it is held against, in `unit`; NaN if there is none.
-    unit : str
-        The unit in which the bound is written; empty for a pure number.
-    margin : float
-        By how much it holds, in `unit`; negative if it does not.
-    passed : bool
-        Whether it holds.
-    known_failure : str
-        Why it is known not to hold; empty if it should.
-    detail : str
-        When, between whom, against what; or why there is no figure.
-    where : Location
-        Its place in the scenario.
-    """
-
-    expectation: str
-    robot: str
-    figure: float
-    bound: float
-    unit: str
-    margin: float
-    passed: bool
-    known_failure: str
-    detail: str
-    where: Location
-
-    @property
-    def as_marked(self) -> bool:
-        """Whether it holds, or fails as it is known to."""
-        return self.passed != bool(self.known_failure)
-
-    @property
-    def outcome(self) -> str:
-        """What came of it, in words."""
-        if not self.known_failure:
-            return "holds" if self.passed else "FAILS"
-        return f"{'holds, though marked as failing' if self.passed else 'fails as known'}: {self.known_failure}"
-
-    @property
-    def finding(self) -> str:
-        """Figure, margin and whose they are, in words."""
-        told = "; ".join(text for text in (self.robot, self.detail) if text)
-        if math.isnan(self.figure):
-            numbers = "no figure"
-        elif math.isnan(self.margin):
-            numbers = f"{self.figure:.4g} {self.unit}".strip()
-        else:
-            numbers = f"{f'{self.figure:.4g} {self.unit}'.strip()}, margin {f'{self.margin:.3g} {self.unit}'.strip()}"
-        return f"{numbers} ({told})" if told else numbers
-
-    def __str__(self) -> str:
-        """Return what is expected and what came about, in a line."""
-        return f"{self.expectation}: {self.finding}"
-
-
 def judge(scenario: Scenario, result: xr.Dataset) -> tuple[Verdict, ...]:
-    """Return the verdict on each expectation and follower; on an expectation about the team, one.
-
-    A follower whose controller has no such signal is left out. Other scenarios that are compared with are run.
+    """Return the verdicts on what a scenario expects; other scenarios that are compared with are run.
 
     Parameters
     ----------
@@ -284,10 +217,19 @@ def judge(scenario: Scenario, result: xr.Dataset) -> tuple[Verdict, ...]:
     RunInterrupted
         The user pressed Ctrl-C while another scenario ran.
     """
-    return tuple(verdict for expectation in scenario.expectations for verdict in _judge(expectation, result))
+    return verdicts_on(scenario.expectations, result, run_others=True)
 
 
-def _judge(expectation: Expectation, result: xr.Dataset) -> list[Verdict]:
+def verdicts_on(expectations: Iterable[Expectation], result: xr.Dataset, *, run_others: bool) -> tuple[Verdict, ...]:
+    """Return the verdict on each expectation and follower; on an expectation about the team, one.
+
+    A follower whose controller has no such signal is left out. A comparison with another scenario has no figure if that
+    is not to be run.
+    """
+    return tuple(verdict for expectation in expectations for verdict in _judge(expectation, result, run_others))
+
+
+def _judge(expectation: Expectation, result: xr.Dataset, run_others: bool) -> list[Verdict]:
     if expectation.kind == "settled":
         return [_settled(expectation, result, robot) for robot in _followers(expectation, result)]
     if expectation.kind == "distance":
@@ -295,7 +237,7 @@ def _judge(expectation: Expectation, result: xr.Dataset) -> list[Verdict]:
     if expectation.kind == "regular":
         return _regular(expectation, result)
     if expectation.kind == "compare":
-        return [_compare(expectation, result)]
+        return [_compare(expectation, result, run_others)]
     return _bounded(expectation, result)
 
 
@@ -369,18 +311,19 @@ def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:
     return float(nearness[at]), at, False
 
 
-def _compare(expectation: Expectation, result: xr.Dataset) -> Verdict:
+def _compare(expectation: Expectation, result: xr.Dataset, run_other: bool) -> Verdict:
     path, measure = _other(expectation), expectation.measure
     unit = _unit_of_figure(measure, _unit(expectation, result))
     own = _mean_figure(expectation, result)
-    other = _outcome_of(path, expectation.untrusted, _read_other(path, expectation.untrusted).text)
+    other = _other_result(path, expectation.untrusted) if run_other else None
     if isinstance(other, xr.Dataset):
         reference = units.convert(
             _mean_figure(expectation, other), _unit_of_figure(measure, _unit(expectation, other)), unit
         )
         told, fails = f"{path.name}: {f'{reference:.4g} {unit}'.removesuffix(' 1')}", expectation.fails
     else:  # not the failure that may be known, as nobody can tell whether the expectation holds
-        reference, told, fails = math.nan, f"the run of {path.name} failed: {other}", ""
+        why = f"the run of {path.name} failed: {other}" if run_other else f"{path.name} is run by formation run alone"
+        reference, told, fails = math.nan, why, ""
     text = (
         f"{measure} {_subject(expectation)} at most {expectation.bound:g} times that of {path.name}, "
         f"{_span(expectation)}"
@@ -399,6 +342,15 @@ def _read_other(path: Path, untrusted: tuple[Path, ...]) -> Scenario:
     from cosim.reader import read_scenario
 
     return replace(read_scenario(path, untrusted=untrusted), expectations=())
+
+
+def _other_result(path: Path, untrusted: tuple[Path, ...]) -> xr.Dataset | FormationError:
+    """Return the result of another scenario, or why there is none."""
+    try:
+        text = _read_other(path, untrusted).text
+    except InputError as error:  # it has changed since it was checked
+        return error
+    return _outcome_of(path, untrusted, text)
 
 
 @lru_cache(maxsize=2)  # results are large; expectations that share one stand next to each other

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
+from cosim.drawable import drawable
+from cosim.errors import printable
+from cosim.provenance import Provenance
 from cosim.result import write
 
 _SNAPSHOTS = 5
@@ -37,12 +41,14 @@ def save_figure(result: xr.Dataset, path: Path) -> None:
 
 
 def draw(result: xr.Dataset) -> Figure:
-    """Return the figure: panels (a) to (h) as in the paper; one whose signal was not recorded says so."""
+    """Return the figure: panels (a) to (h) as in the paper; one whose signal was not recorded says so.
+
+    Above them stands what was changed in the scenario and why the run ended early, below them seed and versions.
+    """
     figure = Figure(figsize=(13, 16), layout="constrained")
-    title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
-    if result.attrs["status"] != "completed":
-        title += f", ended early at {result['time'].values[-1]:g} s"
-    figure.suptitle(title, fontsize=13, parse_math=False)
+    figure.suptitle(_title(result), fontsize=13, parse_math=False)
+    figure.supxlabel(Provenance.of(result.attrs).basis, fontsize=8, color="grey", parse_math=False)
+    result = drawable(result)
     grid = figure.add_gridspec(4, 2, height_ratios=(1.5, 1.2, 1.2, 0.8))
     robots = [str(robot) for robot in result["robot"].values]
     colours = dict(zip(robots, _colours(len(robots)), strict=True))
@@ -110,6 +116,18 @@ def draw(result: xr.Dataset) -> Figure:
     return figure
 
 
+def _title(result: xr.Dataset) -> str:
+    provenance = Provenance.of(result.attrs)
+    title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
+    if result.attrs["status"] != "completed":
+        title += f", ended early at {result['time'].values[-1]:g} s"
+    further = [provenance.changed] if provenance.changes else []
+    if provenance.failure:
+        further.append(printable(str(provenance.failure)))
+    wrapped = (part for line in further for part in textwrap.wrap(line, 120, max_lines=3, placeholder=" ..."))
+    return "\n".join([title, *wrapped])
+
+
 # Panels -----------------------------------------------------------------------------------------------------
 
 
@@ -129,7 +147,10 @@ def _draw_paths(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> N
 
 def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> None:
     """Draw the last part of the paths, and the robots and their lines of sight at a few instants."""
-    samples = result.sizes["time"]
+    drawn = np.isfinite(result["pose"].values).all(axis=(1, 2)) & np.isfinite(result["leader_pose"].values).all(axis=1)
+    samples = int(np.flatnonzero(drawn)[-1]) + 1 if drawn.any() else 0
+    if not samples:
+        return
     shown = np.unique(np.linspace(0.6 * (samples - 1), samples - 1, _SNAPSHOTS).round().astype(int))
     _draw_paths(axes, result, colours)
     leader = result["leader_pose"].values
@@ -199,8 +220,9 @@ def _draw_lines(
         axes.text(0.5, 0.5, "not recorded by this controller", transform=axes.transAxes, ha="center", va="center")
         return
     time = result["time"].values
+    marker = "." if len(time) == 1 else ""
     for robot, colour in colours.items():
-        axes.plot(time, signal.sel(robot=robot).values, color=colour, linewidth=0.9)
+        axes.plot(time, signal.sel(robot=robot).values, color=colour, linewidth=0.9, marker=marker)
 
 
 # Signals ----------------------------------------------------------------------------------------------------

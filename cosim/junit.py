@@ -10,8 +10,8 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import Location
-from cosim.expectation import Verdict
 from cosim.summary import Summary
+from cosim.verdict import Verdict
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

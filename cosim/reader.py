@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from lxml import etree
 
-from cosim.changes import Change, set_value
-from cosim.document import Document, read_binding_document, read_document
+from cosim.changes import Change, in_words, set_value
+from cosim.document import Document, parse_document, read_binding_document, read_document
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
 from cosim.quantity import quantity, split
@@ -68,7 +69,27 @@ def read_scenario(
         What the file says is not a scenario; with file, line and column.
     """
     made = [set_value(change) if isinstance(change, str) else change for change in changes]
-    return _Reader(read_document(Path(path), made), tuple(Path(folder).resolve() for folder in untrusted)).scenario()
+    document = read_document(Path(path), made)
+    scenario = _Reader(document, tuple(Path(folder).resolve() for folder in untrusted)).scenario()
+    return replace(scenario, changes=tuple(in_words(change) for change in made))
+
+
+def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
+    """Read what is expected of a run from the text of its scenario; no other file is read.
+
+    Parameters
+    ----------
+    text
+        The resolved text, as a result keeps it.
+    path
+        The file that it is of, to which other files are relative.
+
+    Raises
+    ------
+    InputError
+        The text is not a scenario.
+    """
+    return _Reader(parse_document(text, Path(path)), ()).expectations()
 
 
 def read_binding(path: str | Path) -> BindingSource:
@@ -136,10 +157,18 @@ class _Reader:
             leader=leader,
             followers=tuple(followers.values()),
             events=tuple(sorted(events, key=lambda event: event.time)),
-            expectations=tuple(
-                self._expectation(element, list(followers)) for element in root.iterfind(f"{_NS}expect/*")
-            ),
+            expectations=self._expectations(list(followers)),
         )
+
+    def expectations(self) -> tuple[Expectation, ...]:
+        root = self.document.root
+        simulation = self._child(root, "simulation")
+        self.step = self._positive(simulation, "step", "s")
+        self.horizon = self._ticks(simulation) * self.step
+        return self._expectations([element.get("id", "") for element in root.iterfind(f"{_NS}follower")])
+
+    def _expectations(self, followers: list[str]) -> tuple[Expectation, ...]:
+        return tuple(self._expectation(element, followers) for element in self.document.root.iterfind(f"{_NS}expect/*"))
 
     # Plants, controllers, robots
 

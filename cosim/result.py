@@ -12,13 +12,15 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import xarray as xr
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 
+from cosim import provenance
 from cosim.connect import in_own_process, tolerance_of
 from cosim.contract import labels
-from cosim.errors import OutputError
+from cosim.errors import Failure, OutputError
 from cosim.fmu import Fmu
 from cosim.recorder import Recorder
 from cosim.scenario import Scenario
@@ -29,7 +31,12 @@ LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba
 
 
 def dataset(
-    scenario: Scenario, setup: Setup, recorder: Recorder, teams: Sequence[Team], messages: Sequence[str]
+    scenario: Scenario,
+    setup: Setup,
+    recorder: Recorder,
+    teams: Sequence[Team],
+    messages: Sequence[str],
+    failure: Failure | None = None,
 ) -> xr.Dataset:
     """Return what a run has recorded, with what follows from it.
 
@@ -37,8 +44,8 @@ def dataset(
     each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
 
     Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
-    of every controller, versions of the libraries, what the plants logged, and ``status`` (``completed`` or
-    ``incomplete``).
+    of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,
+    ``status`` (``completed`` or ``incomplete``) and why the run did not reach its end.
     """
     arrays = recorder.arrays()
     samples = recorder.recorded
@@ -69,7 +76,10 @@ def dataset(
         ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
     ):
         variables[name] = (("time", "robot"), values, {"units": units, "long_name": long_name})
-    return xr.Dataset(variables, coordinates, _provenance(scenario, samples, teams, setup.fmus, messages))
+    attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
+    return xr.Dataset(
+        variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure)
+    )
 
 
 def save(result: xr.Dataset, path: Path) -> None:
@@ -88,6 +98,23 @@ def save(result: xr.Dataset, path: Path) -> None:
     # In memory first: the HDF5 library does not survive a disk that fills up.
     buffer = io.BytesIO()
     result.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
+    write(path, buffer.getbuffer())
+
+
+def annotate(path: Path, **attributes: str) -> None:
+    """Add attributes to a result in a file, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    try:
+        buffer = io.BytesIO(path.read_bytes())
+    except OSError as error:
+        raise OutputError(f"{path} cannot be completed: {error.strerror}") from None
+    with h5netcdf.File(buffer, "r+") as file:
+        file.attrs.update(attributes)
     write(path, buffer.getbuffer())
 
 

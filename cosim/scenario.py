@@ -329,6 +329,8 @@ class Scenario:
         Those of every follower.
     text : str
         The resolved document.
+    changes : tuple of str
+        What was changed in it after it was read, as options of the command line.
     """
 
     path: Path
@@ -346,6 +348,7 @@ class Scenario:
     followers: tuple[Follower, ...]
     events: tuple[Event, ...]
     expectations: tuple[Expectation, ...]
+    changes: tuple[str, ...] = ()
 
     @property
     def horizon(self) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cosim.actuating import Actuators
 from cosim.connect import member
-from cosim.errors import InputError, RunInterrupted, SimulationError, nearest
+from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
 from cosim.interrupt import HeldSignals
 from cosim.pacing import Pacer
 from cosim.plant.fleet import Fleet, returning
@@ -65,6 +65,7 @@ class Simulation:
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
         self._ended = ""  # why there are no more steps
+        self._failure: Failure | None = None
         visible = self._state.view()
         visible.flags.writeable = False
         self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
@@ -134,16 +135,18 @@ class Simulation:
             if self.tick < self.scenario.ticks:
                 self._step_plants()
         except SimulationError as error:
-            self._ended = str(error)
-            error.result = self.result()
+            self._fail(error)
             raise
         except Exception as error:  # a fault of ours must not lose what was computed either
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
-            self._ended = str(failure)
-            failure.result = self.result()
+            self._fail(failure)
             raise failure from error
         self.tick += 1
         self._move_leader()
+
+    def _fail(self, error: SimulationError) -> None:
+        self._ended, self._failure = str(error), error.failure
+        error.result = self.result()
 
     def _sense(self) -> None:
         self._sensor.measure(self.tick, self._state[:, :4], self._measured)
@@ -253,14 +256,18 @@ class Simulation:
                         self.step()
             except KeyboardInterrupt:
                 signals.received += 1
-            result = self.result()
+            stopped = interruption(self.time) if signals.received and not self.finished else None
+            result = self._result(stopped)
         if signals.received:
             raise RunInterrupted(self.time, result)
         return result
 
     def result(self) -> xr.Dataset:
         """Return everything recorded so far; see `cosim.result.dataset`."""
-        return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages)
+        return self._result(self._failure)
+
+    def _result(self, failure: Failure | None) -> xr.Dataset:
+        return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages, failure)
 
     def close(self) -> None:
         """End all plant instances and remove what was unpacked; `result` stays."""

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from cosim.expectation import Verdict, judge
+from cosim.errors import InputError
+from cosim.expectation import judge, verdicts_on
 from cosim.measure import figure_of, settling_time, smallest_distance
+from cosim.provenance import Provenance
+from cosim.reader import read_expectations
 from cosim.scenario import Scenario
+from cosim.verdict import Verdict
 
 RANGE_BAND = 0.1
 BEARING_BAND = math.radians(2.0)
@@ -33,6 +38,8 @@ class FollowerFigures:
         Root mean square of the errors [m], [rad] over the last fifth of the horizon.
     peak_torque : float
         Largest magnitude of a torque as applied [N.m].
+    within_from : float or None
+        From when on [s] both errors stay within these bands, however short that is; None if they do not at the end.
     """
 
     robot: str
@@ -40,6 +47,7 @@ class FollowerFigures:
     range_rms: float
     bearing_rms: float
     peak_torque: float
+    within_from: float | None
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,10 @@ class Summary:
     ----------
     smallest_distance : float or None
         Between the reference points of any two followers, over the run [m]; None for a single follower.
+    title : str
+        The scenario's.
+    provenance : Provenance
+        The scenario's file, what was changed in it, seed, versions, and why the run did not reach its end.
     """
 
     scenario: str
@@ -60,6 +72,8 @@ class Summary:
     smallest_distance_between: tuple[str, str] | None
     notes: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
+    title: str = ""
+    provenance: Provenance = field(default_factory=Provenance)
 
     @property
     def completed(self) -> bool:
@@ -73,30 +87,67 @@ class Summary:
 
     def to_json(self) -> str:
         """Return the content of ``summary.json``."""
-        return json.dumps({**_without_nan(asdict(self)), "passed": self.passed}, indent=2) + "\n"
+        told = asdict(self)
+        told |= told.pop("provenance")
+        return json.dumps({**_without_nan(told), "passed": self.passed}, indent=2) + "\n"
+
+    def verdicts_as_json(self) -> str:
+        """Return the verdicts as a result keeps them in its attribute ``verdicts``."""
+        return json.dumps(_without_nan([asdict(verdict) for verdict in self.verdicts]))
 
 
 def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
     """Return the figures of a run, complete or not, and the verdicts on a complete one (`cosim.expectation.judge`)."""
+    completed = result.attrs["status"] == "completed"
+    verdicts = judge(scenario, result) if completed else ()
+    return _summary(scenario.name, scenario.horizon, scenario.step, result, verdicts)
+
+
+def summary_of(result: xr.Dataset) -> Summary:
+    """Return the summary of a result, of `cosim.run` or read from a file; nothing is run for it.
+
+    The verdicts are those that the result keeps, if ``formation run`` has judged it. Otherwise it is judged now by what
+    its scenario expects; a ``<compare>`` then has no figure and does not hold, as its other scenario is not run.
+
+    Raises
+    ------
+    InputError
+        It is not the result of a run, or its scenario's text cannot be read.
+    """
+    told = result.attrs
+    if not {"status", "scenario", "scenario_name", "horizon", "step"} <= told.keys():
+        raise InputError("this is not the result of a run, as its attributes do not tell of a scenario")
+    verdicts: tuple[Verdict, ...] = ()
+    if "verdicts" in told:
+        verdicts = tuple(Verdict.of(data) for data in json.loads(told["verdicts"]))
+    elif told["status"] == "completed":
+        file = Path(Provenance.of(told).file or told["scenario_name"])
+        verdicts = verdicts_on(read_expectations(told["scenario"], file), result, run_others=False)
+    return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
+
+
+def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdicts: tuple[Verdict, ...]) -> Summary:
     time = result["time"].values
     nearest = smallest_distance(result)
     return Summary(
-        scenario=scenario.name,
+        scenario=name,
         status=result.attrs["status"],
         end_time=float(time[-1]) if len(time) else 0.0,
-        followers=tuple(_figures(scenario, result.sel(robot=robot)) for robot in result["robot"].values),
+        followers=tuple(_figures(horizon, step, result.sel(robot=robot)) for robot in result["robot"].values),
         smallest_distance=nearest[0] if nearest else None,
         smallest_distance_between=nearest[1] if nearest else None,
         notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
-        verdicts=judge(scenario, result) if result.attrs["status"] == "completed" else (),
+        verdicts=verdicts,
+        title=result.attrs["title"],
+        provenance=Provenance.of(result.attrs),
     )
 
 
-def _figures(scenario: Scenario, follower: xr.Dataset) -> FollowerFigures:
+def _figures(horizon: float, step: float, follower: xr.Dataset) -> FollowerFigures:
     time = follower["time"].values
     settled = settling_time(follower, RANGE_BAND, BEARING_BAND)
-    last_chance = time[-1] - SETTLED_PART * scenario.horizon if len(time) else 0.0
-    steady = time >= (1 - STEADY_PART) * scenario.horizon - 0.5 * scenario.step
+    last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
+    steady = time >= (1 - STEADY_PART) * horizon - 0.5 * step
     torque = np.abs(follower["torque"].values)
     return FollowerFigures(
         robot=str(follower["robot"].values),
@@ -104,6 +155,7 @@ def _figures(scenario: Scenario, follower: xr.Dataset) -> FollowerFigures:
         range_rms=figure_of("rms", time[steady], follower["range_error"].values[steady]),
         bearing_rms=figure_of("rms", time[steady], follower["bearing_error"].values[steady]),
         peak_torque=float(torque.max()) if torque.size else math.nan,
+        within_from=settled,
     )
 
 

@@ -204,7 +204,7 @@ class Team:
         finite = np.isfinite(torque).all(axis=1)
         if not finite.all():
             row = int(np.argmin(finite))
-            raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time)
+            raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time, "torque")
         return torque
 
     def telemetry(self, time: float) -> NDArray[np.float64]:
@@ -228,11 +228,11 @@ class Team:
         self._record, self._numbers = record, record.view(np.float64)
         return self._numbers
 
-    def _failure(self, error: BaseException, time: float) -> SimulationError:
+    def _failure(self, error: BaseException, time: float, variable: str = "") -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None
         robot = self.robots[row] if row is not None else " and ".join(self.robots)
         said = _said(error, self.law.controller_type)
-        return SimulationError(robot, time, f"the controller {self.law.source.name!r} failed: {said}")
+        return SimulationError(robot, time, f"the controller {self.law.source.name!r} failed: {said}", variable)
 
 
 def _said(error: BaseException, law: type) -> str:

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import math
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from itertools import groupby
 from pathlib import Path
 
 import xarray as xr
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, report, table, warn
+from cosim.cli.console import err, out, report, safe, table, warn
+from cosim.cli.keeping import set_aside
 from cosim.cli.reading import read
+from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-from cosim.expectation import Verdict
 from cosim.interrupt import HeldSignals
 from cosim.junit import Outcome, junit_xml
 from cosim.pacing import Pacer
-from cosim.result import save, writable_folder, write
+from cosim.provenance import Provenance
+from cosim.result import annotate, save, writable_folder, write
 from cosim.scenario import Scenario
 from cosim.simulation import Simulation
-from cosim.summary import Summary, summarise
+from cosim.summary import summarise
 from cosim.timing import timed
 
 EXPECTATION_FAILED = 1
@@ -97,7 +96,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
                 failure, result = error, error.result
             timing |= simulation.timing
             with timed(timing, "write"):
-                _save(result, folder)
+                kept = _save(result, folder)
         if signals.received and failure is None:  # while the result was being written
             failure = RunInterrupted(simulation.time, result)
         console = out()
@@ -105,8 +104,10 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
         with timed(timing, "expectations"), _status("judging the expectations"):
             outcome.summary = summary = summarise(scenario, result)
         write(folder / "summary.json", summary.to_json().encode())
-        _print_summary(console, scenario, summary)
-        if options.figure and result.sizes["time"] > 1:
+        if summary.verdicts:
+            annotate(folder / "result.nc", verdicts=summary.verdicts_as_json())
+        print_summary(console, summary)
+        if options.figure and result.sizes["time"]:
             with timed(timing, "figure"):
                 _draw(result, folder)
     timing["total"] += options.imports
@@ -114,6 +115,10 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
     if pacer is not None:
         console.print(str(pacer.report), soft_wrap=True)
     console.print(f"results in {options.out / scenario.name}/", markup=False, soft_wrap=True)
+    if kept is not None:
+        place, earlier = kept
+        what = f"{earlier.file}, {earlier.changed}"
+        console.print(safe(f"those of the run before ({what}) are kept in {options.out / place.name}/"), soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:
@@ -143,8 +148,17 @@ def _draw(result: xr.Dataset, folder: Path) -> None:
         warn(f"the figure could not be drawn: {type(error).__name__}: {error}")
 
 
-def _save(result: xr.Dataset, folder: Path) -> None:
-    """Write the result; where that fails after all, keep it in a temporary folder and say so."""
+def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
+    """Write the result; where that fails after all, keep it in a temporary folder and say so.
+
+    Returns
+    -------
+    tuple or None
+        Where an earlier result is kept, and of what it is; see `set_aside`.
+    """
+    aside = None
+    with suppress(OSError):  # nothing that was computed may be lost for this
+        aside = set_aside(folder, Provenance.of(result.attrs))
     for name in ("figure.png", "summary.json"):  # of an earlier run
         with suppress(OSError):
             (folder / name).unlink()
@@ -154,6 +168,7 @@ def _save(result: xr.Dataset, folder: Path) -> None:
         kept = Path(tempfile.mkdtemp(prefix="formation-")) / "result.nc"
         save(result, kept)
         raise OutputError(f"{error}; it is kept in {kept}") from None
+    return aside
 
 
 # The terminal -----------------------------------------------------------------------------------------------
@@ -186,45 +201,6 @@ def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
                 progress.update(task, completed=tick, time=f"{tick * scenario.step:.1f}")
 
         yield advance
-
-
-def _print_summary(console: Console, scenario: Scenario, summary: Summary) -> None:
-    figures = table(console, escape(f"{scenario.name}: {scenario.title}"))
-    figures.add_column("follower", no_wrap=True)
-    for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
-        figures.add_column(escape(heading), justify="right", no_wrap=True)
-    for follower in summary.followers:
-        settled = follower.settling_time
-        figures.add_row(
-            follower.robot,
-            "[yellow]not settled[/]" if settled is None else f"{settled:.2f}",
-            _shown(follower.range_rms, 4),
-            _shown(math.degrees(follower.bearing_rms), 3),
-            _shown(follower.peak_torque, 1),
-        )
-    console.print(figures)
-    console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")
-    if summary.smallest_distance is not None and summary.smallest_distance_between:
-        a, b = summary.smallest_distance_between
-        console.print(
-            f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})", markup=False
-        )
-    for note in summary.notes:
-        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
-    for verdict in _worst(summary.verdicts):
-        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
-        console.print(f"[{colour}]{escape(verdict.outcome)}[/]  {escape(str(verdict))}", soft_wrap=True)
-
-
-def _worst(verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
-    """Return the verdict with the smallest margin on each expectation, as marked and otherwise."""
-    for _, group in groupby(verdicts, key=lambda verdict: verdict.where):
-        for _, same in groupby(sorted(group, key=lambda v: v.as_marked), key=lambda v: v.as_marked):
-            yield min(same, key=lambda verdict: -math.inf if math.isnan(verdict.margin) else verdict.margin)
-
-
-def _shown(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"  # a run cut short has no last fifth
 
 
 def _print_timing(console: Console, timing: dict[str, float], samples: int) -> None:

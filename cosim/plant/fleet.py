@@ -251,7 +251,8 @@ class Fleet:
         for index, plant in self._external.items():
             self._keep(index, plant.take_messages(), time)
         if failures:
-            raise SimulationError(*self._failures(failures, time))
+            variable = self._diverging(min(failures))[0][0].name if found == _DIVERGED else ""
+            raise SimulationError(*self._failures(failures, time), variable)
 
     def _failed(self) -> dict[int, str]:
         """Return what has become of each plant that is called here and has failed."""
@@ -262,11 +263,15 @@ class Fleet:
     def _diverged(self) -> dict[int, str]:
         """Return how the motion of each plant has diverged whose motion has."""
         diverged: dict[int, str] = {}
-        for index, member in enumerate(self.members):
-            for link, value in zip(member.outputs, self._state[index].tolist(), strict=True):
-                if link.place >= 0 and not abs(value) < link.bound:
-                    diverged.setdefault(index, f"has diverged: {link.name} = {value:.4g} {link.unit}")
+        for index in range(len(self.members)):
+            for link, value in self._diverging(index)[:1]:
+                diverged[index] = f"has diverged: {link.name} = {value:.4g} {link.unit}"
         return diverged
+
+    def _diverging(self, index: int) -> list[tuple[Link, float]]:
+        """Return the roles of a plant that are out of bounds, with their values."""
+        outputs = zip(self.members[index].outputs, self._state[index].tolist(), strict=True)
+        return [(link, value) for link, value in outputs if link.place >= 0 and not abs(value) < link.bound]
 
     def _failures(self, failures: dict[int, str], time: float) -> tuple[str, float, str]:
         """Return the arguments of an error that reports all of them."""

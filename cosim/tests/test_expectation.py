@@ -15,13 +15,14 @@ import xarray as xr
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError, Location, SimulationError
-from cosim.expectation import Recorded, Verdict, check, judge, recorded
+from cosim.expectation import Recorded, check, judge, recorded
 from cosim.measure import figure_of, smallest_distance
 from cosim.reader import read_scenario
 from cosim.recorder import Channel
 from cosim.result import load
 from cosim.scenario import Expectation, Scenario
 from cosim.simulation import Simulation
+from cosim.verdict import Verdict
 from plants import units
 
 EXAMPLE = Path(__file__).with_name("example.xml")

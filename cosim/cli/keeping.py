@@ -1,0 +1,60 @@
+"""Keeping the results of an earlier run of a scenario, where those of a run with other changes take their place."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from pathlib import Path
+
+import xarray as xr
+
+from cosim.provenance import Provenance
+
+RESULT, FILES = "result.nc", ("summary.json", "figure.png", "result.nc")
+"""The files of a run; that of the result is the last to be moved, as it tells what the others are of."""
+_LONGEST = 60
+
+
+def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | None:
+    """Move the files of an earlier run out of a folder if it was of another file or changed otherwise.
+
+    They go to a folder beside it whose name tells what was changed. An earlier run of the same file and changes stays
+    where it is, to be overwritten.
+
+    Returns
+    -------
+    tuple or None
+        Where the files are now, and what they are of; None if there is nothing to keep.
+    """
+    earlier = _provenance(folder / RESULT)
+    if earlier is None or earlier.variant == coming.variant:
+        return None
+    place = folder.with_name(f"{folder.name}+{_label(earlier, folder.name)}")
+    place.mkdir(exist_ok=True)
+    for name in FILES:
+        (place / name).unlink(missing_ok=True)
+        if (folder / name).exists():
+            os.replace(folder / name, place / name)
+    return place, earlier
+
+
+def _provenance(path: Path) -> Provenance | None:
+    """Return what a result is of; None if there is no result, or one that does not tell."""
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as result:
+            return Provenance.of(result.attrs) if "changes" in result.attrs else None
+    except Exception:  # whatever it is, it is no result that could be kept
+        return None
+
+
+def _label(provenance: Provenance, name: str) -> str:
+    """Return a short name of a file and changes, another one for others."""
+    stem = Path(provenance.file).stem
+    parts = [stem] if stem != name else []
+    parts += [change.removeprefix("--set ").removeprefix("--").replace(" ", "=", 1) for change in provenance.changes]
+    if not provenance.changes:
+        parts.append("unchanged")
+    exact = "+".join(parts)
+    short = "+".join(re.sub(r"[^\w.=-]+", "_", part).strip("_") for part in parts)[:_LONGEST]
+    return short if short == exact else f"{short}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"

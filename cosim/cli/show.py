@@ -1,0 +1,40 @@
+"""``formation show``: what `formation run` has said of a run, from its result."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import suppress
+from pathlib import Path
+
+from cosim.cli.console import out, report, safe, warn
+from cosim.cli.summary import print_summary
+from cosim.errors import FormationError, InputError, SimulationError
+from cosim.result import load_result
+from cosim.summary import Summary, summary_of
+
+EXPECTATION_FAILED, NOT_TO_THE_END, INTERRUPTED = 1, SimulationError.exit_status, 130
+
+
+def show(options: argparse.Namespace) -> int:
+    """Print the summary of each result and draw the figure if asked for; return the most serious exit status."""
+    if options.figure is not None and len(options.results) > 1:
+        raise InputError(f"--figure {options.figure}: one figure is drawn of one result, not of {len(options.results)}")
+    return max(_shown(path, options.figure) for path in options.results)
+
+
+def _shown(path: Path, figure: Path | None) -> int:
+    try:
+        result = load_result(path)
+        summary = summary_of(result)
+        print_summary(out(), summary)
+        if figure is not None:
+            from cosim.figure import save_figure
+
+            save_figure(result, figure)
+            out().print(safe(f"figure in {figure}"), soft_wrap=True)
+    except FormationError as error:
+        report(error)
+        return error.exit_status
+    if not summary.completed:
+        warn(_ended(summary, result.attrs["horizon"]))
+    return _status(summary)

@@ -1,0 +1,66 @@
+"""The summary of a run as the terminal shows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+
+from rich.console import Console
+from rich.markup import escape
+
+from cosim.cli.console import safe, table
+from cosim.summary import FollowerFigures, Summary
+from cosim.verdict import Verdict
+
+
+def print_summary(console: Console, summary: Summary) -> None:
+    """Print the table of the followers, what was changed, the notes and the verdicts."""
+    figures = table(console, escape(f"{summary.scenario}: {summary.title}"))
+    figures.add_column("follower", no_wrap=True)
+    for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
+        figures.add_column(escape(heading), justify="right", no_wrap=True)
+    for follower in summary.followers:
+        figures.add_row(
+            follower.robot,
+            _settled(follower),
+            _shown(follower.range_rms, 4),
+            _shown(math.degrees(follower.bearing_rms), 3),
+            _shown(follower.peak_torque, 1),
+        )
+    console.print(figures)
+    console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")
+    if any(follower.settling_time is None for follower in summary.followers):
+        console.print("outside: not within them at the end; since: within them too shortly to be settled", style="dim")
+    console.print(safe(summary.provenance.basis), style="dim", soft_wrap=True)
+    if summary.provenance.changes:
+        console.print(f"[yellow]{safe(summary.provenance.changed)}[/]", soft_wrap=True)
+    if summary.smallest_distance is not None and summary.smallest_distance_between:
+        a, b = summary.smallest_distance_between
+        console.print(
+            f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})", markup=False
+        )
+    for note in summary.notes:
+        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
+    for verdict in _worst(summary.verdicts):
+        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
+        console.print(f"[{colour}]{escape(verdict.outcome)}[/]  {escape(str(verdict))}", soft_wrap=True)
+
+
+def _settled(follower: FollowerFigures) -> str:
+    if follower.settling_time is not None:
+        return f"{follower.settling_time:.2f}"
+    return "[yellow]outside[/]" if follower.within_from is None else f"[yellow]since {follower.within_from:.2f}[/]"
+
+
+def _worst(verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
+    """Return the verdict with the smallest margin on each expectation, as marked and otherwise."""
+    for _, group in groupby(verdicts, key=lambda verdict: verdict.where):
+        for _, same in groupby(sorted(group, key=lambda v: v.as_marked), key=lambda v: v.as_marked):
+            yield min(same, key=lambda verdict: -math.inf if math.isnan(verdict.margin) else verdict.margin)
+
+
+def _shown(value: float, digits: int) -> str:
+    if not math.isfinite(value):  # a run cut short has no last fifth
+        return "-"
+    return f"{value:.{digits}f}" if abs(value) < 1e6 else f"{value:.3g}"

@@ -1,0 +1,50 @@
+"""What can be drawn of a result whose numbers have run away: the part that tells something, at a legible scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+_LARGEST = 1e12
+"""No motion that means anything reaches it; far larger numbers overflow when they are drawn."""
+_LATE = 0.9
+_GROWTH = 10.0
+
+
+def drawable(result: xr.Dataset) -> xr.Dataset:
+    """Return a result in which nothing is left that cannot be drawn; what is left out is NaN.
+
+    Left out are numbers that are not finite or beyond all measure. Of a run that ended early also those that are more
+    than ten times as large as any in the first nine tenths of it: they would make all that led there a flat line.
+    """
+    ended_early = result.attrs["status"] != "completed"
+    return result.assign(
+        {
+            name: signal.copy(data=_masked(signal, ended_early))
+            for name, signal in result.data_vars.items()
+            if signal.dims[:1] == ("time",)
+        }
+    )
+
+
+def _masked(signal: xr.DataArray, ended_early: bool) -> NDArray[np.float64]:
+    values = np.array(signal.values, dtype=float)
+    components = values.ndim > 1 + ("robot" in signal.dims)
+    if signal.name in ("pose", "leader_pose"):  # a point of a path is drawn or not
+        with np.errstate(over="ignore", invalid="ignore"):
+            x, y = np.moveaxis(values - values[:1], -1, 0)[:2]
+            values[_runs_away(np.hypot(x, y), ended_early)] = np.nan
+    for part in np.moveaxis(values, -1, 0) if components else [values]:  # views; components have other units
+        part[_runs_away(part, ended_early)] = np.nan
+    return values
+
+
+def _runs_away(values: NDArray[np.float64], ended_early: bool) -> NDArray[np.bool_]:
+    """Return which values (T, ...) are not drawn."""
+    magnitude = np.abs(values)
+    away = ~(magnitude <= _LARGEST)
+    if ended_early and len(values):
+        early = np.where(away, 0.0, magnitude)[: int(_LATE * (len(values) - 1)) + 1].max()
+        away |= magnitude > (_GROWTH * early if early > 0 else _LARGEST)
+    return np.asarray(away)

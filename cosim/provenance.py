@@ -1,0 +1,77 @@
+"""Where a result comes from, as its attributes tell: which file, changed how, which seed and versions, how it ended."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from cosim.errors import Failure
+
+HOUSE = ("formation-cosim", "formation-controllers")
+"""The distributions whose versions people are shown, besides those of the control laws."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a result comes from; what an older version has not written is empty.
+
+    Attributes
+    ----------
+    file : str
+        The scenario's file, as it was named.
+    changes : tuple of str
+        What was changed in it for this run, as options of the command line.
+    seed : int or None
+        Of the noise.
+    versions : dict
+        Version by distribution, of the libraries and of each control law's package.
+    failure : Failure or None
+        Why the run did not reach its end; None if it did.
+    """
+
+    file: str = ""
+    changes: tuple[str, ...] = ()
+    seed: int | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    failure: Failure | None = None
+
+    @classmethod
+    def of(cls, attributes: Mapping[Any, Any]) -> Self:
+        """Read the attributes of a result."""
+        failure = json.loads(attributes.get("failure", "null"))
+        laws = json.loads(attributes.get("controllers", "[]"))
+        return cls(
+            file=attributes.get("scenario_file", ""),
+            changes=tuple(json.loads(attributes.get("changes", "[]"))),
+            seed=int(attributes["seed"]) if "seed" in attributes else None,
+            versions=json.loads(attributes.get("versions", "{}")) | {law["package"]: law["version"] for law in laws},
+            failure=Failure(**failure) if failure else None,
+        )
+
+    @property
+    def variant(self) -> tuple[str, tuple[str, ...]]:
+        """What two results have in common that are of one scenario, one later than the other."""
+        return Path(self.file).name, self.changes
+
+    @property
+    def changed(self) -> str:
+        """What was changed, in words."""
+        return f"changed by {' '.join(self.changes)}" if self.changes else "unchanged"
+
+    @property
+    def basis(self) -> str:
+        """Seed and versions, in words."""
+        laws = sorted(self.versions.keys() - set(HOUSE) - {"python", "fmpy", "numpy", "numba", "xarray"})
+        shown = ", ".join(f"{name} {self.versions[name]}" for name in (*HOUSE, *laws) if name in self.versions)
+        return f"seed {self.seed}; {shown}"
+
+
+def attributes(file: Path, changes: tuple[str, ...], failure: Failure | None) -> dict[str, str]:
+    """Return the attributes that tell which file was run, changed how, and why it did not reach its end."""
+    told = {"scenario_file": str(file), "changes": json.dumps(changes)}
+    if failure:
+        told["failure"] = json.dumps(asdict(failure))
+    return told

@@ -1,0 +1,82 @@
+"""What came of an expectation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from cosim.errors import Location
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """An expectation and what came of it.
+
+    Attributes
+    ----------
+    expectation : str
+        What is expected.
+    robot : str
+        Of which follower, or "leader"; empty where it is about the team.
+    figure, bound : float
+        What came about and what it is held against, in `unit`; NaN if there is none.
+    unit : str
+        The unit in which the bound is written; empty for a pure number.
+    margin : float
+        By how much it holds, in `unit`; negative if it does not.
+    passed : bool
+        Whether it holds.
+    known_failure : str
+        Why it is known not to hold; empty if it should.
+    detail : str
+        When, between whom, against what; or why there is no figure.
+    where : Location
+        Its place in the scenario.
+    """
+
+    expectation: str
+    robot: str
+    figure: float
+    bound: float
+    unit: str
+    margin: float
+    passed: bool
+    known_failure: str
+    detail: str
+    where: Location
+
+    @property
+    def as_marked(self) -> bool:
+        """Whether it holds, or fails as it is known to."""
+        return self.passed != bool(self.known_failure)
+
+    @property
+    def outcome(self) -> str:
+        """What came of it, in words."""
+        if not self.known_failure:
+            return "holds" if self.passed else "FAILS"
+        return f"{'holds, though marked as failing' if self.passed else 'fails as known'}: {self.known_failure}"
+
+    @property
+    def finding(self) -> str:
+        """Figure, margin and whose they are, in words."""
+        told = "; ".join(text for text in (self.robot, self.detail) if text)
+        if math.isnan(self.figure):
+            numbers = "no figure"
+        elif math.isnan(self.margin):
+            numbers = f"{self.figure:.4g} {self.unit}".strip()
+        else:
+            numbers = f"{f'{self.figure:.4g} {self.unit}'.strip()}, margin {f'{self.margin:.3g} {self.unit}'.strip()}"
+        return f"{numbers} ({told})" if told else numbers
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Self:
+        """Return the verdict that was written as data, in which what is no number is None."""
+        numbers = {name: math.nan if data[name] is None else data[name] for name in ("figure", "bound", "margin")}
+        return cls(**{**data, **numbers, "where": Location(**data["where"])})
+
+    def __str__(self) -> str:
+        """Return what is expected and what came about, in a line."""
+        return f"{self.expectation}: {self.finding}"
