@@ -8,6 +8,12 @@ or step by step:
 >>> with cosim.Simulation(cosim.read_scenario("scenarios/clmr_line.xml")) as simulation:
 ...     while not simulation.finished:
 ...         simulation.step()
+
+and later, of what ``formation run`` has left:
+
+>>> result = cosim.load_result("runs/clmr_line")
+>>> summary = cosim.summary_of(result)                       # the table, notes and verdicts, as data
+>>> cosim.save_figure(result, "figure.png")
 """
 
 from __future__ import annotations
@@ -23,10 +29,14 @@ if TYPE_CHECKING:
     from cosim.changes import Change
     from cosim.compare import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+    from cosim.figure import save_figure
     from cosim.pacing import Pacer
     from cosim.reader import read_scenario
+    from cosim.result import load_result
     from cosim.scenario import Scenario
     from cosim.simulation import Simulation
+    from cosim.summary import Summary, summary_of
+    from cosim.verdict import Verdict
 
 __all__ = [
     "FormationError",
@@ -39,9 +49,14 @@ __all__ = [
     "Scenario",
     "Simulation",
     "SimulationError",
+    "Summary",
+    "Verdict",
     "compare_plants",
+    "load_result",
     "read_scenario",
     "run",
+    "save_figure",
+    "summary_of",
 ]
 
 
@@ -81,7 +96,12 @@ _HOMES = {
     "Pacer": "cosim.pacing",
     "Scenario": "cosim.scenario",
     "Simulation": "cosim.simulation",
+    "Summary": "cosim.summary",
+    "Verdict": "cosim.verdict",
+    "load_result": "cosim.result",
     "read_scenario": "cosim.reader",
+    "save_figure": "cosim.figure",
+    "summary_of": "cosim.summary",
 }
 
 

@@ -322,7 +322,11 @@ def _compare(expectation: Expectation, result: xr.Dataset, run_other: bool) -> V
         )
         told, fails = f"{path.name}: {f'{reference:.4g} {unit}'.removesuffix(' 1')}", expectation.fails
     else:  # not the failure that may be known, as nobody can tell whether the expectation holds
-        why = f"the run of {path.name} failed: {other}" if run_other else f"{path.name} is run by formation run alone"
+        why = (
+            f"the run of {path.name} failed: {other}"
+            if run_other
+            else f"there is no run of {path.name} to compare with"
+        )
         reference, told, fails = math.nan, why, ""
     text = (
         f"{measure} {_subject(expectation)} at most {expectation.bound:g} times that of {path.name}, "

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
 from cosim.drawable import drawable
-from cosim.errors import printable
+from cosim.errors import InputError, printable
 from cosim.provenance import Provenance
 from cosim.result import write
 
@@ -25,19 +25,23 @@ _SNAPSHOTS = 5
 _LEADER = "black"
 
 
-def save_figure(result: xr.Dataset, path: Path) -> None:
+def save_figure(result: xr.Dataset, path: str | Path) -> None:
     """Draw a result and write it as PNG.
 
     Raises
     ------
+    InputError
+        It holds no sample.
     OutputError
         The file cannot be written.
     """
+    if not result.sizes["time"]:
+        raise InputError("the result holds no sample, so there is nothing to draw")
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a title in letters that the font lacks
         draw(result).savefig(buffer, format="png", dpi=120)
-    write(path, buffer.getbuffer())
+    write(Path(path), buffer.getbuffer())
 
 
 def draw(result: xr.Dataset) -> Figure:
@@ -47,8 +51,11 @@ def draw(result: xr.Dataset) -> Figure:
     """
     figure = Figure(figsize=(13, 16), layout="constrained")
     figure.suptitle(_title(result), fontsize=13, parse_math=False)
-    figure.supxlabel(Provenance.of(result.attrs).basis, fontsize=8, color="grey", parse_math=False)
+    basis, whole = Provenance.of(result.attrs).basis, result
     result = drawable(result)
+    if any(result[name].isnull().sum() > signal.isnull().sum() for name, signal in whole.data_vars.items()):
+        basis += "; numbers that ran away are not drawn"
+    figure.supxlabel(basis, fontsize=8, color="grey", parse_math=False)
     grid = figure.add_gridspec(4, 2, height_ratios=(1.5, 1.2, 1.2, 0.8))
     robots = [str(robot) for robot in result["robot"].values]
     colours = dict(zip(robots, _colours(len(robots)), strict=True))

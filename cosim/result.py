@@ -20,7 +20,7 @@ from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from cosim import provenance
 from cosim.connect import in_own_process, tolerance_of
 from cosim.contract import labels
-from cosim.errors import Failure, OutputError
+from cosim.errors import Failure, InputError, OutputError
 from cosim.fmu import Fmu
 from cosim.recorder import Recorder
 from cosim.scenario import Scenario
@@ -166,6 +166,30 @@ def _umask() -> int:
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
     return xr.load_dataset(path, engine="h5netcdf")
+
+
+def load_result(path: str | Path) -> xr.Dataset:
+    """Read the result of a run.
+
+    Parameters
+    ----------
+    path
+        Its file ``result.nc``, or the folder of the run.
+
+    Raises
+    ------
+    InputError
+        There is none, or it cannot be read.
+    """
+    path = Path(path)
+    file = path / "result.nc" if path.is_dir() else path
+    if not file.is_file():
+        what = f"the folder {path} holds no result.nc" if path.is_dir() else f"there is no file {path}"
+        raise InputError(f"{what}; expected is the result of a run, runs/NAME/result.nc, or its folder")
+    try:
+        return load(file)
+    except Exception as error:  # the libraries raise many kinds
+        raise InputError(f"{file} cannot be read as the result of a run: {type(error).__name__}: {error}") from None
 
 
 def _provenance(

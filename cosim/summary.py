@@ -115,15 +115,17 @@ def summary_of(result: xr.Dataset) -> Summary:
         It is not the result of a run, or its scenario's text cannot be read.
     """
     told = result.attrs
-    if not {"status", "scenario", "scenario_name", "horizon", "step"} <= told.keys():
-        raise InputError("this is not the result of a run, as its attributes do not tell of a scenario")
-    verdicts: tuple[Verdict, ...] = ()
-    if "verdicts" in told:
-        verdicts = tuple(Verdict.of(data) for data in json.loads(told["verdicts"]))
-    elif told["status"] == "completed":
-        file = Path(Provenance.of(told).file or told["scenario_name"])
-        verdicts = verdicts_on(read_expectations(told["scenario"], file), result, run_others=False)
-    return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
+    try:
+        if "verdicts" in told:
+            verdicts = tuple(Verdict.of(data) for data in json.loads(told["verdicts"]))
+        elif told["status"] == "completed":
+            file = Path(Provenance.of(told).file or told["scenario_name"])
+            verdicts = verdicts_on(read_expectations(told["scenario"], file), result, run_others=False)
+        else:
+            verdicts = ()
+        return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
 
 
 def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdicts: tuple[Verdict, ...]) -> Summary:

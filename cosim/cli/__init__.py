@@ -54,6 +54,12 @@ def _run(options: argparse.Namespace) -> int:
     return run(options)
 
 
+def _show(options: argparse.Namespace) -> int:
+    from cosim.cli.show import show
+
+    return show(options)
+
+
 def _check(options: argparse.Namespace) -> int:
     from cosim.cli.check import check
 
@@ -110,6 +116,7 @@ def _completion(options: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": _run,
+    "show": _show,
     "check": _check,
     "build": _build,
     "inspect": _inspect,
@@ -140,6 +147,11 @@ def _parser() -> Parser:
         help="run at FACTOR times real time (1: as fast as the robots would drive), and tell how well that went",
     )
     run.add_argument("--timing", action="store_true", help="print what the time was spent on")
+
+    about = "show the summary of a run again, from its result, with the exit status that it had"
+    show = commands.add_parser("show", help=about, description=about[0].upper() + about[1:] + ".")
+    show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
+    show.add_argument("--figure", type=Path, metavar="FILE.png", help="draw the figure, too")
 
     about = "read and validate scenarios, show what is in them, and run nothing"
     check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")

@@ -56,5 +56,5 @@ def _label(provenance: Provenance, name: str) -> str:
     if not provenance.changes:
         parts.append("unchanged")
     exact = "+".join(parts)
-    short = "+".join(re.sub(r"[^\w.=-]+", "_", part).strip("_") for part in parts)[:_LONGEST]
+    short = "+".join(re.sub(r"[^\w.=-]+", "_", part).replace("=_", "=").strip("_") for part in parts)[:_LONGEST]
     return short if short == exact else f"{short}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"

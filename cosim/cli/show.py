@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import suppress
 from pathlib import Path
+
+import xarray as xr
 
 from cosim.cli.console import out, report, safe, warn
 from cosim.cli.summary import print_summary
@@ -16,7 +17,11 @@ EXPECTATION_FAILED, NOT_TO_THE_END, INTERRUPTED = 1, SimulationError.exit_status
 
 
 def show(options: argparse.Namespace) -> int:
-    """Print the summary of each result and draw the figure if asked for; return the most serious exit status."""
+    """Print the summary of each result and draw the figure if asked for; return the most serious exit status.
+
+    The exit status is the one that the run had: 0 all expectations hold, 1 one failed, 3 it failed, 130 it was
+    interrupted; 2 if there is no such result.
+    """
     if options.figure is not None and len(options.results) > 1:
         raise InputError(f"--figure {options.figure}: one figure is drawn of one result, not of {len(options.results)}")
     return max(_shown(path, options.figure) for path in options.results)
@@ -25,7 +30,7 @@ def show(options: argparse.Namespace) -> int:
 def _shown(path: Path, figure: Path | None) -> int:
     try:
         result = load_result(path)
-        summary = summary_of(result)
+        summary = _summary(path, result)
         print_summary(out(), summary)
         if figure is not None:
             from cosim.figure import save_figure
@@ -36,5 +41,14 @@ def _shown(path: Path, figure: Path | None) -> int:
         report(error)
         return error.exit_status
     if not summary.completed:
-        warn(_ended(summary, result.attrs["horizon"]))
-    return _status(summary)
+        failure = summary.provenance.failure
+        warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:g} s'}")
+        return INTERRUPTED if failure is not None and failure.interrupted else NOT_TO_THE_END
+    return 0 if summary.passed else EXPECTATION_FAILED
+
+
+def _summary(path: Path, result: xr.Dataset) -> Summary:
+    try:
+        return summary_of(result)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 
 from rich.console import Console
-from rich.markup import escape
 
 from cosim.cli.console import safe, table
 from cosim.summary import FollowerFigures, Summary
@@ -16,13 +15,13 @@ from cosim.verdict import Verdict
 
 def print_summary(console: Console, summary: Summary) -> None:
     """Print the table of the followers, what was changed, the notes and the verdicts."""
-    figures = table(console, escape(f"{summary.scenario}: {summary.title}"))
+    figures = table(console, safe(f"{summary.scenario}: {summary.title}"))
     figures.add_column("follower", no_wrap=True)
     for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
-        figures.add_column(escape(heading), justify="right", no_wrap=True)
+        figures.add_column(safe(heading), justify="right", no_wrap=True)
     for follower in summary.followers:
         figures.add_row(
-            follower.robot,
+            safe(follower.robot),
             _settled(follower),
             _shown(follower.range_rms, 4),
             _shown(math.degrees(follower.bearing_rms), 3),
@@ -37,14 +36,12 @@ def print_summary(console: Console, summary: Summary) -> None:
         console.print(f"[yellow]{safe(summary.provenance.changed)}[/]", soft_wrap=True)
     if summary.smallest_distance is not None and summary.smallest_distance_between:
         a, b = summary.smallest_distance_between
-        console.print(
-            f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})", markup=False
-        )
+        console.print(safe(f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})"))
     for note in summary.notes:
-        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
+        console.print(f"[yellow]note:[/] {safe(note)}", soft_wrap=True)
     for verdict in _worst(summary.verdicts):
         colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
-        console.print(f"[{colour}]{escape(verdict.outcome)}[/]  {escape(str(verdict))}", soft_wrap=True)
+        console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
 
 
 def _settled(follower: FollowerFigures) -> str:
