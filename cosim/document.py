@@ -291,4 +291,6 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         raise InputError(f"is not well-formed XML: {why}", where) from None
     except (LookupError, UnicodeDecodeError) as error:
         raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
+    except ValueError as error:  # what expat takes for a name or a namespace, and lxml does not
+        raise InputError(f"is not well-formed XML: {error}", here()) from None
     return builder.close(), places

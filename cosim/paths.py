@@ -7,6 +7,9 @@ import os
 from pathlib import Path
 from urllib.parse import unquote
 
+MAX_NAMES = 5000
+"""Of how many names of a folder the nearest is looked for."""
+
 
 def absent(path: Path) -> str:
     """Return the sentence that there is no such file, with the one that is perhaps meant."""
@@ -23,7 +26,7 @@ def absent(path: Path) -> str:
         if path.parent.exists() or path.parent == path:
             return sentence
         return f"{sentence}, nor a folder {path.parent}"
-    alike = [name for name in names if Path(name).suffix.lower() == path.suffix.lower() or not path.suffix]
+    alike = [name for name in names if Path(name).suffix.lower() == path.suffix.lower() or not path.suffix][:MAX_NAMES]
     same = [name for name in alike if name.casefold() == path.name.casefold() or Path(name).stem == path.name]
     close = same or difflib.get_close_matches(path.name, alike, n=1, cutoff=0.8)
     return f"{sentence}: did you mean {path.with_name(close[0])}?" if close else sentence

@@ -64,13 +64,16 @@ def meant(text: str) -> str:
     comma = _DECIMAL_COMMA.match(plain)
     if comma and len(comma[2]) != 3:  # three digits may be thousands
         plain = f"{comma[1]}.{comma[2]}{plain[comma.end() :]}"
-    plain = _THOUSANDS.sub(lambda found: re.sub(r"[^0-9+-]", "", found[0]), plain, count=1)
+    if thousands := _THOUSANDS.match(plain):
+        plain = re.sub(r"[^0-9+-]", "", thousands[0]) + plain[thousands.end() :]
     match = _QUANTITY.fullmatch(plain)
     if not match:
         return ""
     number, name = match.groups()
+    if not name:
+        return number
     unit = name.strip() if units.is_unit(name.strip()) else units.guess(name)
-    return f"{number} {unit}" if name and unit else number if not name else ""
+    return f"{number} {unit}" if unit else ""
 
 
 def advice(text: str) -> str:

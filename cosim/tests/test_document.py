@@ -116,6 +116,7 @@ def test_not_xml(tmp_path: Path, content: bytes, line: int, column: int) -> None
         (b"\n<?xml version='1.0'?><a/>", 2, 1, "must be the very beginning of the file"),
         (b"<a>\x07</a>", 1, 4, "the control character 0x07 cannot be in an XML file"),
         (b"", 1, 1, "it is empty"),
+        (b"<a>\n<b xmlns='urn>a'/></a>", 2, 19, "Invalid namespace URI 'urn>a'"),
     ],
 )
 def test_why_it_is_not_xml(tmp_path: Path, content: bytes, line: int, column: int, sentence: str) -> None:
