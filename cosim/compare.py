@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import plants
-from cosim.connect import plant
+from cosim.connect import plant, tolerance_of
 from cosim.contract import CAR_LIKE, TRACTOR_TRAILER, Contract, Role
 from cosim.errors import InputError, Location, SimulationError, nearest
 from cosim.excitation import excitation, given
@@ -108,7 +108,7 @@ class PlantComparison:
     contract : Contract
         Which vehicle both are.
     plants : tuple of dict
-        Of each its file, SHA-256, FMI version, interface, generation tool, binding and parameters.
+        Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
     geometry : dict
         What controllers are told of each: the field's value for the first and the second plant.
     step : float
@@ -337,6 +337,7 @@ class _Run:
             "sha256": self.fmu.sha256,
             "fmi_version": self.fmu.description.fmiVersion,
             "interface": self.fmu.interface,
+            "tolerance": tolerance_of(self.fmu, self.source),
             "generation_tool": self.fmu.description.generationTool,
             "binding": self.fmu.binding.described(),
             "parameters": {setting.name: setting.value for setting in self.source.parameters},

@@ -84,7 +84,7 @@ class Instance:
             self._it = ""
         except BaseException as error:
             self._note(error)
-            said = self.log.take() or "; ".join(filter(None, (str(error), self._no_reason())))
+            said = self._reason(str(error))
             self.close()
             if not isinstance(error, Exception):
                 raise
@@ -260,7 +260,7 @@ class Instance:
             if type(error) is not Exception:
                 raise
         if not self._fmu.component:
-            raise NoInstance(self.log.take() or "; ".join(filter(None, ("it does not instantiate", self._no_reason()))))
+            raise NoInstance(self._reason("it does not instantiate"))
 
     def _initialise(self) -> None:
         fmu = self._fmu
@@ -334,6 +334,10 @@ class Instance:
             raise PlantError(f"it says that it has {numbers[0]} continuous states and {numbers[1]} event indicators")
         return numbers
 
+    def _reason(self, otherwise: str) -> str:
+        """Return what the FMU has logged; if that is nothing, something else with what to do."""
+        return self.log.take() or "; ".join(filter(None, (otherwise, self._no_reason())))
+
     def _no_reason(self) -> str:
         """Return what to do where the FMU has logged nothing."""
         return "" if self.spec.logging else 'the FMU gives no reason; log="on" in its <plant> may show one'
@@ -350,7 +354,7 @@ class Instance:
         except FMICallException as error:
             self._note(error)
             shown = " ".join(str(v) for v in values)
-            raise PlantError(f"{self._it}refuses {value.name} = {shown}: {self.log.take() or error}") from None
+            raise PlantError(f"{self._it}refuses {value.name} = {shown}: {self._reason(str(error))}") from None
 
 
 def _in_order(info: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -1,6 +1,7 @@
 """How plants start: what initial equations know of their inputs, and what is told of plants that cannot start."""
 
 import json
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -117,6 +118,13 @@ def test_an_fmu_that_gives_no_instance_and_no_reason(make: Make, fmi: str) -> No
 def test_an_fmu_that_does_not_initialise_and_gives_no_reason(make: Make) -> None:
     said = refusal(make(behaviour="silent", place="initialization"))
     assert said == f"robot_1: fmi2ExitInitializationMode failed with status 3 (error).; {SILENT}"
+
+
+def test_a_value_that_is_refused_without_a_reason(make: Make, tmp_path: Path) -> None:
+    fmu = make(behaviour="silent", place="set", when=0.0)
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>')
+    with pytest.raises(InputError, match=r"it did not accept its inputs \(status Error\): " + re.escape(SILENT)):
+        cosim.Simulation(cosim.read_scenario(path))
 
 
 def test_a_second_instance_that_is_not_given(make: Make) -> None:
