@@ -89,6 +89,8 @@ def test_overrides(line: str, tmp_path: Path) -> None:
     assert json.loads(result.attrs["plants"])["clmr"]["sha256"] == hashlib.sha256(fmu.read_bytes()).hexdigest()
     for piece in ('horizon="1 s"', 'seed="5"', f'fmu="{fmu}"'):
         assert piece in result.attrs["scenario"], "the text that is kept is the text that was run"
+    told = json.loads((tmp_path / "clmr_line" / "summary.json").read_text())["changes"]
+    assert told[len(SHORT) :] == ["--seed 5", f"--plant clmr={fmu}", "--controller pid=neural-adaptive-pid"]
 
 
 @pytest.mark.parametrize("law", ["feedback-linearisation", "lqg", "neural-high-gain", "observer-pid"])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import plants
-from cosim.changes import Change, set_binding, set_controller, set_fmu, set_seed
+from cosim.changes import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed
 from cosim.cli.console import warn
 from cosim.errors import InputError
 from cosim.paths import absent
@@ -34,38 +35,26 @@ def _changes(options: argparse.Namespace) -> Iterator[Change]:
     if options.seed is not None:
         yield set_seed(options.seed)
     for plant, fmu in pairs("--plant", options.plant, "ID=FMU"):
-        yield set_fmu(plant, Path(fmu))
-        yield _must_exist(f"--plant {plant}=", fmu)
+        yield _of_file(f"--plant {plant}=", fmu, set_fmu(plant, Path(fmu)))
     for plant, file in pairs("--binding", options.binding, "ID=FILE.xml"):
-        yield set_binding(plant, Path(file))
-        yield _must_exist(f"--binding {plant}=", file)
+        yield _of_file(f"--binding {plant}=", file, set_binding(plant, Path(file)))
     for controller, name in pairs("--controller", options.controller, "ID=NAME"):
         found = installed(name)
         yield set_controller(controller, name, found.package, found.version)
 
 
-def _must_exist(option: str, file: str) -> Change:
-    """Return a change that changes nothing, but refuses a file that is not there when it is its turn."""
+def _of_file(option: str, file: str, change: Change) -> Change:
+    """Return a change to a file that an option names, which refuses a file that is not there."""
 
-    def change(_: object) -> None:
-        named(option, file)
+    def checked(root: Any) -> None:
+        change(root)
+        path = Path(file)
+        if not path.exists():
+            is_model = file in plants.models()
+            hint = f': "formation build {file}" makes the FMU of the built-in model' if is_model else ""
+            raise InputError(f"{option}{file}: {absent(path)}{hint}")
 
-    return change
-
-
-def named(option: str, file: str) -> Path:
-    """Return the path of a file that an option names.
-
-    Raises
-    ------
-    InputError
-        There is none; says which option names it.
-    """
-    path = Path(file)
-    if path.exists():
-        return path
-    model = f': "formation build {file}" makes the FMU of the built-in model' if file in plants.models() else ""
-    raise InputError(f"{option}{file}: {absent(path)}{model}")
+    return Option(in_words(change), checked)
 
 
 def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:
