@@ -36,7 +36,9 @@ def test_the_overview_of_what_happens(scenarios: Path, tmp_path: Path, capsys: p
   <insert into="follower[2]"><parameter name="m_c" value="40 kg"/><sensor/></insert>
   <insert into=".">
     <input name="tau_d_y"><random value="1 N" cutoff="1 Hz"/><sine value="2 N" period="10 s"/></input>
-    <event at="50 s" robots="follower_3"><parameter name="m_c" value="35 kg"/><stop/></event>
+    <event at="50 s" robots="follower_3">
+      <parameter name="m_c" value="35 kg"/><input name="tau_d_x" value="1 N"/><stop/>
+    </event>
   </insert>
 </variant>""",
         encoding="utf-8",
@@ -49,7 +51,7 @@ def test_the_overview_of_what_happens(scenarios: Path, tmp_path: Path, capsys: p
         "follower_2 clmr (car_like) pid (neural-adaptive-pid) 3 m, -45 deg m_c = 40 kg",
         "sensor: none",
         "input tau_d_y: random 1 N + sine 2 N, of every follower",
-        "at 50 s, follower_3: m_c = 35 kg, stops",
+        "at 50 s, follower_3: m_c = 35 kg, input tau_d_x = 1 N, stops",
         "expected: rms range_error below 0.1 m, 80 to 100 s",
     ):
         assert line in lines

@@ -3,6 +3,7 @@
 # ruff: noqa: E501 (pieces of XML, one case a line)
 
 import re
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import cosim
 from cosim.cli import main
 from cosim.tests.driving import scenario
 
-from .stub.stub import make_fmu
+from .stub.stub import make_fmu, write
 
 LEADER = '<torque tau_drive="2 N.m" tau_steer="0 N.m"/>'
 ACCELERATION = 0.2
@@ -141,6 +142,31 @@ def test_what_makes_no_sense_is_refused_at_its_place(tmp_path: Path, inputs: str
     with pytest.raises(cosim.InputError, match=re.escape(sentence)) as caught:
         cosim.run(written(tmp_path, inputs, more=more))
     assert re.match(r".*s\.xml:\d+:\d+$", str(caught.value.where))
+
+
+@pytest.mark.parametrize(
+    ("inputs", "more"),
+    [
+        ('<input name="push"><constant value="{}"/></input>', ""),
+        ('<parameter name="push" value="{}"/>', ""),
+        ('', '<event at="0 s" robots="leader"><input name="push" value="{}"/></event>'),
+    ],
+)  # fmt: skip
+def test_a_unit_that_contradicts_its_name_takes_the_bare_number(tmp_path: Path, inputs: str, more: str) -> None:
+    """No binding decides of what plays no role: here 1 N is 2 N, by the FMU's definition."""
+    fmu = make_fmu(tmp_path, discrete=True)
+    with zipfile.ZipFile(fmu) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    newton = b'<Unit name="N"><BaseUnit kg="1" m="1" s="-2"/>'
+    assert newton in content["modelDescription.xml"]
+    wrong = content["modelDescription.xml"].replace(newton, newton.replace(b"/>", b' factor="2"/>'))
+    path = written(tmp_path / "s", inputs.format("1 N"), more=more.format("1 N"))
+    write(tmp_path / "s" / "stub.fmu", content | {"modelDescription.xml": wrong})
+    sentence = "by the name, 1 N is 1 N, by the definition 2 N: give the bare number, as the FMU counts"
+    with pytest.raises(cosim.InputError, match=sentence):
+        cosim.run(path)
+    path.write_text(path.read_text(encoding="utf-8").replace('"1 N"', '"1"'), encoding="utf-8")
+    assert gains(cosim.run(path)) == pytest.approx(course((1.0, 1 + 0.1 / ACCELERATION)))
 
 
 def test_what_another_fmu_lacks_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -170,7 +170,7 @@ def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:
 
 
 def _happening(event: Event) -> str:
-    parts = list(_settings(event.parameters))
+    parts = [*_settings(event.parameters), *(f"input {text}" for text in _settings(event.inputs))]
     if event.torque is not None:
         parts.append(_torques(event.torque.values.items()))
     if event.stops:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -54,9 +55,10 @@ def whole_range(kind: str) -> tuple[int, int]:
 
 def _as_type(name: str, kind: str, number: float) -> float:
     least, most = (-_LARGEST_SINGLE, _LARGEST_SINGLE) if kind == "Float32" else whole_range(kind)
-    if not least <= number <= most:  # nor is what is no number
+    value = number if kind == "Float32" or not math.isfinite(number) else round(number)
+    if not least <= value <= most:
         raise PlantError(f"has {name!r} as {kind}, which cannot be {number:g}")
-    return number if kind == "Float32" else round(number)
+    return value
 
 
 def _groups(block: Block) -> Iterator[tuple[str, list[int], list[int]]]:

@@ -10,6 +10,8 @@ import pytest
 import cosim
 from cosim.errors import InputError, SimulationError
 from cosim.fmu import open_fmu
+from cosim.plant.exchange import _as_type
+from cosim.plant.outcome import PlantError
 from cosim.proposal import proposals
 from cosim.reader import read_binding
 from cosim.tests.driving import STEP, drive, fleet, scenario
@@ -62,6 +64,20 @@ def test_float32_moves_as_float64(make: Make, options: dict[str, Any]) -> None:
     assert np.array_equal(isolated, found)
 
 
+ARRAYS = """<binding xmlns="urn:formation-cosim:scenario:1" vehicle="car_like">
+  <role name="x" variable="pose[1]" unit="m"/><role name="y" variable="pose[2]" unit="m"/>
+  <role name="psi" variable="pose[3]" unit="rad"/><role name="gamma" variable="pose[4]" unit="rad"/>
+  <role name="tau_drive" variable="torque[1]"/><role name="tau_steer" variable="torque[2]"/>
+</binding>"""
+
+
+def test_arrays_of_float32(make: Make, tmp_path: Path) -> None:
+    path = tmp_path / "arrays.binding.xml"
+    path.write_text(ARRAYS, encoding="utf-8")
+    found = drive(make(fmi="3.0", types="single", arrays=True), torques(), pose=POSE, binding=read_binding(path))
+    assert np.array_equal(found, drive(make(fmi="3.0", types="single"), torques(), pose=POSE))
+
+
 @pytest.mark.parametrize("isolated", [False, True])
 @pytest.mark.parametrize("fmi", FMI)
 def test_whole_numbers_move_within_their_resolution(make: Make, whole: Path, fmi: str, isolated: bool) -> None:
@@ -96,6 +112,17 @@ def test_a_torque_that_the_type_does_not_have(make: Make, whole: Path, types: st
     kind, number = {"single": ("Float32", "1e+39"), "whole": ("Int32", "1e+42")}[types]
     assert f"the plant stub.fmu has 'tau_drive' as {kind}, which cannot be {number}" in str(caught.value)
     assert caught.value.robot == "robot_1"
+
+
+@pytest.mark.parametrize(("kind", "number", "given"), [("UInt8", -0.4, 0), ("UInt8", 255.4, 255), ("Int8", -1.6, -2)])
+def test_whole_numbers_are_rounded(kind: str, number: float, given: int) -> None:
+    assert _as_type("u", kind, number) == given
+
+
+@pytest.mark.parametrize(("kind", "number"), [("UInt8", -0.6), ("Int8", 127.6), ("Int64", float("nan"))])
+def test_what_a_type_does_not_have(kind: str, number: float) -> None:
+    with pytest.raises(PlantError, match=f"has 'u' as {kind}, which cannot be {number:g}"):
+        _as_type("u", kind, number)
 
 
 def test_a_whole_number_needs_a_unit(make: Make) -> None:

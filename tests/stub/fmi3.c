@@ -152,14 +152,14 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference reference[], 
 
 /* The enumeration is an Int64. What is real otherwise may be a Float32, or whole: then a number of the units `per_whole`. */
 
-#define GET(name, type, own, get) \
+#define GET(name, type) \
     fmi3Status fmi3Get##name(fmi3Instance c, const fmi3ValueReference r[], size_t n, type value[], size_t n_values) \
     { \
         REQUIRE(READABLE); \
         if (n != n_values) return none(c, "fmi3Get" #name " of arrays", 1); \
         for (size_t i = 0; i < n; i++) { \
-            own got = 0; \
-            if (get(c, r[i], &got) >= DISCARD) return fmi3Error; \
+            int got = 0; \
+            if (get_whole(c, r[i], &got) >= DISCARD) return fmi3Error; \
             value[i] = (type)got; \
         } \
         return fmi3OK; \
@@ -176,16 +176,35 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference reference[], 
         return fmi3OK; \
     }
 
-static Status set_single(Stub *s, unsigned reference, fmi3Float32 value)
+fmi3Status fmi3GetFloat32(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float32 value[], size_t n_values)
 {
-    const double wide = value;
-    return set_real(s, reference, &wide);
+    REQUIRE(READABLE);
+    size_t at = 0;
+    for (size_t i = 0; i < n; i++) {
+        double wide[4] = {0.0};
+        if (at + length(r[i]) > n_values) return none(c, "a number of values that does not fit", 1);
+        if (get_real(c, r[i], wide) >= DISCARD) return fmi3Error;
+        for (size_t j = 0; j < length(r[i]); j++) value[at++] = (fmi3Float32)wide[j];
+    }
+    return at == n_values ? fmi3OK : none(c, "a number of values that does not fit", 1);
 }
 
-#define WHOLE(name, type) GET(name, type, int, get_whole) SET(name, type, set_whole)
+fmi3Status fmi3SetFloat32(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Float32 value[],
+                          size_t n_values)
+{
+    REQUIRE(SETTABLE);
+    size_t at = 0;
+    for (size_t i = 0; i < n; i++) {
+        double wide[4] = {0.0};
+        if (at + length(r[i]) > n_values) return none(c, "a number of values that does not fit", 1);
+        for (size_t j = 0; j < length(r[i]); j++) wide[j] = value[at++];
+        if (set_real(c, r[i], wide) >= DISCARD) return fmi3Error;
+    }
+    return at == n_values ? fmi3OK : none(c, "a number of values that does not fit", 1);
+}
 
-GET(Float32, fmi3Float32, double, get_real)
-SET(Float32, fmi3Float32, set_single)
+#define WHOLE(name, type) GET(name, type) SET(name, type, set_whole)
+
 WHOLE(Int64, fmi3Int64)
 WHOLE(Int32, fmi3Int32)
 WHOLE(Int16, fmi3Int16)
