@@ -78,6 +78,35 @@ def test_links_between_pages_lead_somewhere() -> None:
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
+def shown_commands() -> Iterator[str]:
+    """Return every command line of ``formation`` that a page shows, in a line of its own or within a sentence."""
+    for page in [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]:
+        text = page.read_text(encoding="utf-8")
+        shown = [
+            *re.findall(r"^(?:- run: )?\s*(formation .+)$", text, re.MULTILINE),
+            *re.findall(r"`(formation .+?)`", text),
+        ]
+        yield from dict.fromkeys(command.split("&&")[0] for command in shown)
+
+
+@pytest.mark.parametrize("command", dict.fromkeys(shown_commands()))
+def test_every_command_shown_is_one(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [word for word in shlex.split(command, comments=True) if word not in (">", "...")][1:]
+    known = set(re.findall(r"[a-z-]+", _help(["--help"], capsys).partition("commands:")[2]))
+    if words[0] == "COMMAND":
+        return
+    assert words[0] in known
+    usage = _help([words[0], "--help"], capsys)
+    assert all(word in usage for word in words if word.startswith("--"))
+
+
+def _help(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
 # The scenario language --------------------------------------------------------------------------------------
 
 
