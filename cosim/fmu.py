@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
 import shutil
-import stat
-import zipfile
-import zlib
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 import fmpy
-from lxml import etree
 
-from cosim.binding import NEGATED, Binding, bind
+from cosim.binding import Binding, bind
 from cosim.brought_code import brought_code
 from cosim.errors import InputError, Location
-from cosim.paths import absent
+from cosim.fmu_archive import unpack
+from cosim.fmu_description import read
 from cosim.plain_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
-
-MAX_UNPACKED_BYTES = 2 * 1024**3
-MAX_DESCRIPTION_BYTES = 64 * 1024**2
-
-PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
-_OF_THE_SCHEMA = re.compile(r"[A-Z]+ \(line ")
-"""How FMPy writes that a model description breaks the schema of its version."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +29,11 @@ class Package:
     Attributes
     ----------
     path, sha256
-        The file and its checksum.
+        The file, or the folder of one that was unpacked, and its checksum.
     description : fmpy.model_description.ModelDescription
         What it says of itself.
     problems : tuple of str
-        What FMPy finds wrong with that, beyond the schema: many FMUs in use break a rule or two.
+        What is wrong with that, by the schema and by what FMPy checks: many FMUs in use break a rule or two.
     directory : Path
         Where it is unpacked, until `close`.
     """
@@ -87,27 +74,17 @@ class Fmu(Package):
 
 
 def open_package(path: Path, where: Location | None = None) -> Package:
-    """Check the file of an FMU and unpack it.
+    """Check an FMU, a file or the folder of an unpacked one, and unpack it or copy it.
 
     Raises
     ------
     InputError
         The file is no FMU: why, and which file; `where` is the place that asks for it.
     """
-    try:
-        if path.exists() and not path.is_file():  # a pipe or a device may never end
-            raise InputError(f"the FMU {path} is not a regular file", where)
-        with path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError:
-        raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
-    except OSError as error:
-        raise InputError(f"the FMU {path} cannot be read: {error.strerror}", where) from None
-    _check_archive(path, where)
     directory = plain_folder("formation-fmu-")
     try:
-        description, problems = _unpack(path, directory, where)
-        return Package(path, sha256, description, problems, directory)
+        sha256 = unpack(path, directory, where)
+        return Package(path, sha256, *_described(path, directory, where), directory)
     except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
         raise
@@ -158,97 +135,12 @@ def experiment_number(description: Any, name: str) -> float | None:
     return number if 0.0 < number < math.inf else None
 
 
-def _unpack(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:
+def _described(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:
     try:
-        fmpy.extract(str(path), str(directory))
+        return read(directory)
     except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
-        raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
-    problems: tuple[str, ...] = ()
-    try:
-        _check_root(directory / "modelDescription.xml")
-        try:
-            description = fmpy.read_model_description(str(directory))
-        except fmpy.model_description.ValidationError as error:
-            if any(_OF_THE_SCHEMA.match(problem) for problem in error.problems):
-                raise
-            problems = tuple(map(str, error.problems))
-            description = fmpy.read_model_description(str(directory), validate=False)
-        if description.fmiVersion == "1.0":
-            _complete(description, directory)
-        return description, problems
-    except Exception as error:
         said = str(error).replace(f"{directory}{os.sep}", "")
         raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
-
-
-def _check_root(path: Path) -> None:
-    """Refuse another root element than that of FMI, which FMPy stumbles over; what is not XML, FMPy says better."""
-    with path.open("rb") as file, suppress(etree.XMLSyntaxError):
-        _, root = next(etree.iterparse(file, events=("start",), resolve_entities=False, no_network=True))
-        if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
-            raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
-
-
-def _complete(description: Any, directory: Path) -> None:
-    """Add what FMPy does not read of an FMI 1.0 model description: negated aliases, and the capabilities."""
-    root = etree.parse(directory / "modelDescription.xml", PARSER).getroot()
-    elements = root.iterfind("ModelVariables/ScalarVariable")
-    negated = {element.get("name") for element in elements if element.get("alias") == NEGATED}
-    for variable in description.modelVariables:
-        if variable.name in negated:
-            variable.causality = NEGATED
-    if (about := description.coSimulation) is None:
-        return
-    [implementation] = root.iterfind("Implementation")
-    about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
-    for capabilities in implementation.iterfind("*/Capabilities"):
-        for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):
-            setattr(about, name, capabilities.get(name) in ("true", "1"))
-
-
-def _check_archive(path: Path, where: Location | None) -> None:
-    """Refuse what is no archive, points outside of it, has a file twice, or is larger than any FMU."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            if "modelDescription.xml" not in archive.namelist():
-                raise InputError(f"{path} is not an FMU: it holds no modelDescription.xml", where)
-            seen = set()
-            for entry in entries:
-                place = PurePosixPath(entry.filename.replace("\\", "/"))
-                if ".." in place.parts or place.is_absolute():
-                    raise InputError(f"the FMU {path} has the entry {entry.filename!r}, outside of itself", where)
-                if stat.S_ISLNK(entry.external_attr >> 16):
-                    raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
-                if place in seen and not entry.is_dir():  # what is checked here might not be what is used
-                    raise InputError(f"the FMU {path} has the entry {str(place)!r} twice", where)
-                seen.add(place)
-            unpacked = sum(entry.file_size for entry in entries)
-            if unpacked > MAX_UNPACKED_BYTES:
-                raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
-            if archive.getinfo("modelDescription.xml").file_size > MAX_DESCRIPTION_BYTES:
-                raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
-            if has_document_type(archive.read("modelDescription.xml")):
-                raise InputError(f"the FMU {path} declares a document type in its modelDescription.xml", where)
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
-        raise InputError(f"{path} is not an FMU: {error}", where) from None
-
-
-def has_document_type(xml: bytes) -> bool:
-    """Return whether an XML document, in any encoding, declares a document type; what is not XML does not."""
-
-    def found(*_: object) -> None:
-        raise StopIteration
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = found
-    try:
-        parser.Parse(xml, True)
-    except StopIteration:
-        return True
-    except (expat.ExpatError, LookupError, ValueError):
-        return False
-    return False
 
 
 def choose_interface(package: Package, wanted: str, where: Location | None) -> str:
@@ -281,10 +173,8 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
         raise InputError(f"the FMU {package.path} does not offer {wanted}, only {', '.join(offered)}", where)
     chosen = wanted or next(iter(offered))
     identifier = offered[chosen].modelIdentifier
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier or ""):
-        raise InputError(
-            f"the FMU {package.path} has the model identifier {identifier!r}, which is no C identifier", where
-        )
+    if problem := _unusable(identifier or "", version):
+        raise InputError(f"the FMU {package.path} has the model identifier {identifier!r}, {problem}", where)
     clocks = [v.name for v in description.modelVariables if v.type == "Clock" and _ticked_from_outside(v)]
     if clocks:
         raise InputError(
@@ -298,6 +188,14 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
 def _ticked_from_outside(clock: Any) -> bool:
     """Return whether an importer must let a clock of FMI 3.0 tick; triggered ones may well never tick."""
     return bool(clock.causality == "input" and clock.intervalVariability != "triggered")
+
+
+def _unusable(identifier: str, version: str) -> str:
+    """Return why a model identifier cannot be used: it is a file's name, and part of C functions' names in FMI 1.0."""
+    if version == "1.0":
+        return "" if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier) else "which is no C identifier"
+    outside = identifier in ("", ".", "..") or any(character in identifier for character in "/\\:\0")
+    return "which is no name of a file" if outside else ""
 
 
 def check_binary(package: Package, identifier: str, where: Location | None) -> None:

@@ -1,12 +1,12 @@
-"""What can be told of an FMU to people: what it can, what stands in its way, what FMPy finds wrong with it."""
+"""What can be told of an FMU to people: what it can, what stands in its way."""
 
 from __future__ import annotations
 
-import fmpy
 from lxml import etree
 
 from cosim.errors import InputError
-from cosim.fmu import PARSER, Package, check_binary, choose_interface, interfaces
+from cosim.fmu import Package, check_binary, choose_interface, interfaces
+from cosim.fmu_description import PARSER
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
 SCHEDULED_EXECUTION = "scheduled_execution"
@@ -21,8 +21,6 @@ _INTERFACES = {
     "ModelExchange": MODEL_EXCHANGE,
     "ScheduledExecution": SCHEDULED_EXECUTION,
 }
-_MOST_NAMES_CHECKED = 2000
-"""How many names of variables are checked against the grammar, which takes a millisecond each."""
 
 
 def capabilities(package: Package) -> dict[str, dict[str, str]]:
@@ -53,15 +51,3 @@ def obstacle(package: Package) -> str:
     except InputError as error:
         return error.message
     return ""
-
-
-def complaints(package: Package) -> list[str]:
-    """Return what FMPy's validation finds wrong with an FMU, each in a line."""
-    few = len(package.description.modelVariables) <= _MOST_NAMES_CHECKED
-    try:
-        fmpy.read_model_description(str(package.directory), validate_variable_names=few, validate_model_structure=True)
-    except fmpy.model_description.ValidationError as error:
-        return [" ".join(problem.partition("\n")[0].split()) for problem in error.problems]
-    except Exception as error:  # it stumbles over what it validates
-        return [f"{type(error).__name__}: {error}"]
-    return []

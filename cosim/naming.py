@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from cosim.contract import CAR_LIKE, CONTRACTS, TRACTOR_TRAILER, Contract
 
@@ -78,10 +78,12 @@ NEUTRAL = _words(
 """Words that tell no role from another."""
 
 
+_PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W_]+")
+
+
 def words_of(name: str) -> tuple[str, ...]:
     """Return the words of a name in lower case: ``vehicle.rearAxle.x0`` has vehicle, rear, axle, x, 0."""
-    found = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W_]+", name)
-    return tuple(word for part in found for word in _parts(part.lower()))
+    return tuple(word for part in _PART.findall(name) for word in _parts(part.lower()))
 
 
 def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
@@ -92,6 +94,7 @@ def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
     return rest if rest and rest != words else None
 
 
+@lru_cache(maxsize=10_000)
 def _parts(word: str) -> tuple[str, ...]:
     """Return the words of which a word is made, such as steer and angle, or p and x."""
     if match := re.fullmatch(r"(p|pos|position|v|vel|velocity|a|acc)([xyz])", word):

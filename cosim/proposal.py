@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import Location, printable
 from cosim.fmu_units import UnitContradiction, unit_name, unit_of
 from cosim.grammar import NAMESPACE
-from cosim.naming import NEUTRAL, RECOGNITIONS, SERIES, doubtful, without_start, words_of
+from cosim.naming import NEUTRAL, RECOGNITIONS, SERIES, STARTING, doubtful, without_start, words_of
 from cosim.plant.spec import WHOLE
 from cosim.scenario import OPEN, BindingSource, RoleSource
 from plants import UnitError, units
@@ -103,8 +103,9 @@ class Proposal:
 
 def proposals(description: Any) -> list[Proposal]:
     """Return a proposal for each contract, the one that lacks least first."""
+    numbers = _Numbers(description)
     return sorted(
-        (propose(description, contract) for contract in CONTRACTS),
+        (_proposed(description, contract, numbers) for contract in CONTRACTS),
         key=lambda proposal: (len(proposal.missing), len(proposal.open)),
     )
 
@@ -119,7 +120,10 @@ def propose(description: Any, contract: Contract) -> Proposal:
     contract
         The contract.
     """
-    numbers = list(_numbers(description, contract))
+    return _proposed(description, contract, _Numbers(description))
+
+
+def _proposed(description: Any, contract: Contract, numbers: _Numbers) -> Proposal:
     suggestions = [_suggest(role, description, contract, numbers) for role in contract.roles]
     played = Counter(s.source.variable for s in suggestions if s.source is not None and s.source.variable != OPEN)
     suggestions = [
@@ -212,9 +216,9 @@ _INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
 _LARGEST_ARRAY = 16
 
 
-def _numbers(description: Any, contract: Contract) -> Iterator[_Number]:
+def _numbers(description: Any) -> Iterator[_Number]:
     """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
-    wanted = {role.causality for role in contract.roles} | {"local"}
+    wanted = {causality for causalities in _ALLOWED.values() for causality in causalities}
     names = Counter(variable.name for variable in description.modelVariables)
     arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
     for variable in description.modelVariables:
@@ -236,6 +240,42 @@ def _numbers(description: Any, contract: Contract) -> Iterator[_Number]:
     for name, elements in arrays.items():
         for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
             yield _Number(variable, 0, variable.name, words_of(name), place, len(elements))
+
+
+class _Numbers:
+    """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
+
+    An FMU may have a hundred thousand of them: each role looks only at those whose names have a word that tells of it.
+    """
+
+    def __init__(self, description: Any) -> None:
+        self._all = list(_numbers(description))
+        self._of_word: dict[str, list[int]] = {}
+        self._of_causality: dict[str, list[int]] = {}
+        for place, number in enumerate(self._all):
+            self._of_causality.setdefault(number.variable.causality, []).append(place)
+            for word in {*number.words, number.name}:
+                self._of_word.setdefault(word, []).append(place)
+
+    def of(self, causality: str) -> list[_Number]:
+        """Return those of a causality."""
+        return [self._all[place] for place in self._of_causality.get(causality, ())]
+
+    def having(self, words: Iterable[str]) -> list[_Number]:
+        """Return those whose names have any of some words."""
+        return [self._all[place] for place in sorted(self._places(words))]
+
+    def telling(self, role: Role, contract: Contract) -> list[_Number]:
+        """Return those whose names may tell of a role."""
+        groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
+        groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
+        recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+        for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
+            groups.append(min(clue.groups, key=lambda group: len(self._places(group))))
+        return self.having({word for group in groups for word in group})
+
+    def _places(self, words: Iterable[str]) -> set[int]:
+        return {place for word in words for place in self._of_word.get(word, ())}
 
 
 class _Reading(NamedTuple):
@@ -282,12 +322,12 @@ _ALLOWED: Mapping[str, tuple[str, ...]] = {
 """Causalities of what can play a role, the better ones first."""
 
 
-def _suggest(role: Role, description: Any, contract: Contract, numbers: Iterable[_Number]) -> Suggestion:
+def _suggest(role: Role, description: Any, contract: Contract, numbers: _Numbers) -> Suggestion:
     if not role.unit:
         return _suggest_enumeration(role, description)
     fitting: list[tuple[tuple[int, int, int], _Number, _Reading]] = []
     unfit = []
-    for number in numbers:
+    for number in numbers.telling(role, contract):
         causality = number.variable.causality
         if causality not in _ALLOWED[role.causality]:
             continue
@@ -357,7 +397,7 @@ def _played(
     contract: Contract,
     number: _Number,
     reading: _Reading,
-    numbers: Iterable[_Number],
+    numbers: _Numbers,
 ) -> Suggestion:
     source = RoleSource(name=role.name, variable=number.name, unit=reading.unit, factor=reading.factor, where=_HERE)
     text = printable(" ".join((number.variable.description or "").split()))[:200]
@@ -376,13 +416,11 @@ def _played(
     return Suggestion(role, source, tuple(open_), tuple(doubts))
 
 
-def _initial(
-    role: Role, description: Any, contract: Contract, played_by: _Number, numbers: Iterable[_Number]
-) -> str | None:
+def _initial(role: Role, description: Any, contract: Contract, played_by: _Number, numbers: _Numbers) -> str | None:
     """Return the parameter that obviously gives the initial value of what plays a role."""
     fitting = []
     own = [word for word in played_by.words if word not in NEUTRAL]
-    for number in numbers:
+    for number in numbers.having({*STARTING, "0"}):
         rest = without_start(number.words)
         if number.variable.causality != "parameter" or rest is None or number.size != played_by.size:
             continue
@@ -407,11 +445,11 @@ def _open(role: Role, sentences: tuple[str, ...]) -> Suggestion:
     return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences)
 
 
-def _nothing_found(role: Role, description: Any, numbers: Iterable[_Number]) -> str:
+def _nothing_found(role: Role, description: Any, numbers: _Numbers) -> str:
     fitting = [
         repr(number.name)
-        for number in numbers
-        if number.variable.causality == role.causality and _reading(description, number.variable, role) is not None
+        for number in numbers.of(role.causality)
+        if _reading(description, number.variable, role) is not None
     ]
     return (
         f"no {role.causality} is obviously {role.meaning}; "

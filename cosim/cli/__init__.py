@@ -156,6 +156,7 @@ def _parser() -> Parser:
     about = "read and validate scenarios, show what is in them, and run nothing"
     check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(check)
+    _add_strict(check)
     check.add_argument(
         "--resolved",
         action="store_true",
@@ -178,6 +179,7 @@ def _parser() -> Parser:
     inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
     inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+    _add_strict(inspect)
 
     about = "write a variant of a scenario in which plants are other FMUs, and bindings to start from"
     swap = commands.add_parser("swap", help=about, description=about[0].upper() + about[1:] + ".")
@@ -228,6 +230,12 @@ def _parser() -> Parser:
 
     explain(parser)
     return parser
+
+
+def _add_strict(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--strict", action="store_true", help="refuse an FMU that breaks a rule of FMI, which is a warning otherwise"
+    )
 
 
 def _add_scenarios(command: argparse.ArgumentParser) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from contextlib import ExitStack
 
+from cosim.cli.breaches import rules_kept
 from cosim.cli.console import out, report, verbatim, warn
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.cli.reading import read
@@ -22,6 +23,8 @@ def check(options: argparse.Namespace) -> int:
             scenario = read(path, options)
             with ExitStack() as cleanup:
                 setup = set_up(scenario, cleanup, {})
+                for fmu in setup.fmus.values():
+                    rules_kept(fmu, options.strict)
                 plants, doubts = list(described_plants(scenario, setup)), list(doubtful_plants(scenario, setup))
         except FormationError as error:
             report(error)

@@ -10,10 +10,12 @@ from typing import Any
 from rich.console import Console
 
 from cosim.binding import match, shape_of
+from cosim.cli.breaches import rules_kept
 from cosim.cli.console import out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
-from cosim.fmu_facts import NAMES, capabilities, complaints, obstacle
+from cosim.fmu_archive import size
+from cosim.fmu_facts import NAMES, capabilities, obstacle
 from cosim.fmu_units import unit_name
 from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
@@ -21,8 +23,6 @@ from cosim.scenario import OPEN, RoleSource
 
 ROWS = 60
 """How many variables are shown, unless all are asked for."""
-MESSAGES = 20
-"""How many of FMPy's messages are shown, unless all are asked for."""
 
 _CAN = {
     "needsExecutionTool": "says that it needs the tool that made it",
@@ -54,7 +54,9 @@ def inspect(options: argparse.Namespace) -> int:
         _print_interfaces(console, package)
         _print_variables(console, package, None if options.all else ROWS)
         _print_contracts(console, package)
-        _print_problems(package, options.all)
+        if sentence := obstacle(package):
+            warn(sentence)
+        rules_kept(package, options.strict, every=options.all)
     finally:
         package.close()
     return 0
@@ -65,7 +67,7 @@ def inspect(options: argparse.Namespace) -> int:
 
 def _print_identity(console: Console, package: Package) -> None:
     said = package.description
-    size = package.path.stat().st_size
+    bytes_ = size(package.path)
     rows = {
         "model": said.modelName,
         "description": said.description,
@@ -77,7 +79,7 @@ def _print_identity(console: Console, package: Package) -> None:
         "copyright": said.copyright,
         "token" if said.fmiVersion.startswith("3") else "GUID": said.guid,
         "SHA-256": package.sha256,
-        "size": f"{size / 1e6:.2f} MB" if size >= 1e5 else f"{size} bytes",
+        "size": f"{bytes_ / 1e6:.2f} MB" if bytes_ >= 1e5 else f"{bytes_} bytes",
         "runs on": _platforms(package),
         "default experiment": ", ".join(_experiment(said.defaultExperiment)),
         "states": f"{said.numberOfContinuousStates}" if said.modelExchange is not None else "",
@@ -211,16 +213,3 @@ def _player(source: RoleSource) -> str:
     del said["name"]
     name = [said.pop("variable")] if source.variable not in ("", OPEN) else []
     return " ".join([*name, *(f'{key}="{value}"' for key, value in said.items())])
-
-
-# What is wrong with it --------------------------------------------------------------------------------------
-
-
-def _print_problems(package: Package, every: bool) -> None:
-    if sentence := obstacle(package):
-        warn(sentence)
-    found = complaints(package)
-    for sentence in found if every else found[:MESSAGES]:
-        warn(f"FMPy: {sentence}")
-    if not every and len(found) > MESSAGES:
-        warn(f"FMPy has {len(found) - MESSAGES} more to say: --all shows it")

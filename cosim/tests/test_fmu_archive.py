@@ -1,0 +1,120 @@
+"""FMUs as tools and people leave them on the disk: archives with backslashes and folders, and unpacked ones."""
+
+import os
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from cosim.errors import InputError
+from cosim.fmu import open_fmu, open_package
+from cosim.fmu_archive import size
+from tests.stub.stub import make_fmu
+
+
+@pytest.fixture(scope="module")
+def stub(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_fmu(tmp_path_factory.mktemp("stub"))
+
+
+def entries(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def zipped(path: Path, content: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in content.items():
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return path
+
+
+def unpacked(path: Path, folder: Path) -> Path:
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def usable(path: Path) -> str:
+    """Open an FMU as a vehicle; return its checksum."""
+    fmu = open_fmu(path)
+    fmu.close()
+    assert not fmu.directory.exists()
+    return fmu.sha256
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as raised:
+        open_package(path)
+    return str(raised.value)
+
+
+def test_backslashes_and_folders(stub: Path, tmp_path: Path) -> None:
+    content = {name.replace("/", "\\"): data for name, data in entries(stub).items()}
+    usable(zipped(tmp_path / "a.fmu", {"binaries\\": b"", "resources\\": b"", "empty/": b"", **content}))
+
+
+@pytest.mark.parametrize("name", ["..\\out", "a\\..\\..\\out", "\\out", "C:\\out", "C:out"])
+def test_backslashes_do_not_lead_outside(stub: Path, tmp_path: Path, name: str) -> None:
+    path = zipped(tmp_path / "a.fmu", entries(stub) | {name: b""})
+    assert f"has the entry {name!r}, outside of itself" in refused(path)
+
+
+def test_one_file_under_two_names(stub: Path, tmp_path: Path) -> None:
+    path = zipped(tmp_path / "a.fmu", entries(stub) | {"a/b": b"1", "a\\b": b"2"})
+    assert "has the entry 'a/b' twice" in refused(path)
+
+
+def test_a_file_where_a_folder_is(stub: Path, tmp_path: Path) -> None:
+    assert "cannot be read" in refused(zipped(tmp_path / "a.fmu", entries(stub) | {"a": b"", "a/b": b""}))
+
+
+def test_a_folder_that_was_zipped_as_a_whole(stub: Path, tmp_path: Path) -> None:
+    path = zipped(tmp_path / "a.fmu", {f"my fmu/{name}": data for name, data in entries(stub).items()})
+    assert refused(path).endswith(
+        "but my fmu/modelDescription.xml: an FMU has it at the top, so zip what is in my fmu/"
+    )
+
+
+def test_an_unpacked_fmu(stub: Path, tmp_path: Path) -> None:
+    folder = unpacked(stub, tmp_path / "my stub")
+    before = sorted(folder.rglob("*"))
+    first = usable(folder)
+    assert sorted(folder.rglob("*")) == before
+    assert usable(unpacked(stub, tmp_path / "copy")) == first
+    assert size(folder) == sum(file.stat().st_size for file in before if file.is_file())
+    (folder / "resources").mkdir()
+    (folder / "resources" / "map.csv").write_text("1")
+    assert usable(folder) != first
+
+
+@pytest.mark.parametrize("linked", ["resources", "resources.txt"])
+def test_links_in_an_unpacked_fmu_are_not_followed(stub: Path, tmp_path: Path, linked: str) -> None:
+    folder = unpacked(stub, tmp_path / "stub")
+    (tmp_path / "secret").mkdir()
+    (tmp_path / "secret.txt").write_text("secret")
+    (folder / linked).symlink_to(tmp_path / linked.replace("resources", "secret"))
+    assert f"has {linked!r}, which is no regular file" in refused(folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_a_pipe_in_an_unpacked_fmu(stub: Path, tmp_path: Path) -> None:
+    folder = unpacked(stub, tmp_path / "stub")
+    os.mkfifo(folder / "pipe")
+    assert "has 'pipe', which is no regular file" in refused(folder)
+
+
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+@pytest.mark.parametrize("name", ["water-tank", "reversed.fmu", "1st", "größe"])
+def test_model_identifiers_are_names_of_files(tmp_path: Path, fmi: str, name: str) -> None:
+    usable(make_fmu(tmp_path, fmi=fmi, name=name))
+
+
+@pytest.mark.parametrize("identifier", ["", ".", "..", "../stub", "a\\b", "C:stub"])
+def test_model_identifiers_that_lead_elsewhere(stub: Path, tmp_path: Path, identifier: str) -> None:
+    content = entries(stub)
+    old, new = (f'modelIdentifier="{text}"'.encode() for text in ("stub", identifier))
+    content["modelDescription.xml"] = content["modelDescription.xml"].replace(old, new)
+    with pytest.raises(InputError, match="which is no name of a file") as raised:
+        open_fmu(zipped(tmp_path / "a.fmu", content))
+    assert f"has the model identifier {identifier!r}" in raised.value.message
