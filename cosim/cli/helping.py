@@ -13,6 +13,7 @@ _STATUS = {
 }
 _OF = {
     "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
+    "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "check": {0: "the scenario can be run", 2: None},
     "compare-plants": {0: None, 1: "they differ by more than --within allows", 2: None, 3: "a plant failed"},
 }
@@ -24,6 +25,7 @@ formation run scenarios/clmr_line.xml
 formation run scenarios/*.xml --out results --junit verdicts.xml
 formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
 formation run mine.xml --controller pid=observer-pid""",
+    "show": "formation show runs/clmr_line/result.nc",
     "check": """\
 formation check mine.xml
 formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",
