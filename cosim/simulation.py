@@ -73,6 +73,7 @@ class Simulation:
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing)
             driven = self._driven
+            self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
             with timed(self.timing, "load"):
                 members = [member(robot, scenario.horizon) for robot in driven]
                 self._fleet = Fleet(members, self._state[-len(driven) :])
@@ -86,7 +87,6 @@ class Simulation:
             for row, robot in enumerate(driven):
                 for tick in robot.changes:
                     self._changes.setdefault(tick, []).append(row)
-            self._teams = self._gather_teams()
             self._followers = (self._measured[1:], self._state[1:, 4:])
             self._desired = [
                 [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams

@@ -68,6 +68,7 @@ class Fleet:
         self._state[:] = np.nan
         self._kept = [0] * len(members)
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
+        _settle()
         with ExitStack() as cleanup:
             cleanup.enter_context(returning())
             self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_stepwise(cleanup)
@@ -335,6 +336,11 @@ class _Arrays(NamedTuple):
     in_links: NDArray[np.void]
     out_links: NDArray[np.void]
     state: NDArray[np.float64]
+
+
+@compiled
+def _settle() -> None:
+    """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
 
 
 @compiled
