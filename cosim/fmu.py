@@ -225,7 +225,7 @@ def _brought_code(package: Package) -> str:
     """Return what an FMU brings that a process can hold only once, in words."""
     about = package.description
     interfaces_ = (about.coSimulation, about.modelExchange, about.scheduledExecution)
-    names = [one.modelIdentifier + fmpy.sharedLibraryExtension for one in interfaces_ if one is not None]
+    names = [one.modelIdentifier + fmpy.sharedLibraryExtension for one in interfaces_ if one and one.modelIdentifier]
     return brought_code(package.directory, this_machine(about), names)
 
 
