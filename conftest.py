@@ -13,6 +13,7 @@ def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FORMATION_CACHE", str(tmp_path_factory.mktemp("fmu-cache")))
         patch.setenv("MPLBACKEND", "agg")
+        patch.setattr("cosim.cli.console.PATIENCE", 3600.0)  # nothing is said because the machine is busy
         yield
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
 from rich import box
@@ -15,6 +19,8 @@ from rich.table import Table
 from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
+PATIENCE = 3.0
+"""How long [s] nothing is said where there is no terminal."""
 
 
 class _Tolerant(io.TextIOBase, TextIO):
@@ -82,6 +88,33 @@ def table(console: Console, title: str) -> Table:
         title_style="bold",
         box=box.ROUNDED if console.is_terminal else box.SIMPLE_HEAD,
     )
+
+
+@contextmanager
+def taking_a_while(message: str) -> Iterator[None]:
+    """Say what takes a while: on a terminal at once, elsewhere in a line as soon as it has taken some seconds."""
+    console = err()
+    if console.is_terminal:
+        with console.status(message):
+            yield
+        return
+    timer = threading.Timer(PATIENCE, lambda: console.print(f"{message} ...", markup=False, soft_wrap=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def broken(name: str, width: int) -> str:
+    """Return a long name in lines of at most some width where it can be broken after a separator of its words."""
+    lines = [""]
+    for part in re.findall(r"[^.,_\[\]/ ]+[.,_\]/ ]*|\[|[.,_\]/ ]+", name):
+        if lines[-1] and len(lines[-1]) + len(part) > width:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def report(error: FormationError) -> None:

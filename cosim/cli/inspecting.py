@@ -11,7 +11,7 @@ from rich.console import Console
 
 from cosim.binding import match, shape_of
 from cosim.cli.breaches import rules_kept
-from cosim.cli.console import out, safe, table, warn
+from cosim.cli.console import broken, out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu_archive import size
@@ -21,6 +21,8 @@ from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
 from cosim.scenario import OPEN, RoleSource
 
+NARROW = 120
+"""Columns of a terminal below which a variable's causality, variability and type share a column."""
 ROWS = 60
 """How many variables are shown, unless all are asked for."""
 
@@ -140,16 +142,19 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
     variables = sorted(package.description.modelVariables, key=lambda v: _ORDER.get(v.causality, len(_ORDER)))
     numbers = Counter(variable.causality for variable in variables)
     shown = table(console, "Variables: " + ", ".join(f"{number} {causality}" for causality, number in numbers.items()))
-    for heading in ("name", "causality", "variability", "type", "unit", "start", "description"):
-        shown.add_column(heading, overflow="fold")
+    narrow = console.width < NARROW
+    headings = (
+        ("name", "what", "unit", "start") if narrow else ("name", "causality", "variability", "type", "unit", "start")
+    )
+    for heading in (*headings, "description"):
+        shown.add_column(heading, overflow="fold", no_wrap=heading != "description")
     for variable in variables[:rows]:
+        kind = (variable.causality, variable.variability, variable.type + _dimensions(package.description, variable))
         cells = (
-            variable.name,
-            variable.causality,
-            variable.variability,
-            variable.type + _dimensions(package.description, variable),
-            unit_name(variable),
-            _start(variable),
+            broken(printable(variable.name), console.width // 3),
+            *(("\n".join(filter(None, kind)),) if narrow else kind),
+            broken(printable(unit_name(variable)), 12),
+            _start(variable) if not narrow else broken(_start(variable), 12),
             variable.description,
         )
         shown.add_row(*(safe(str(cell or "")) for cell in cells))
@@ -202,7 +207,8 @@ def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
     for suggestion in proposal.suggestions:
         if suggestion.source is not None:
             role, remarks = suggestion.role, "; ".join((*suggestion.open, *suggestion.doubts))
-            shown.add_row(*map(safe, (role.name, role.unit, role.meaning, _player(suggestion.source), remarks)))
+            player = broken(printable(_player(suggestion.source)), console.width // 4)
+            shown.add_row(*map(safe, (role.name, role.unit, role.meaning, player, remarks)))
     console.print(shown)
     if absent := [suggestion.role.name for suggestion in proposal.suggestions if suggestion.source is None]:
         console.print(f"not offered, nor needed by every controller: {', '.join(absent)}", style="dim")

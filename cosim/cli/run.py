@@ -6,14 +6,14 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, report, safe, table, warn
+from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
 from cosim.cli.keeping import set_aside
 from cosim.cli.reading import read
 from cosim.cli.summary import print_summary
@@ -84,7 +84,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
-        with _status("building and loading plants"):
+        with taking_a_while("building and loading plants, which is slow the first time"):
             simulation = ending.enter_context(Simulation(scenario))
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
@@ -101,7 +101,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
             failure = RunInterrupted(simulation.time, result)
         console = out()
         # What follows may run other scenarios, to compare with: the result is safe by now.
-        with timed(timing, "expectations"), _status("judging the expectations"):
+        with timed(timing, "expectations"), taking_a_while("judging the expectations"):
             outcome.summary = summary = summarise(scenario, result)
         write(folder / "summary.json", summary.to_json().encode())
         if summary.verdicts:
@@ -174,16 +174,12 @@ def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
 # The terminal -----------------------------------------------------------------------------------------------
 
 
-def _status(message: str) -> AbstractContextManager[object]:
-    """Say on a terminal what takes a while."""
-    return err().status(message) if err().is_terminal else nullcontext()
-
-
 @contextmanager
 def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
-    """Show a progress bar on a terminal, nothing elsewhere."""
+    """Show a progress bar on a terminal; elsewhere, say what is slow if it is."""
     if not err().is_terminal:
-        yield None
+        with taking_a_while(f"running {scenario.name}; the first run with a controller compiles it"):
+            yield None
         return
     every = max(1, scenario.ticks // 200)
     with Progress(

@@ -12,13 +12,17 @@ from cosim.cli.console import safe, table
 from cosim.summary import FollowerFigures, Summary
 from cosim.verdict import Verdict
 
+NARROW = 72
+"""Columns of a terminal below which headings have a word a line."""
+
 
 def print_summary(console: Console, summary: Summary) -> None:
     """Print the table of the followers, what was changed, the notes and the verdicts."""
     figures = table(console, safe(f"{summary.scenario}: {summary.title}"))
     figures.add_column("follower", no_wrap=True)
     for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
-        figures.add_column(safe(heading), justify="right", no_wrap=True)
+        lines = heading if console.width >= NARROW else heading.replace(" ", "\n")
+        figures.add_column(safe(lines), justify="right", no_wrap=True)
     for follower in summary.followers:
         figures.add_row(
             safe(follower.robot),

@@ -1,0 +1,63 @@
+"""What is printed fits narrow terminals, and what takes a while is told."""
+
+import io
+import time
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from rich.console import Console
+
+import cosim
+from cosim.cli import console as module
+from cosim.cli.console import broken, taking_a_while
+from cosim.cli.summary import print_summary
+from cosim.summary import summary_of
+
+SHORT = ("//settled/@by=0.5 s", "//rms/@from=0 s")
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("short", ["short"]),
+        ("vehicle.axle[2].wheel.contact_1.force", ["vehicle.axle[2].", "wheel.contact_1.", "force"]),
+        ("unbreakablenameofonewordalone", ["unbreakablenameofonewordalone"]),
+        ('initial="robot state"', ['initial="robot ', 'state"']),
+        ("", [""]),
+    ],
+)
+def test_long_names_are_broken_between_words(name: str, lines: list[str]) -> None:
+    assert broken(name, 16).split("\n") == lines
+    assert "".join(lines) == name
+
+
+def test_what_takes_a_while_is_told_where_there_is_no_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with taking_a_while("soon done"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(module, "PATIENCE", 0.0)
+    said = ""
+    with taking_a_while("compiling"):
+        deadline = time.monotonic() + 30.0
+        while not said and time.monotonic() < deadline:
+            said = capsys.readouterr().err
+            time.sleep(0.01)
+    assert said == "compiling ...\n"
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_no_heading_is_cut(result: xr.Dataset, width: int) -> None:
+    printed = io.StringIO()
+    print_summary(Console(file=printed, width=width, force_terminal=True, color_system=None), summary_of(result))
+    framed = [line for line in printed.getvalue().splitlines() if line.startswith(("│", "╭"))]
+    assert len(framed) > 3
+    assert max(map(len, framed)) <= width
+    assert "…" not in printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def result(scenarios: Path) -> xr.Dataset:
+    return cosim.run(cosim.read_scenario(scenarios / "clmr_line.xml", ["//simulation/@horizon=1 s", *SHORT]))
