@@ -19,7 +19,7 @@ from lxml import etree
 
 from cosim.changes import Change
 from cosim.errors import InputError, Location
-from cosim.grammar import NAMESPACE, attributes_of, local_name, violation
+from cosim.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
 from cosim.malformed import reason
 from cosim.paths import absent
 from cosim.variant import vary
@@ -58,8 +58,9 @@ class Document:
 def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
 
-    White space around and within the values of attributes is collapsed, as the schema reads it. The paths in a document
-    are relative to the folder of the file that is read: those of a base in another folder are rewritten.
+    White space around the values of attributes is removed. Within them it is collapsed, as the schema reads it, but in
+    paths and in names of variables it is kept. The paths in a document are relative to the folder of the file that is
+    read: those of a base in another folder are rewritten.
 
     Raises
     ------
@@ -191,9 +192,11 @@ def _add_namespace(root: etree._Element) -> None:
 
 
 def _collapse(root: etree._Element) -> None:
+    kept = attributes_of_types("path", "variable")  # a file or a variable of an FMU may be named so
     for element in root.iter("*"):
+        own = kept.get(local_name(element), ())
         for name, value in element.attrib.items():
-            element.set(name, " ".join(value.split()))
+            element.set(name, value.strip() if name in own else " ".join(value.split()))
 
 
 def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:

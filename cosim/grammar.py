@@ -41,6 +41,13 @@ def attributes_of(tag: str) -> dict[str, str]:
 
 
 @cache
+def attributes_of_types(*types: str) -> dict[str, frozenset[str]]:
+    """Return the attributes whose type has one of some names, by the element."""
+    tags = {str(element.get("name")) for element in _schema_tree().iter(_XS + "element")}
+    return {tag: frozenset(name for name, kind in attributes_of(tag).items() if kind in types) for tag in tags}
+
+
+@cache
 def children_of(tag: str) -> dict[str, int]:
     """Return the elements that the schema knows within an element, each with its rank in their order.
 

@@ -351,7 +351,7 @@ class _Writer:
             text = Path(os.path.relpath(target, os.path.realpath(self.variant.parent))).as_posix()
         except ValueError:  # another drive
             text = Path(target).as_posix()
-        if text != " ".join(text.split()):
+        if text != text.strip() or any(character in text for character in "\t\r\n"):
             raise InputError(f"the path {text!r} cannot be written in a scenario: its white space would not be kept")
         return text
 

@@ -358,5 +358,17 @@ def test_the_wrong_kind_of_vehicle_is_all_open(swap, scenario: Path, tmp_path: P
 
 
 def test_a_name_that_no_path_in_xml_can_have(swap, scenario: Path, tmp_path: Path) -> None:
-    _, warned = swap(scenario, "--plant", f"car={renamed(tmp_path / 'two  spaces.fmu')}", status=2)
+    path = renamed(tmp_path / "line\nbreak.fmu")
+    _, warned = swap(scenario, "--plant", f"car={path}", status=2)
     assert "its white space would not be kept" in warned
+
+
+def test_names_with_two_spaces(swap, scenario: Path, tmp_path: Path) -> None:
+    """Of a file, and of a variable that a binding names."""
+    path = renamed(tmp_path / "two  spaces.fmu", {"psi": "yaw  angle"})
+    swap(scenario, "--plant", f"car={path}")
+    variant = scenario.with_name(f"{scenario.stem}_two  spaces.xml")
+    binding = scenario.with_name("two  spaces.binding.xml")
+    assert 'variable="yaw  angle"' in binding.read_text("utf-8")
+    binding.write_text(binding.read_text("utf-8").replace('value="..."', 'value="as_printed"'), "utf-8")
+    assert main(["check", str(variant)]) == 0
