@@ -22,7 +22,15 @@ Change = Callable[[etree._Element], None]
 
 @dataclass(frozen=True)
 class Option:
-    """A change that an option of the command line asks for; `words` is that option, as a shell would take it."""
+    """A change that an option of the command line asks for.
+
+    Attributes
+    ----------
+    words : str
+        That option, as a shell would take it.
+    change : callable
+        Makes the change.
+    """
 
     words: str
     change: Change
@@ -44,7 +52,7 @@ def _quoted(text: str) -> str:
 
 def set_value(replacement: str) -> Change:
     """Return the change that ``XPATH=VALUE`` asks for: what the XPath selects gets the value."""
-    xpath, value = _split(replacement)
+    xpath, value = split_setting(replacement)
 
     def change(root: etree._Element) -> None:
         try:
@@ -99,6 +107,33 @@ def set_controller(controller: str, name: str, package: str, version: str) -> Ch
     return Option(f"--controller {_quoted(f'{controller}={name}')}", change)
 
 
+def split_setting(replacement: str) -> tuple[str, str]:
+    """Return the two sides of ``XPATH=VALUE``, split at the first '=' that is not in the XPath's brackets or quotes.
+
+    Raises
+    ------
+    InputError
+        There is no such '='.
+    """
+    depth, quote = 0, ""
+    for index, character in enumerate(replacement):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "'\"":
+            quote = character
+        elif character in "[(":
+            depth += 1
+        elif character in "])":
+            depth -= 1
+        elif character == "=" and depth == 0:
+            return replacement[:index], replacement[index + 1 :]
+    problem = unclosed(replacement)
+    raise InputError(
+        f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
+        + (f"; {problem}" if problem else "")
+    )
+
+
 def select(root: etree._Element, xpath: str) -> list[Any]:
     """Return the nodes that an XPath selects from the root, at least one.
 
@@ -137,27 +172,6 @@ def assign(node: object, value: str) -> etree._Element:
         node.text = value
         return node
     raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
-
-
-def _split(replacement: str) -> tuple[str, str]:
-    """Split at the first '=' that is not inside the XPath's brackets or quotes."""
-    depth, quote = 0, ""
-    for index, character in enumerate(replacement):
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "'\"":
-            quote = character
-        elif character in "[(":
-            depth += 1
-        elif character in "])":
-            depth -= 1
-        elif character == "=" and depth == 0:
-            return replacement[:index], replacement[index + 1 :]
-    problem = unclosed(replacement)
-    raise InputError(
-        f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
-        + (f"; {problem}" if problem else "")
-    )
 
 
 def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:

@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import cosim
+import plants
 from cosim.changes import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 from cosim.cli import main
 from cosim.figure import draw
@@ -93,6 +94,22 @@ def test_terminal_summary_result_and_figure_say_what_was_changed(
     told = texts(drawn(cosim.load_result(ran)))
     assert "changed by --seed 3" in told
     assert "seed 3; formation-cosim 0." in told
+
+
+def test_files_that_options_name_are_said_once(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = plants.build("car_like", out=tmp_path)
+    printed = run(capsys, line, "--plant", f"clmr={fmu}", "--controller", "pid=lqg", "--out", str(tmp_path))
+    assert f"\nchanged by --plant clmr={fmu} --controller pid=lqg\n" in printed
+
+
+def test_earlier_results_that_cannot_be_kept_are_told(
+    line: str, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(ran, tmp_path / "clmr_line")
+    (tmp_path / "clmr_line+seed=3").touch()
+    assert main(["run", line, "--out", str(tmp_path), "--no-figure"]) == 1
+    assert "warning: the results of the run before could not be kept, and are overwritten: " in capsys.readouterr().err
+    assert load(tmp_path / "clmr_line" / "result.nc").attrs["seed"] == "1"
 
 
 def test_nothing_is_said_to_be_changed_where_nothing_is(line: str, tmp_path: Path, capsys) -> None:

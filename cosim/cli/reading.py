@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import plants
-from cosim.changes import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed
+from cosim.changes import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed, split_setting
 from cosim.cli.console import warn
 from cosim.errors import InputError
 from cosim.paths import absent
@@ -22,6 +22,7 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     for folder in options.untrusted:
         if not folder.is_dir():
             raise InputError(f"--untrusted {folder}: there is no such folder")
+    once("--set", [(setting, *split_setting(setting)) for setting in options.set])
     scenario = read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
     fmus = [plant.fmu.resolve() for plant in scenario.plants.values() if plant.fmu is not None]
     if not any(expectation.scenario for expectation in scenario.expectations):  # whose plants might be meant
@@ -65,12 +66,36 @@ def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]
     InputError
         One has no two sides, or the left side of one before it.
     """
-    seen: dict[str, str] = {}
-    for value in values:
-        left, equals, right = value.partition("=")
-        if not (left and equals and right):
-            raise InputError(f"{option} {value}: expected {form}")
-        if left in seen:
-            raise InputError(f"{option} {value}: {left} is given twice, first as {seen[left]}: give it once")
-        seen[left] = right
+    sides = [(value, *_sides(option, value, form)) for value in values]
+    once(option, sides)
+    for _, left, right in sides:
         yield left, right
+
+
+def _sides(option: str, value: str, form: str) -> tuple[str, str]:
+    left, equals, right = value.partition("=")
+    if not (left and equals and right):
+        raise InputError(f"{option} {value}: expected {form}")
+    return left, right
+
+
+def once(option: str, settings: Iterable[tuple[str, str, str]]) -> None:
+    """Refuse an option that gives one thing two values.
+
+    Parameters
+    ----------
+    option
+        Its name.
+    settings
+        Each of its values as written, what it is about, and what that is given.
+
+    Raises
+    ------
+    InputError
+        One is about the same as one before it.
+    """
+    seen: dict[str, str] = {}
+    for written, about, given in settings:
+        if about in seen:
+            raise InputError(f"{option} {written}: {about} is given twice, first as {seen[about]}: give it once")
+        seen[about] = given

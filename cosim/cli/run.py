@@ -157,8 +157,10 @@ def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
         Where an earlier result is kept, and of what it is; see `set_aside`.
     """
     aside = None
-    with suppress(OSError):  # nothing that was computed may be lost for this
+    try:
         aside = set_aside(folder, Provenance.of(result.attrs))
+    except OSError as error:  # nothing that was computed may be lost for this
+        warn(f"the results of the run before could not be kept, and are overwritten: {error}")
     for name in ("figure.png", "summary.json"):  # of an earlier run
         with suppress(OSError):
             (folder / name).unlink()
