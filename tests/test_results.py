@@ -14,9 +14,12 @@ import cosim
 import plants
 from cosim.changes import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 from cosim.cli import main
+from cosim.cli.console import out
+from cosim.cli.summary import print_summary
 from cosim.figure import draw
 from cosim.result import load, save
 from cosim.simulation import Simulation
+from cosim.summary import FollowerFigures, Summary
 
 FILES = ["figure.png", "result.nc", "summary.json"]
 
@@ -229,6 +232,19 @@ def test_an_interrupted_run_says_so(line: str) -> None:
     assert failure is not None
     assert failure.interrupted
     assert str(failure) == "interrupted at t = 0.1 s"
+
+
+def test_the_table_does_not_contradict_a_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    """A `<settled>` may have wider bands than the table, or a later time than the table's twentieth of the run."""
+    times = {"a": (40.0, 40.0), "b": (None, 98.2), "c": (None, None)}
+    figures = [FollowerFigures(robot, settled, 0.1, 0.1, 9.0, within) for robot, (settled, within) in times.items()]
+    print_summary(out(), Summary("one", "completed", 100.0, tuple(figures), None, None, (), ()))
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["a", "40.00"] in [line[:2] for line in lines]
+    assert ["b", "since", "98.20"] in [line[:3] for line in lines]
+    assert ["c", "outside"] in [line[:2] for line in lines]
+    assert "since: within 0.1 m and 2 deg, but for less than a twentieth of the run".split() in lines
+    assert "outside: not within 0.1 m and 2 deg at the end".split() in lines
 
 
 # Looked at later --------------------------------------------------------------------------------------------

@@ -33,8 +33,11 @@ def print_summary(console: Console, summary: Summary) -> None:
         )
     console.print(figures)
     console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")
-    if any(follower.settling_time is None for follower in summary.followers):
-        console.print("outside: not within them at the end; since: within them too shortly to be settled", style="dim")
+    late = [follower.within_from is not None for follower in summary.followers if follower.settling_time is None]
+    if not all(late):
+        console.print("outside: not within 0.1 m and 2 deg at the end", style="dim")
+    if any(late):
+        console.print("since: within 0.1 m and 2 deg, but for less than a twentieth of the run", style="dim")
     console.print(safe(summary.provenance.basis), style="dim", soft_wrap=True)
     if summary.provenance.changes:
         console.print(f"[yellow]{safe(summary.provenance.changed)}[/]", soft_wrap=True)
