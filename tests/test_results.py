@@ -239,12 +239,13 @@ def test_the_table_does_not_contradict_a_verdict(capsys: pytest.CaptureFixture[s
     times = {"a": (40.0, 40.0), "b": (None, 98.2), "c": (None, None)}
     figures = [FollowerFigures(robot, settled, 0.1, 0.1, 9.0, within) for robot, (settled, within) in times.items()]
     print_summary(out(), Summary("one", "completed", 100.0, tuple(figures), None, None, (), ()))
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    printed = capsys.readouterr().out
+    lines = [line.split() for line in printed.splitlines()]
     assert ["a", "40.00"] in [line[:2] for line in lines]
     assert ["b", "since", "98.20"] in [line[:3] for line in lines]
     assert ["c", "outside"] in [line[:2] for line in lines]
-    assert "since: within 0.1 m and 2 deg, but for less than a twentieth of the run".split() in lines
-    assert "outside: not within 0.1 m and 2 deg at the end".split() in lines
+    assert "\nsince: within 0.1 m and 2 deg, but for less than a twentieth of the run\n" in printed
+    assert "\noutside: not within 0.1 m and 2 deg at the end\n" in printed
 
 
 # Looked at later --------------------------------------------------------------------------------------------
