@@ -14,12 +14,16 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
-from xml.parsers import expat
+
+from lxml import etree
 
 from cosim.errors import InputError, Location
 from cosim.paths import absent
 
 DESCRIPTION = "modelDescription.xml"
+READ = (DESCRIPTION, "sources/buildDescription.xml")
+"""The files of an FMU that FMPy reads as XML."""
+_BLOCK = 2**16
 _DESCRIPTION = PurePosixPath(DESCRIPTION)
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
@@ -48,8 +52,9 @@ def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
         raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
     except OSError as error:
         raise InputError(f"the FMU {path} cannot be read: {error.strerror or error}", where) from None
-    if has_document_type((directory / DESCRIPTION).read_bytes()):
-        raise InputError(f"the FMU {path} declares a document type in its {DESCRIPTION}", where)
+    for name in READ:
+        if (part := directory / name).is_file() and has_document_type(part.read_bytes()):
+            raise InputError(f"the FMU {path} declares a document type in its {name}", where)
     return sha256
 
 
@@ -59,20 +64,40 @@ def size(path: Path) -> int:
 
 
 def has_document_type(xml: bytes) -> bool:
-    """Return whether an XML document, in any encoding, declares a document type; what is not XML does not."""
+    """Return whether an XML document declares a document type; what is not XML does not.
 
-    def found(*_: object) -> None:
-        raise StopIteration
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = found
+    It is asked of the parser that reads the document later: another one may not know its encoding.
+    """
+    parser = etree.XMLParser(target=_Beginning(), resolve_entities=False, no_network=True)
     try:
-        parser.Parse(xml, True)
-    except StopIteration:
+        for begin in range(0, len(xml), _BLOCK):
+            parser.feed(xml[begin : begin + _BLOCK])
+    except _DocumentType:
         return True
-    except (expat.ExpatError, LookupError, ValueError):
+    except (_RootElement, etree.XMLSyntaxError):
         return False
     return False
+
+
+class _DocumentType(Exception):
+    """A document declares its type."""
+
+
+class _RootElement(Exception):
+    """A document's root element begins, after which it cannot declare its type."""
+
+
+class _Beginning:
+    """Follows a document up to its root element."""
+
+    def doctype(self, *_: object) -> None:
+        raise _DocumentType
+
+    def start(self, *_: object) -> None:
+        raise _RootElement
+
+    def close(self) -> None:
+        """Nothing is built."""
 
 
 # Archives ---------------------------------------------------------------------------------------------------
@@ -166,7 +191,7 @@ def _files(folder: Path) -> Iterator[tuple[PurePosixPath, Path]]:
 
 def _copied(source: BinaryIO, target: BinaryIO) -> str:
     digest = hashlib.sha256()
-    while block := source.read(1024**2):
+    while block := source.read(_BLOCK):
         digest.update(block)
         target.write(block)
     return digest.hexdigest()

@@ -137,6 +137,7 @@ def _parser() -> Parser:
     about = "run scenarios and write results, summary and figure to DIR/NAME/"
     run = commands.add_parser("run", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(run)
+    _add_strict(run, otherwise="")
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
     run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
     run.add_argument("--junit", type=Path, metavar="FILE.xml", help="write all verdicts as JUnit XML")
@@ -232,10 +233,8 @@ def _parser() -> Parser:
     return parser
 
 
-def _add_strict(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--strict", action="store_true", help="refuse an FMU that breaks a rule of FMI, which is a warning otherwise"
-    )
+def _add_strict(command: argparse.ArgumentParser, otherwise: str = ", which is a warning otherwise") -> None:
+    command.add_argument("--strict", action="store_true", help=f"refuse an FMU that breaks a rule of FMI{otherwise}")
 
 
 def _add_scenarios(command: argparse.ArgumentParser) -> None:

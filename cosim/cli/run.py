@@ -13,6 +13,7 @@ import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from cosim.cli.breaches import rules_kept
 from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
 from cosim.cli.keeping import set_aside
 from cosim.cli.reading import read
@@ -24,6 +25,7 @@ from cosim.pacing import Pacer
 from cosim.provenance import Provenance
 from cosim.result import annotate, save, writable_folder, write
 from cosim.scenario import Scenario
+from cosim.setup import set_up
 from cosim.simulation import Simulation
 from cosim.summary import summarise
 from cosim.timing import timed
@@ -62,6 +64,8 @@ def _run_scenario(
         if scenario.name in names:
             raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
         names[scenario.name] = path
+        if options.strict:
+            _check_rules(scenario)
         _run_one(scenario, options, outcome, ending)
         return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
     except FormationError as error:
@@ -77,6 +81,13 @@ def _run_scenario(
         if options.junit is not None:
             with suppress(OutputError):  # it will be told at the end
                 write(options.junit, junit_xml(outcomes))
+
+
+def _check_rules(scenario: Scenario) -> None:
+    """Refuse FMUs that break a rule of FMI, before any is started."""
+    with ExitStack() as cleanup, taking_a_while("building and reading plants, which is slow the first time"):
+        for fmu in set_up(scenario, cleanup, {}).fmus.values():
+            rules_kept(fmu, strict=True)
 
 
 def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, ending: ExitStack) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from cosim.errors import InputError
 from cosim.fmu import open_fmu, open_package
-from cosim.fmu_archive import size
+from cosim.fmu_archive import has_document_type, size
 from tests.stub.stub import make_fmu
 
 
@@ -118,3 +118,34 @@ def test_model_identifiers_that_lead_elsewhere(stub: Path, tmp_path: Path, ident
     with pytest.raises(InputError, match="which is no name of a file") as raised:
         open_fmu(zipped(tmp_path / "a.fmu", content))
     assert f"has the model identifier {identifier!r}" in raised.value.message
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "windows-1252", "gbk", "shift_jis", "utf-7"])
+@pytest.mark.parametrize(
+    "declared", ["", "<!DOCTYPE a>", '<!DOCTYPE a [<!ENTITY b "c">]>', '<!DOCTYPE a SYSTEM "b.dtd">']
+)
+def test_document_types_in_any_encoding(encoding: str, declared: str) -> None:
+    xml = f'<?xml version="1.0" encoding="{encoding}"?><!-- first -->{declared}<a b="c"/>'
+    assert has_document_type(xml.encode(encoding)) == bool(declared)
+
+
+@pytest.mark.parametrize(
+    "xml", [b"", b"no XML", b"<a>", b"<a/><!DOCTYPE a>", b'<?xml version="1.0" encoding="x"?><a/>']
+)
+def test_what_is_not_xml_declares_no_document_type(xml: bytes) -> None:
+    assert not has_document_type(xml)
+
+
+def test_entities_are_not_expanded_in_an_encoding_that_few_parsers_know(stub: Path, tmp_path: Path) -> None:
+    content = entries(stub)
+    xml = content["modelDescription.xml"].decode()
+    begin = xml.index("<fmiModelDescription")
+    content["modelDescription.xml"] = (
+        f'<?xml version="1.0" encoding="gbk"?><!DOCTYPE fmiModelDescription [<!ENTITY e "x">]>{xml[begin:]}'.encode(
+            "gbk"
+        )
+    )
+    assert "declares a document type in its modelDescription.xml" in refused(zipped(tmp_path / "a.fmu", content))
+    build = b'<!DOCTYPE fmiBuildDescription><fmiBuildDescription fmiVersion="3.0"/>'
+    path = zipped(tmp_path / "b.fmu", entries(stub) | {"sources/buildDescription.xml": build})
+    assert "declares a document type in its sources/buildDescription.xml" in refused(path)

@@ -46,7 +46,9 @@ def test_breaches_of_the_schema_are_warnings(tmp_path: Path, breach: str, capsys
     assert "breaks rules of FMI, which --strict refuses" in printed.err
 
 
-def test_check_warns_or_refuses(tmp_path: Path, scenarios: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_warns_or_refuses_and_run_refuses_on_request(
+    tmp_path: Path, scenarios: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = changed(make_fmu(tmp_path), tmp_path / "a.fmu", BREACHES["a date of its own"][1])
     text = (scenarios / "convoy.xml").read_text("utf-8")
     scenario = tmp_path / "convoy.xml"
@@ -56,6 +58,9 @@ def test_check_warns_or_refuses(tmp_path: Path, scenarios: Path, capsys: pytest.
     assert "a.fmu breaks a rule of FMI: line " in capsys.readouterr().err
     assert main([*arguments, "--strict"]) == 2
     assert "which --strict refuses" in capsys.readouterr().err
+    assert main(["run", *arguments[1:], "--strict", "--out", str(tmp_path / "runs")]) == 2
+    assert "which --strict refuses" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()  # nothing has been started
 
 
 def test_our_own_fmus_break_no_rule(tmp_path: Path) -> None:
