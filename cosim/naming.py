@@ -51,11 +51,24 @@ class Recognition:
 
 @dataclass(frozen=True)
 class Series:
-    """An array that holds roles one after the other: words of its name, how many elements it has, which roles."""
+    """An array that may hold roles one after the other.
+
+    Attributes
+    ----------
+    words : frozenset
+        Words of its name.
+    sizes : tuple of int
+        How many elements it has.
+    roles : tuple of str
+        Which roles they would be.
+    telling : bool
+        Whether its name says so, if the units fit as well.
+    """
 
     words: frozenset[str]
     sizes: tuple[int, ...]
     roles: tuple[str, ...]
+    telling: bool = False
 
     def role(self, words: Collection[str], size: int, place: int) -> str | None:
         """Return the role of the element at a place, from 0, of an array whose name has these words."""
@@ -210,15 +223,26 @@ RECOGNITIONS: Mapping[str, Mapping[str, Recognition]] = {
 def _series(contract: Contract) -> tuple[Series, ...]:
     pose, torque = (tuple(role.name for role in roles) for roles in (contract.pose, contract.torque))
     return (
-        Series(_words("pose q eta state states coordinates configuration"), (4,), pose),
-        Series(_words("pose"), (3,), pose[:3]),
-        Series(_words("position pos p location"), (2, 3), pose[:2]),
+        Series(_words("pose"), (4,), pose, telling=True),
+        Series(_words("q eta state states coordinates configuration"), (4,), pose),
+        Series(_words("pose"), (3,), pose[:3], telling=True),
+        Series(_words("position pos location"), (2, 3), pose[:2], telling=True),
+        Series(_words("p"), (2, 3), pose[:2]),
         Series(_words("tau torque torques moment moments u input inputs"), (2,), torque),
     )
 
 
 SERIES: Mapping[str, tuple[Series, ...]] = {contract.vehicle: _series(contract) for contract in CONTRACTS}
-"""The arrays that hold roles of a vehicle in the order of its contract."""
+"""The arrays that may hold roles of a vehicle in the order of its contract."""
+
+ORDER: Mapping[str, Mapping[str, frozenset[str]]] = {
+    CAR_LIKE.vehicle: {
+        "tau_drive": _words("drive driving traction propulsion motor"),
+        "tau_steer": _words("steer steering gamma delta"),
+    },
+    TRACTOR_TRAILER.vehicle: {"tau_right": _words("right"), "tau_left": _words("left")},
+}
+"""Words of a description that tell the torques of an array from one another."""
 
 
 @cache

@@ -9,21 +9,22 @@ from __future__ import annotations
 import re
 import textwrap
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from lxml import etree
 
-from cosim.binding import NUMBER_TYPES, match, may_be_started, shape_of
+from cosim.binding import match, may_be_started
 from cosim.contract import CONTRACTS, Contract, Role
 from cosim.errors import Location, printable
-from cosim.fmu_units import UnitContradiction, unit_name, unit_of
+from cosim.fmu_units import unit_name
 from cosim.grammar import NAMESPACE
-from cosim.naming import NEUTRAL, RECOGNITIONS, SERIES, STARTING, doubtful, without_start, words_of
+from cosim.naming import NEUTRAL, RECOGNITIONS, STARTING, doubtful, without_start, words_of
 from cosim.plant.spec import WHOLE
+from cosim.players import ALLOWED, Number, Numbers, Reading, reading
 from cosim.scenario import OPEN, BindingSource, RoleSource
-from plants import UnitError, units
+from cosim.series import Told, told
 
 _HERE = Location("the proposed binding")
 _MOST_NAMED = 8
@@ -44,12 +45,15 @@ class Suggestion:
         What the user must fill in, each a sentence.
     doubts : tuple of str
         What the user should look at, each a sentence.
+    candidates : tuple of str
+        Where nothing plays it, the numbers that may do so, and among which the user must choose.
     """
 
     role: Role
     source: RoleSource | None = None
     open: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    candidates: tuple[str, ...] = ()
 
     @property
     def needs_no_binding(self) -> bool:
@@ -81,9 +85,11 @@ class Proposal:
 
     @property
     def missing(self) -> tuple[Role, ...]:
-        """The roles of pose and torque for which no variable was found."""
+        """The roles of pose and torque for which no variable was found, nor any that may be it."""
         wanted = (*self.contract.pose, *self.contract.torque)
-        nothing = {s.role for s in self.suggestions if s.source is None or s.source.variable == OPEN}
+        nothing = {
+            s.role for s in self.suggestions if not s.candidates and (s.source is None or s.source.variable == OPEN)
+        }
         return tuple(role for role in wanted if role in nothing)
 
     @property
@@ -103,7 +109,7 @@ class Proposal:
 
 def proposals(description: Any) -> list[Proposal]:
     """Return a proposal for each contract, the one that lacks least first."""
-    numbers = _Numbers(description)
+    numbers = Numbers(description)
     return sorted(
         (_proposed(description, contract, numbers) for contract in CONTRACTS),
         key=lambda proposal: (len(proposal.missing), len(proposal.open)),
@@ -120,10 +126,10 @@ def propose(description: Any, contract: Contract) -> Proposal:
     contract
         The contract.
     """
-    return _proposed(description, contract, _Numbers(description))
+    return _proposed(description, contract, Numbers(description))
 
 
-def _proposed(description: Any, contract: Contract, numbers: _Numbers) -> Proposal:
+def _proposed(description: Any, contract: Contract, numbers: Numbers) -> Proposal:
     suggestions = [_suggest(role, description, contract, numbers) for role in contract.roles]
     played = Counter(s.source.variable for s in suggestions if s.source is not None and s.source.variable != OPEN)
     suggestions = [
@@ -186,167 +192,56 @@ def _comment(text: str) -> etree._Element:
     return etree.Comment(f" {re.sub('-(?=-)', '- ', printable(text))} ")
 
 
-# The variables ----------------------------------------------------------------------------------------------
-
-
-class _Number(NamedTuple):
-    """A number of an FMU that could play a role.
-
-    Attributes
-    ----------
-    name : str
-        As a binding writes it.
-    words : tuple of str
-        Those of its variable's name.
-    place : int
-        In the array of which it is an element; -1 of a scalar.
-    size : int
-        Of this array.
-    """
-
-    variable: Any
-    element: int
-    name: str
-    words: tuple[str, ...]
-    place: int = -1
-    size: int = 1
-
-
-_INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
-_LARGEST_ARRAY = 16
-
-
-def _numbers(description: Any) -> Iterator[_Number]:
-    """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
-    wanted = {causality for causalities in _ALLOWED.values() for causality in causalities}
-    names = Counter(variable.name for variable in description.modelVariables)
-    arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
-    for variable in description.modelVariables:
-        if variable.type not in NUMBER_TYPES or variable.causality not in wanted or names[variable.name] > 1:
-            continue
-        if variable.name.startswith(("der(", "__")):
-            continue
-        try:
-            shape = shape_of(description, variable)
-        except ValueError:
-            continue
-        if indexed := _INDEXED.fullmatch(variable.name):
-            arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
-        elif not shape:
-            yield _Number(variable, 0, variable.name, words_of(variable.name))
-        elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
-            words = words_of(variable.name)
-            yield from (_Number(variable, i, f"{variable.name}[{i + 1}]", words, i, shape[0]) for i in range(shape[0]))
-    for name, elements in arrays.items():
-        for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
-            yield _Number(variable, 0, variable.name, words_of(name), place, len(elements))
-
-
-class _Numbers:
-    """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
-
-    An FMU may have a hundred thousand of them: each role looks only at those whose names have a word that tells of it.
-    """
-
-    def __init__(self, description: Any) -> None:
-        self._all = list(_numbers(description))
-        self._of_word: dict[str, list[int]] = {}
-        self._of_causality: dict[str, list[int]] = {}
-        for place, number in enumerate(self._all):
-            self._of_causality.setdefault(number.variable.causality, []).append(place)
-            for word in {*number.words, number.name}:
-                self._of_word.setdefault(word, []).append(place)
-
-    def of(self, causality: str) -> list[_Number]:
-        """Return those of a causality."""
-        return [self._all[place] for place in self._of_causality.get(causality, ())]
-
-    def having(self, words: Iterable[str]) -> list[_Number]:
-        """Return those whose names have any of some words."""
-        return [self._all[place] for place in sorted(self._places(words))]
-
-    def telling(self, role: Role, contract: Contract) -> list[_Number]:
-        """Return those whose names may tell of a role."""
-        groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
-        groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
-        recognition = RECOGNITIONS[contract.vehicle].get(role.name)
-        for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
-            groups.append(min(clue.groups, key=lambda group: len(self._places(group))))
-        return self.having({word for group in groups for word in group})
-
-    def _places(self, words: Iterable[str]) -> set[int]:
-        return {place for word in words for place in self._of_word.get(word, ())}
-
-
-class _Reading(NamedTuple):
-    """How the unit of a number fits a role: what a binding states of it, and what is open."""
-
-    unit: str = ""
-    factor: str = ""
-    open: str = ""
-
-
-def _reading(description: Any, variable: Any, role: Role) -> _Reading | None:
-    """Return how a variable can be read in the unit of a role; None if it measures something else."""
-    name = unit_name(variable)
-    wanted = units.parse(role.unit)
-    if not name:
-        return _Reading(
-            unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({role.unit} or the like)"
-        )
-    try:
-        own = unit_of(description, variable)
-    except UnitContradiction as error:
-        if error.unit.exponents != wanted.exponents:
-            return None
-        return _Reading(unit=OPEN, open=f"{error.question}: state {error.choice}")
-    except UnitError:
-        return _Reading(unit=OPEN, open=f"the unit {name!r} of {variable.name!r} is not known: state it")
-    if own.exponents == wanted.exponents:
-        return _Reading()
-    if (own * units.parse("rad")).exponents == wanted.exponents:  # some tools take radians for pure numbers
-        return _Reading(
-            factor=OPEN, open=f'{variable.name!r} is in {name}, a pure number: if this is in rad, state factor="1 rad"'
-        )
-    return None
-
-
 # The roles --------------------------------------------------------------------------------------------------
 
 
-_ALLOWED: Mapping[str, tuple[str, ...]] = {
-    "input": ("input",),
-    "output": ("output", "local"),
-    "parameter": ("parameter",),
-}
-"""Causalities of what can play a role, the better ones first."""
+class _Fit(NamedTuple):
+    """A number that may play a role: how well, the smaller the better, and how it can be read."""
+
+    rank: tuple[int, int, int, int]
+    number: Number
+    reading: Reading
 
 
-def _suggest(role: Role, description: Any, contract: Contract, numbers: _Numbers) -> Suggestion:
+def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers) -> Suggestion:
     if not role.unit:
         return _suggest_enumeration(role, description)
-    fitting: list[tuple[tuple[int, int, int], _Number, _Reading]] = []
+    fitting: list[_Fit] = []
+    by_place: list[_Fit] = []
     unfit = []
     for number in numbers.telling(role, contract):
         causality = number.variable.causality
-        if causality not in _ALLOWED[role.causality]:
+        if causality not in ALLOWED[role.causality]:
             continue
-        rank = _rank(role, contract, number, number.words)
+        how = _told(role, contract, number, numbers, description)
+        rank = _rank(role, contract, number, number.words) if how is None else (0, 0)
         if rank is None:
             continue
-        reading = _reading(description, number.variable, role)
-        if reading is None:
-            unfit.append(f"{number.name!r} is in {unit_name(number.variable)}")
+        read = reading(description, number, role)
+        if read is None:
+            if how is not Told.BY_PLACE:
+                unfit.append(f"{number.name!r} is in {unit_name(number.variable)}")
             continue
-        fitting.append(((rank[0], _ALLOWED[role.causality].index(causality), rank[1]), number, reading))
-    best = _best([found for found in fitting if found[1].variable.type not in WHOLE] or fitting)
+        preference = ALLOWED[role.causality].index(causality)
+        tier = 2 * preference + 1 if how is not None else 2 if preference and rank[1] else 0
+        fit = _Fit((tier, rank[0], preference, rank[1]), number, read)
+        (by_place if how is Told.BY_PLACE else fitting).append(fit)
+    best = _best([fit for fit in fitting if fit.number.variable.type not in WHOLE] or fitting)
     if len(best) == 1:
-        return _played(role, description, contract, best[0][1], best[0][2], numbers)
+        played = _played(role, description, contract, best[0], numbers)
+        if role in contract.pose[2:] and _told(role, contract, best[0].number, numbers, description):
+            number = best[0].number
+            place = f"{number.name!r} is taken by its place in {number.array!r}: look whether it is {role.meaning}"
+            return replace(played, doubts=(*played.doubts, place))
+        return played
     reasons = []
     if best:
-        reasons.append(f"could be played by {_listed(repr(number.name) for _, number, _ in best)}")
+        reasons.append(f"could be played by {_listed(repr(fit.number.name) for fit in best)}")
+    elif by_place := _best(by_place):
+        reasons += [_asked(_played(role, description, contract, fit, numbers), fit) for fit in by_place]
     elif unfit:
         reasons.append(f"needs a unit that fits {role.unit}: {_listed(unfit)}")
+    candidates = tuple(fit.number.name for fit in best or by_place)
     if role.optional:
         return Suggestion(role)
     if role.causality == "parameter" and not best:
@@ -355,7 +250,26 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: _Numbers
             RoleSource(name=role.name, value=OPEN, where=_HERE),
             (f"no parameter is obviously {role.meaning}: state its value, or name the variable", *reasons),
         )
-    return _open(role, (*reasons, *([] if best else [_nothing_found(role, description, numbers)])))
+    return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
+
+
+def _told(role: Role, contract: Contract, number: Number, numbers: Numbers, description: Any) -> Told | None:
+    """Return how it is known that an element of an array plays a role by its place; None of all others."""
+    if number.size == 1 or number.name == role.name:
+        return None
+    return told(role, contract, number, numbers, description)
+
+
+def _asked(suggestion: Suggestion, fit: _Fit) -> str:
+    """Return the question whether a number plays a role for which nothing speaks but its place in an array."""
+    assert suggestion.source is not None
+    said = attributes(suggestion.source)
+    del said["name"]
+    state = " ".join(f'{name}="{value}"' for name, value in said.items())
+    return (
+        f"{fit.number.name!r} could be it by its place in {fit.number.array!r}, which tells too little: "
+        f"if it is {suggestion.role.meaning}, state {state}"
+    )
 
 
 def _suggest_enumeration(role: Role, description: Any) -> Suggestion:
@@ -366,13 +280,12 @@ def _suggest_enumeration(role: Role, description: Any) -> Suggestion:
     return Suggestion(role, source, (f"state {role.meaning}; nothing in the FMU says it",))
 
 
-def _rank(role: Role, contract: Contract, number: _Number, words: tuple[str, ...]) -> tuple[int, int] | None:
+def _rank(role: Role, contract: Contract, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
     """Return how well a name fits a role, the smaller the better; None if it does not."""
     if number.name == role.name:
         return -2, 0
     if number.size > 1:
-        found = (series.role(words, number.size, number.place) for series in SERIES[contract.vehicle])
-        return (0, 0) if role.name in found else None
+        return None
     if tuple(word for word in words if word not in NEUTRAL) == words_of(role.name):
         return -1, 0
     recognition = RECOGNITIONS[contract.vehicle].get(role.name)
@@ -382,27 +295,19 @@ def _rank(role: Role, contract: Contract, number: _Number, words: tuple[str, ...
     return None if rank is None else (rank[0] + 1, rank[1])
 
 
-def _best(
-    found: list[tuple[tuple[int, int, int], _Number, _Reading]],
-) -> list[tuple[tuple[int, int, int], _Number, _Reading]]:
+def _best(found: list[_Fit]) -> list[_Fit]:
     """Return those that fit best, one of each number: variables with the same value reference are the same number."""
-    least = min((rank for rank, _, _ in found), default=None)
-    best = {(f[1].variable.valueReference, f[1].element): f for f in reversed(found) if f[0] == least}
+    least = min((fit.rank for fit in found), default=None)
+    best = {(f.number.variable.valueReference, f.number.element): f for f in reversed(found) if f.rank == least}
     return list(reversed(best.values()))
 
 
-def _played(
-    role: Role,
-    description: Any,
-    contract: Contract,
-    number: _Number,
-    reading: _Reading,
-    numbers: _Numbers,
-) -> Suggestion:
-    source = RoleSource(name=role.name, variable=number.name, unit=reading.unit, factor=reading.factor, where=_HERE)
+def _played(role: Role, description: Any, contract: Contract, fit: _Fit, numbers: Numbers) -> Suggestion:
+    number, read = fit.number, fit.reading
+    source = RoleSource(name=role.name, variable=number.name, unit=read.unit, factor=read.factor, where=_HERE)
     text = printable(" ".join((number.variable.description or "").split()))[:200]
     says = f". The FMU describes it as {text!r}" if text else ""
-    open_ = [reading.open + says] if reading.open else []
+    open_ = [read.open + says] if read.open else []
     doubts = []
     if number.name != role.name and text and doubtful(role.name, text):
         doubts.append(f"here it is {role.meaning}; the FMU describes {number.name!r} as {text!r}")
@@ -416,40 +321,38 @@ def _played(
     return Suggestion(role, source, tuple(open_), tuple(doubts))
 
 
-def _initial(role: Role, description: Any, contract: Contract, played_by: _Number, numbers: _Numbers) -> str | None:
+def _initial(role: Role, description: Any, contract: Contract, played_by: Number, numbers: Numbers) -> str | None:
     """Return the parameter that obviously gives the initial value of what plays a role."""
-    fitting = []
+    fitting: list[_Fit] = []
     own = [word for word in played_by.words if word not in NEUTRAL]
     for number in numbers.having({*STARTING, "0"}):
         rest = without_start(number.words)
         if number.variable.causality != "parameter" or rest is None or number.size != played_by.size:
             continue
-        if (reading := _reading(description, number.variable, role)) is None:
+        if (read := reading(description, number, role)) is None:
             continue
         if [word for word in rest if word not in NEUTRAL] == own and number.place == played_by.place:
-            fitting.append(((-3, 0, 0), number, reading))
+            fitting.append(_Fit((0, -3, 0, 0), number, read))
         elif (rank := _rank(role, contract, number, rest)) is not None:
-            fitting.append(((rank[0], 0, rank[1]), number, reading))
+            fitting.append(_Fit((0, rank[0], 0, rank[1]), number, read))
     best = _best(fitting)
-    return best[0][1].name if len(best) == 1 else None
+    return best[0].number.name if len(best) == 1 else None
 
 
 def _by_name(role: Role) -> RoleSource:
     return RoleSource(name=role.name, variable=role.name, where=_HERE)
 
 
-def _open(role: Role, sentences: tuple[str, ...]) -> Suggestion:
+def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = ()) -> Suggestion:
     """Return a role of which the user must say what plays it."""
     if role.optional:
         return Suggestion(role)
-    return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences)
+    return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, candidates=candidates)
 
 
-def _nothing_found(role: Role, description: Any, numbers: _Numbers) -> str:
+def _nothing_found(role: Role, description: Any, numbers: Numbers) -> str:
     fitting = [
-        repr(number.name)
-        for number in numbers.of(role.causality)
-        if _reading(description, number.variable, role) is not None
+        repr(number.name) for number in numbers.of(role.causality) if reading(description, number, role) is not None
     ]
     return (
         f"no {role.causality} is obviously {role.meaning}; "

@@ -122,7 +122,8 @@ def test_what_explains_more_words_ranks_better() -> None:
 
 
 def test_roles_in_an_array() -> None:
-    pose, _, position, torque = SERIES["car_like"]
+    pose, state, _, position, _, torque = SERIES["car_like"]
+    assert [series.telling for series in (pose, state, position, torque)] == [True, False, True, False]
     assert [pose.role(("vehicle", "pose"), 4, i) for i in range(4)] == ["x", "y", "psi", "gamma"]
     assert [position.role(("position",), 3, i) for i in range(3)] == ["x", "y", None]
     assert torque.role(("torque",), 2, 1) == "tau_steer"

@@ -123,6 +123,8 @@ def test_two_that_are_equally_good_are_not_obvious(car: Any) -> None:
     proposal = car({"yaw": "output deg"})
     assert variable(proposal, "psi") == OPEN
     assert of(proposal, "psi").open == ("could be played by 'heading', 'yaw'",)
+    assert of(proposal, "psi").candidates == ("heading", "yaw")
+    assert not proposal.missing
 
 
 def test_an_output_goes_before_a_local_variable(car: Any) -> None:
@@ -181,20 +183,35 @@ def test_radians_as_a_pure_number(car: Any) -> None:
     assert "is in plain_rad, a pure number" in of(proposal, "psi").open[0]
 
 
-def test_arrays_in_the_order_of_the_contract(tmp_path: Path) -> None:
-    found = {
-        "vehicle.position": "output m 2",
-        "heading": "output rad",
-        "steer": "output rad",
-        "wheelbase": "parameter m",
-    }
-    proposal = propose(describe(tmp_path, found | {"vehicle.torque": "input N.m 2"}), CAR_LIKE)
+ARRAYS = {
+    "vehicle.position": "output m 2",
+    "heading": "output rad",
+    "steer": "output rad",
+    "wheelbase": "parameter m",
+    "vehicle.torque": "input N.m 2",
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "order"), [("Drive and steering torque", (1, 2)), ("Steering, then traction [N.m]", (2, 1))]
+)
+def test_torques_of_an_array_in_the_order_of_its_description(tmp_path: Path, text: str, order: tuple[int, int]) -> None:
+    proposal = propose(describe(tmp_path, ARRAYS, texts={"vehicle.torque": text}), CAR_LIKE)
     assert not proposal.open
     assert [variable(proposal, role) for role in ("x", "y")] == ["vehicle.position[1]", "vehicle.position[2]"]
-    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == [
-        "vehicle.torque[1]",
-        "vehicle.torque[2]",
-    ]
+    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == [f"vehicle.torque[{i}]" for i in order]
+
+
+def test_torques_of_an_array_are_not_taken_by_their_place(tmp_path: Path) -> None:
+    proposal = propose(describe(tmp_path, ARRAYS), CAR_LIKE)
+    assert [suggestion.role.name for suggestion in proposal.open] == ["tau_drive", "tau_steer"]
+    assert of(proposal, "tau_drive").open == (
+        "'vehicle.torque[1]' could be it by its place in 'vehicle.torque', which tells too little: if it is the drive "
+        'torque, forward, state variable="vehicle.torque[1]"',
+    )
+    assert of(proposal, "tau_steer").candidates == ("vehicle.torque[2]",)
+    assert not proposal.missing
+    assert proposal.plausible
 
 
 def test_an_array_of_a_pose_in_one_unit_cannot_hold_angles(tmp_path: Path) -> None:
@@ -202,16 +219,48 @@ def test_an_array_of_a_pose_in_one_unit_cannot_hold_angles(tmp_path: Path) -> No
     assert [variable(proposal, role) for role in ("x", "y", "psi")] == ["pose[1]", "pose[2]", OPEN]
 
 
-def test_an_array_of_a_pose_without_unit(tmp_path: Path) -> None:
+def test_an_array_of_a_pose_without_unit_is_asked_for(tmp_path: Path) -> None:
     proposal = propose(describe(tmp_path, {"pose": "output - 4 calculated", "pose0": "parameter - 4"}), CAR_LIKE)
-    assert [variable(proposal, role) for role in ("x", "y", "psi", "gamma")] == [f"pose[{i}]" for i in (1, 2, 3, 4)]
-    assert of(proposal, "gamma").source.initial == "pose0[4]"
-    assert of(proposal, "gamma").source.unit == OPEN
+    for i, role in enumerate(("x", "y", "psi", "gamma"), 1):
+        assert variable(proposal, role) == OPEN
+        assert of(proposal, role).candidates == (f"pose[{i}]",)
+    assert of(proposal, "gamma").open[0].endswith('state variable="pose[4]" unit="..." initial="pose0[4]"')
+
+
+def test_a_pose_whose_units_fit_is_taken(car: Any) -> None:
+    """In elements with units of their own, up to the first that does not fit."""
+    no = dict.fromkeys(("pos_x", "pos_y", "heading", "steer"))
+    pose = {f"pose[{i}]": f"output {unit}" for i, unit in enumerate(("m", "m", "deg", "deg"))}
+    proposal = car(no | pose)
+    assert [variable(proposal, role) for role in ("x", "y", "psi", "gamma")] == list(pose)
+    assert {s.role.name for s in proposal.doubts} == {"psi", "gamma"}
+    proposal = car(no | pose | {"pose[2]": "output m"})  # x, y, z, heading
+    assert [variable(proposal, role) for role in ("x", "y", "psi", "gamma")] == ["pose[0]", "pose[1]", OPEN, OPEN]
+    assert of(proposal, "psi").candidates == ()
+    assert of(proposal, "gamma").candidates == ("pose[3]",)
+
+
+def test_clear_outputs_go_before_a_series_of_locals(car: Any) -> None:
+    """As a real robot has them: the series holds x, y, z and the heading."""
+    robot = {f"robot_state[{i}]": "local -" for i in (1, 2, 3, 4)}
+    robot |= {f"robot_{name}": "output -" for name in ("x", "y", "z", "theta")}
+    proposal = car(dict.fromkeys(("pos_x", "pos_y", "heading", "steer")) | robot)
+    assert [variable(proposal, role) for role in ("x", "y", "psi")] == ["robot_x", "robot_y", "robot_theta"]
+    assert variable(proposal, "gamma") == OPEN
+    assert "which tells too little: if it is the steering angle" in of(proposal, "gamma").open[0]
+
+
+def test_a_name_that_leaves_nothing_open_goes_before_any_series(car: Any) -> None:
+    assert variable(car({"pose": "output rad 4"}), "psi") == "heading"
+    assert variable(car({"heading": None, "pose": "output - 4", "yaw": "local deg"}), "psi") == "yaw"
 
 
 def test_elements_that_are_variables_of_their_own(car: Any) -> None:
-    proposal = car({"drive_torque": None, "steer_torque": None, "u[0]": "input N.m", "u[1]": "input N.m"})
-    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == ["u[0]", "u[1]"]
+    torques = {"drive_torque": None, "steer_torque": None, "u[0]": "input N.m", "u[1]": "input N.m"}
+    proposal = car(torques)
+    assert [of(proposal, role).candidates for role in ("tau_drive", "tau_steer")] == [("u[0]",), ("u[1]",)]
+    proposal = car(torques, texts={"u[0]": "Steering torque", "u[1]": "Drive torque"})
+    assert [variable(proposal, role) for role in ("tau_drive", "tau_steer")] == ["u[1]", "u[0]"]
 
 
 @pytest.mark.parametrize("name", ["heading0", "heading_init", "initial.heading", "start_psi", "psi0", "yaw_start"])

@@ -1,0 +1,159 @@
+"""The numbers of an FMU that could play a role: what their names say, and how their units fit."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from cosim.binding import NUMBER_TYPES, shape_of
+from cosim.contract import Contract, Role
+from cosim.fmu_units import UnitContradiction, unit_name, unit_of
+from cosim.naming import RECOGNITIONS, SERIES, words_of
+from cosim.scenario import OPEN
+from plants import UnitError, units
+
+ALLOWED: Mapping[str, tuple[str, ...]] = {
+    "input": ("input",),
+    "output": ("output", "local"),
+    "parameter": ("parameter",),
+}
+"""Causalities of what can play a role, the better ones first."""
+
+
+class Number(NamedTuple):
+    """A number of an FMU that could play a role.
+
+    Attributes
+    ----------
+    variable : fmpy.model_description.ModelVariable
+        The variable that holds it.
+    element : int
+        Which of its elements it is, from 0; 0 of a scalar.
+    name : str
+        As a binding writes it.
+    words : tuple of str
+        Those of its variable's name.
+    array : str
+        The name of the array of which it is an element; empty of a scalar.
+    place : int
+        In this array, from 0; -1 of a scalar.
+    size : int
+        Of this array.
+    """
+
+    variable: Any
+    element: int
+    name: str
+    words: tuple[str, ...]
+    array: str = ""
+    place: int = -1
+    size: int = 1
+
+
+_INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
+_LARGEST_ARRAY = 16
+
+
+def _numbers(description: Any) -> Iterator[Number]:
+    """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
+    wanted = {causality for causalities in ALLOWED.values() for causality in causalities}
+    names = Counter(variable.name for variable in description.modelVariables)
+    arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
+    for variable in description.modelVariables:
+        name = variable.name
+        if variable.type not in NUMBER_TYPES or variable.causality not in wanted or names[name] > 1:
+            continue
+        if name.startswith(("der(", "__")):
+            continue
+        try:
+            shape = shape_of(description, variable)
+        except ValueError:
+            continue
+        if indexed := _INDEXED.fullmatch(name):
+            arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
+        elif not shape:
+            yield Number(variable, 0, name, words_of(name))
+        elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
+            words, size = words_of(name), shape[0]
+            yield from (Number(variable, i, f"{name}[{i + 1}]", words, name, i, size) for i in range(size))
+    for name, elements in arrays.items():
+        for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
+            yield Number(variable, 0, variable.name, words_of(name), name, place, len(elements))
+
+
+class Numbers:
+    """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
+
+    An FMU may have a hundred thousand of them: each role looks only at those whose names have a word that tells of it.
+    """
+
+    def __init__(self, description: Any) -> None:
+        self._all = list(_numbers(description))
+        self._of_word: dict[str, list[int]] = {}
+        self._of_causality: dict[str, list[int]] = {}
+        self._of_array: dict[str, list[Number]] = {}
+        for place, number in enumerate(self._all):
+            self._of_causality.setdefault(number.variable.causality, []).append(place)
+            self._of_array.setdefault(number.array, []).append(number)
+            for word in {*number.words, number.name}:
+                self._of_word.setdefault(word, []).append(place)
+
+    def of(self, causality: str) -> list[Number]:
+        """Return those of a causality."""
+        return [self._all[place] for place in self._of_causality.get(causality, ())]
+
+    def having(self, words: Iterable[str]) -> list[Number]:
+        """Return those whose names have any of some words."""
+        return [self._all[place] for place in sorted(self._places(words))]
+
+    def array_of(self, number: Number) -> list[Number]:
+        """Return all elements of the array that a number is in, in their order."""
+        return self._of_array[number.array]
+
+    def telling(self, role: Role, contract: Contract) -> list[Number]:
+        """Return those whose names may tell of a role."""
+        groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
+        groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
+        recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+        for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
+            groups.append(min(clue.groups, key=lambda group: len(self._places(group))))
+        return self.having({word for group in groups for word in group})
+
+    def _places(self, words: Iterable[str]) -> set[int]:
+        return {place for word in words for place in self._of_word.get(word, ())}
+
+
+class Reading(NamedTuple):
+    """How the unit of a number fits a role: what a binding states of it, and what is open."""
+
+    unit: str = ""
+    factor: str = ""
+    open: str = ""
+
+
+def reading(description: Any, number: Number, role: Role) -> Reading | None:
+    """Return how a number can be read in the unit of a role; None if it measures something else."""
+    variable = number.variable
+    name = unit_name(variable)
+    wanted = units.parse(role.unit)
+    if not name:
+        return Reading(
+            unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({role.unit} or the like)"
+        )
+    try:
+        own = unit_of(description, variable)
+    except UnitContradiction as error:
+        if error.unit.exponents != wanted.exponents:
+            return None
+        return Reading(unit=OPEN, open=f"{error.question}: state {error.choice}")
+    except UnitError:
+        return Reading(unit=OPEN, open=f"the unit {name!r} of {variable.name!r} is not known: state it")
+    if own.exponents == wanted.exponents:
+        return Reading()
+    if (own * units.parse("rad")).exponents == wanted.exponents:  # some tools take radians for pure numbers
+        return Reading(
+            factor=OPEN, open=f'{variable.name!r} is in {name}, a pure number: if this is in rad, state factor="1 rad"'
+        )
+    return None
