@@ -82,10 +82,9 @@ def shown_commands() -> Iterator[str]:
     """Return every command line of ``formation`` that a page shows, in a line of its own or within a sentence."""
     for page in [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]:
         text = page.read_text(encoding="utf-8")
-        shown = [
-            *re.findall(r"^(?:- run: )?\s*(formation .+)$", text, re.MULTILINE),
-            *re.findall(r"`(formation .+?)`", text),
-        ]
+        blocks = "\n".join(re.findall(r"^```(?:sh|text|yaml)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+        lines = re.findall(r"^ *(?:- run: )?(?:.*&& )?(formation .+)$", blocks, re.MULTILINE)
+        shown = [*lines, *re.findall(r"`(formation [^`\n]+)`", text)]
         yield from dict.fromkeys(command.split("&&")[0] for command in shown)
 
 
