@@ -180,6 +180,16 @@ def _parser() -> Parser:
     inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
     inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+    inspect.add_argument(
+        "--self-test", action="store_true", help="replay the reference experiments that it carries, and compare"
+    )
+    inspect.add_argument(
+        "--time-limit",
+        type=float,
+        default=60.0,
+        metavar="SECONDS",
+        help="how long an experiment of --self-test may take (60)",
+    )
     _add_strict(inspect)
 
     about = "write a variant of a scenario in which plants are other FMUs, and bindings to start from"

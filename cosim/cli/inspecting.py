@@ -19,6 +19,7 @@ from cosim.fmu_facts import NAMES, capabilities, obstacle
 from cosim.fmu_units import unit_name
 from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
+from cosim.reference_experiments import carries_experiments
 from cosim.scenario import OPEN, RoleSource
 
 NARROW = 120
@@ -48,7 +49,11 @@ _ORDER = {
 
 
 def inspect(options: argparse.Namespace) -> int:
-    """Print what an FMU says of itself, and what it can be used for."""
+    """Print what an FMU says of itself, and what it can be used for; or let it test itself."""
+    if options.self_test:
+        from cosim.cli.self_testing import self_test
+
+        return self_test(options.fmu, options.time_limit)
     package = open_package(options.fmu)
     try:
         console = out()
@@ -84,6 +89,7 @@ def _print_identity(console: Console, package: Package) -> None:
         "size": f"{bytes_ / 1e6:.2f} MB" if bytes_ >= 1e5 else f"{bytes_} bytes",
         "runs on": _platforms(package),
         "default experiment": ", ".join(_experiment(said.defaultExperiment)),
+        "self-test": "--self-test replays its reference experiment" if carries_experiments(package) else "",
         "states": f"{said.numberOfContinuousStates}" if said.modelExchange is not None else "",
     }
     shown = table(console, safe(package.path.name))

@@ -76,7 +76,7 @@ class ProcessPlant:
             self._watchdog.allow(self._limit)
             self._send(START, spec.to_json())
         except BaseException:
-            _kill(self._process)
+            kill(self._process)
             raise
 
     def wait_until_started(self) -> None:
@@ -142,7 +142,7 @@ class ProcessPlant:
                     self._receive("did not end", 0)
         finally:
             self._watchdog.stop()
-            _kill(self._process)
+            kill(self._process)
 
     def _request(self, kind: int, body: bytes) -> None:
         self._watchdog.allow(self._limit)
@@ -205,11 +205,16 @@ def end(plants: Iterable[ProcessPlant]) -> None:
             plant.begin_to_end()
 
 
-def _launched() -> subprocess.Popen[bytes]:
-    environment = {**os.environ, PLAIN: "1"}  # compiling for one plant would take longer than it saves
+def environment() -> dict[str, str]:
+    """Return the environment of a process that runs one FMU: it finds this package where the harness has found it."""
+    variables = {**os.environ, PLAIN: "1"}  # compiling for one plant would take longer than it saves
     root = str(Path(__file__).parents[2])
     if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+        variables["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    return variables
+
+
+def _launched() -> subprocess.Popen[bytes]:
     options: dict[str, Any] = (
         {"start_new_session": True}  # Ctrl-C is the harness's
         if os.name == "posix"
@@ -224,7 +229,7 @@ def _launched() -> subprocess.Popen[bytes]:
             [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=environment,
+            env=environment(),
             bufsize=0,
             **options,
         )
@@ -232,8 +237,8 @@ def _launched() -> subprocess.Popen[bytes]:
         raise PlantError(f"there can be no process of its own: {error.strerror}") from None
 
 
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """End a process, with what it has started itself, and wait for it."""
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """End a process of a session of its own, with what it has started itself, and wait for it."""
     _signal(process)
     process.wait()
     for pipe in (process.stdin, process.stdout):

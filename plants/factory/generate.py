@@ -21,6 +21,7 @@ from sympy.printing.precedence import PRECEDENCE, precedence
 
 from plants import units
 from plants.errors import BuildError, ModelError
+from plants.factory import experiment
 from plants.factory.document import document
 from plants.factory.table import Entry, Table, tabulate
 from plants.jacobian import differentiate
@@ -63,6 +64,12 @@ _TEMPLATES = {
     "sources/config.h": "config.h.jinja",
     "sources/model.c": "model.c.jinja",
 }
+_REFERENCE_TEMPLATES = {
+    "documentation/fmi-ls-ref.txt": "fmi-ls-ref.txt.jinja",
+    f"{experiment.FOLDER}/fmi-ls-manifest.xml": "referenceManifest.xml.jinja",
+    f"{experiment.FOLDER}/experiments.exp": "referenceExperiments.xml.jinja",
+    f"{experiment.FOLDER}/parameters.ssv": "referenceParameters.xml.jinja",
+}
 
 
 def tool() -> str:
@@ -99,6 +106,9 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
     table = tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
     at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
+    reference = experiment.reference_experiment(model, table)
+    templates = version.templates | _TEMPLATES | (_REFERENCE_TEMPLATES if reference else {})
+    files |= reference.files() if reference else {}
     context = {
         "model": model,
         "table": table,
@@ -114,11 +124,13 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
         "parameter_partials": at_start[2],
         "source_files": sorted(["model.c", *(name for name in runtime if name.endswith(".c"))]),
         "page": document(model),
+        "experiment": reference,
+        "solver_item": experiment.SOLVER_ITEM,
+        "digits": experiment.DIGITS,
         "infinity": math.inf,
     }
 
     def render(guid: str) -> dict[str, bytes]:
-        templates = version.templates | _TEMPLATES
         return files | {
             path: _JINJA.get_template(name).render(context, guid=guid).encode() for path, name in templates.items()
         }

@@ -1,0 +1,234 @@
+"""The reference experiment that an FMU carries, so that whoever imports it can replay it and compare.
+
+The files are those of the draft layered standard FMI-LS-REF 1.0.0-alpha.1: the manifest by its section 2.1, related
+files by 2.2, the archive's folders by 2.3, the page on it by 2.4, the parameter set (SSV of SSP) by 2.5.1 and the
+experiments by 2.5.2. Their format is that of its appendix A, now the Harmonized Specification MA-HS-Experiments.
+
+The results do not come from the FMU: the model's equations are evaluated here, in Python, and integrated with the
+classical Runge-Kutta method, as the FMU's own solver does that the parameter set chooses. Python's numbers are used
+rather than NumPy's, which would have to be loaded for it, and are slower one by one.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import sympy
+
+from plants.factory.table import SOLVER, SOLVER_STEP, Entry, Table
+from plants.ode import TIME, OdeModel
+
+FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
+SOLVER_ITEM = "runge_kutta_4"
+STEP = SOLVER_STEP.start
+"""Communication step [s]."""
+STEPS = 250
+PIECE = 50
+"""For how many steps the inputs are held."""
+SAMPLES = 50
+"""How many results there are, after the start, at the most."""
+LEVELS = (1.0, -1.0, 0.5, -0.5, 0.0)
+"""Values of an input, piece by piece, in nominal values from its start value; their sum is zero. Each input is one
+piece behind the one before it."""
+DIGITS = 10
+"""Of a result, relative to the largest magnitude of its variable: beyond them, C libraries differ."""
+TOLERANCE = 1e-6
+_LARGEST = 1e9
+"""Of a state, in nominal values: beyond it, the model has diverged."""
+
+_BROKEN = (ArithmeticError, ValueError, TypeError, NameError)
+"""What evaluating raises: of numbers, and of a function that Python does not have."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A parameter of the parameter set: an enumeration's value is the name of an item."""
+
+    name: str
+    value: float | str
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The reference experiment of a model.
+
+    Attributes
+    ----------
+    stop, step
+        Its end and its communication step [s]; it begins at 0 s.
+    tolerance
+        The tolerance of its results, relative to the largest magnitude of each variable.
+    parameters
+        The parameter set: all parameters.
+    stimuli, results
+        Two tables in CSV, with the time in the first column. At a jump, the stimuli have two rows of the same time.
+    has_inputs
+        Whether there are any stimuli.
+    """
+
+    stop: float
+    step: float
+    tolerance: float
+    parameters: tuple[Setting, ...]
+    stimuli: str
+    results: str
+    has_inputs: bool
+
+    def files(self) -> dict[str, bytes]:
+        """Return the two tables, by their paths in the FMU."""
+        tables = {"results.csv": self.results} | ({"stimuli.csv": self.stimuli} if self.has_inputs else {})
+        return {f"{FOLDER}/{name}": text.encode() for name, text in tables.items()}
+
+
+def reference_experiment(model: OdeModel, table: Table) -> Experiment | None:
+    """Return the reference experiment of a model.
+
+    It ends early where a state diverges, a limit is left or the equations have no value, and then in good time: what
+    happens there hangs on the last bit. Without any step before that, or with functions that Python does not have,
+    there is none.
+    """
+    equations = _Equations(model)
+    inputs = [[_level(entry, number, k) for number, entry in enumerate(table.inputs)] for k in range(STEPS)]
+    rows = _simulate(equations, table, inputs)
+    if len(rows) <= STEPS:
+        rows = rows[: len(rows) // 2 + 1]
+    every = max(1, (len(rows) - 1) // SAMPLES)
+    rows = rows[::every]
+    if len(rows) < 2:
+        return None
+    steps = (len(rows) - 1) * every
+    return Experiment(
+        stop=_time(steps),
+        step=STEP,
+        tolerance=TOLERANCE,
+        parameters=_parameters(table),
+        stimuli=_stimuli(table.inputs, inputs[:steps]),
+        results=_results([e.name for e in (*table.states, *table.outputs)], every, rows),
+        has_inputs=bool(table.inputs),
+    )
+
+
+def _time(step: int) -> float:
+    return round(step * STEP, 9)
+
+
+def _level(entry: Entry, number: int, step: int) -> float:
+    level = LEVELS[(step // PIECE - number) % len(LEVELS)]
+    return min(max(entry.start_value + level * entry.nominal, entry.min), entry.max)
+
+
+def _parameters(table: Table) -> tuple[Setting, ...]:
+    numbers = [Setting(entry.name, entry.start_value) for entry in table.parameters]
+    chosen = [(entry.name, entry.items[int(entry.start_value) - 1].name) for entry in table.enumerations]
+    return (*numbers, *(Setting(name, SOLVER_ITEM if name == SOLVER.name else item) for name, item in chosen))
+
+
+class _Equations:
+    """Derivatives, outputs and limits of a model at its default parameters, on Python's numbers."""
+
+    def __init__(self, model: OdeModel) -> None:
+        self._model = model
+        self._parameters = [1.0 if p in model.enumerations else p.start for p in model.parameters]  # type: ignore[union-attr]
+        self._derivatives = self._function(model.derivatives)
+        self._outputs = self._function([output.expression for output in model.outputs])
+        self._limited = self._function([limit.expression for limit in model.limits])
+
+    def derivatives(self, inputs: Sequence[float], time: float, states: Sequence[float]) -> Sequence[float]:
+        return _real(self._derivatives(time, states, inputs, self._parameters))
+
+    def outputs(self, time: float, states: Sequence[float], inputs: Sequence[float]) -> Sequence[float]:
+        return _real(self._outputs(time, states, inputs, self._parameters))
+
+    def hold(self, time: float, states: Sequence[float], inputs: Sequence[float]) -> bool:
+        """Return whether the equations hold, and the states have not diverged."""
+        limited = _real(self._limited(time, states, inputs, self._parameters))
+        return all(
+            limit.min <= value <= limit.max for limit, value in zip(self._model.limits, limited, strict=True)
+        ) and all(abs(x) <= _LARGEST * s.nominal for x, s in zip(states, self._model.states, strict=True))
+
+    def _function(self, expressions: Sequence[sympy.Expr]) -> Callable[..., list[float]]:
+        model = self._model
+        named = [(term.symbol, term.expression) for term in model.terms_of(expressions)]
+        groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
+        function: Callable[..., list[float]] = sympy.lambdify(
+            [TIME, *groups],
+            list(expressions),
+            modules="math",
+            cse=lambda reduced: (named, list(reduced)),
+            docstring_limit=0,
+        )
+        return function
+
+
+def _real(values: Iterable[float]) -> list[float]:
+    """Return values, none of which is infinite, not a number, or complex."""
+    numbers = [float(value) for value in values]
+    if not all(map(math.isfinite, numbers)):
+        raise ArithmeticError
+    return numbers
+
+
+def _simulate(equations: _Equations, table: Table, inputs: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Return states and outputs at the start and after each step, as long as the equations hold.
+
+    As in Co-Simulation, inputs are held over a step, and outputs at its end are those of its inputs.
+    """
+    rows: list[list[float]] = []
+    x = [entry.start_value for entry in table.states]
+    try:
+        rows.append([*x, *equations.outputs(0.0, x, inputs[0])])
+        for k, u in enumerate(inputs):
+            x = _stepped(partial(equations.derivatives, u), _time(k), x)
+            if not equations.hold(_time(k + 1), x, u):
+                break
+            rows.append([*x, *equations.outputs(_time(k + 1), x, u)])
+    except _BROKEN:
+        pass
+    return rows
+
+
+def _stepped(f: Callable[[float, list[float]], Sequence[float]], t: float, x: list[float]) -> list[float]:
+    """Return the states after a step of the classical Runge-Kutta method."""
+    h = STEP
+    k1 = f(t, x)
+    k2 = f(t + h / 2, [a + h / 2 * k for a, k in zip(x, k1, strict=True)])
+    k3 = f(t + h / 2, [a + h / 2 * k for a, k in zip(x, k2, strict=True)])
+    k4 = f(t + h, [a + h * k for a, k in zip(x, k3, strict=True)])
+    return [a + h / 6 * (p + 2 * q + 2 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4, strict=True)]
+
+
+# Tables -----------------------------------------------------------------------------------------------------
+
+
+def _stimuli(entries: Sequence[Entry], inputs: Sequence[Sequence[float]]) -> str:
+    rows: list[tuple[float, Sequence[float]]] = [(0.0, inputs[0])]
+    for k, (before, after) in enumerate(pairwise(inputs), start=1):
+        if before != after:
+            rows += [(_time(k), before), (_time(k), after)]
+    rows.append((_time(len(inputs)), inputs[-1]))
+    return _csv([entry.name for entry in entries], ((time, *values) for time, values in rows))
+
+
+def _results(names: Sequence[str], every: int, rows: Sequence[Sequence[float]]) -> str:
+    columns = list(map(_rounded, zip(*rows, strict=True)))
+    return _csv(names, ((_time(k * every), *row) for k, row in enumerate(zip(*columns, strict=True))))
+
+
+def _rounded(column: Sequence[float]) -> list[float]:
+    largest = max(map(abs, column))
+    if largest == 0.0:
+        return [0.0] * len(column)
+    digits = DIGITS - 1 - math.floor(math.log10(largest))
+    return [round(value, digits) + 0.0 for value in column]  # no negative zero
+
+
+def _csv(names: Iterable[str], rows: Iterable[Iterable[float]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("time", *names))
+    writer.writerows([repr(value).removesuffix(".0") for value in row] for row in rows)
+    return text.getvalue()
