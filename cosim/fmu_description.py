@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +54,8 @@ def read(directory: Path) -> tuple[Any, tuple[str, ...]]:
         problems = list(_breaches(root))
         try:
             description = fmpy.read_model_description(str(directory), validate=False)
-        except Exception as error:  # what the schema says is nearer to the cause
-            raise ValueError(problems[0]) if problems else error from None
+        except Exception as error:  # what is known of the file is nearer to the cause
+            raise ValueError(_cause(root, problems, error)) from None
         if description.fmiVersion == "1.0":
             _complete(description, root)
         problems += _complaints(description)
@@ -93,6 +94,33 @@ def _root(path: Path) -> etree._Element:
     if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
         raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
     return root
+
+
+def _cause(root: etree._Element, problems: list[str], error: Exception) -> str:
+    """Return why FMPy cannot read a description."""
+    if found := next(chain(_dangling(root), problems), ""):
+        return found
+    if isinstance(error, (LookupError, TypeError, AttributeError)):
+        return f"an attribute or a reference in it is missing or wrong ({type(error).__name__}: {error})"
+    return str(error)
+
+
+def _dangling(root: etree._Element) -> Iterator[str]:
+    """Return which references to variables lead nowhere: by number in FMI 2.0, by value reference in FMI 3.0."""
+    three = root.get("fmiVersion", "").startswith("3")
+    variables = list(root.iterfind("ModelVariables/*"))
+    known = {v.get("valueReference", "") for v in variables} if three else {str(i + 1) for i in range(len(variables))}
+    what = "value reference" if three else "variable number"
+    there = "no variable has" if three else f"its variables are numbered from 1 to {len(variables)}"
+    attributes = ("valueReference" if three else "index", "dependencies", "derivative", "clocks")
+    for element in chain(root.iterfind("ModelStructure//*"), root.iterfind("ModelVariables//*")):
+        for attribute in attributes:
+            for reference in element.get(attribute, "").split():
+                if reference not in known:
+                    yield (
+                        f"line {element.sourceline}: the attribute {attribute} of <{element.tag}> refers to the {what} "
+                        f"{reference}, which {there}"
+                    )
 
 
 def _breaches(root: etree._Element) -> Iterator[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from cosim.contract import CAR_LIKE, CONTRACTS, TRACTOR_TRAILER, Contract
+from cosim.vocabulary import TRANSLATED, plain
 
 
 @dataclass(frozen=True)
@@ -91,12 +92,24 @@ NEUTRAL = _words(
 """Words that tell no role from another."""
 
 
+_LONGEST = 60
+"""Letters of a word that is taken apart."""
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W_]+")
 
 
 def words_of(name: str) -> tuple[str, ...]:
-    """Return the words of a name in lower case: ``vehicle.rearAxle.x0`` has vehicle, rear, axle, x, 0."""
-    return tuple(word for part in _PART.findall(name) for word in _parts(part.lower()))
+    """Return the words of a name in lower case, in English: ``vehicle.rearAxle.x0`` has vehicle, rear, axle, x, 0."""
+    return in_english(parts_of(name))
+
+
+def parts_of(name: str) -> tuple[str, ...]:
+    """Return the words of a name as they are."""
+    return tuple(word for part in _PART.findall(plain(name)) for word in _parts(part.lower()))
+
+
+def in_english(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return words in English, where they are known of another language."""
+    return tuple(english for word in words for english in TRANSLATED.get(word, (word,)))
 
 
 def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
@@ -115,9 +128,10 @@ def _parts(word: str) -> tuple[str, ...]:
     if match := re.fullmatch(r"([xyz])(pos|position|coordinate)", word):
         return match[1], match[2]
     known = _long_words()
-    for i in range(3, len(word) - 2) if word not in known else ():
-        if word[:i] in known and word[i:] in known:
-            return word[:i], word[i:]
+    for i in range(3, len(word) - 2) if word not in known and len(word) <= _LONGEST else ():
+        rest = _parts(word[i:]) if word[:i] in known else ()
+        if rest and all(part in known for part in rest):
+            return word[:i], *rest
     return (word,)
 
 
@@ -248,7 +262,7 @@ ORDER: Mapping[str, Mapping[str, frozenset[str]]] = {
 @cache
 def _long_words() -> frozenset[str]:
     """Return the words of three letters and more that are known."""
-    return frozenset(word for word in (*NEUTRAL, *STARTING, *_words_of_clues()) if len(word) > 2)
+    return frozenset(word for word in (*NEUTRAL, *STARTING, *TRANSLATED, *_words_of_clues()) if len(word) > 2)
 
 
 def _words_of_clues() -> Iterator[str]:

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 from cosim.binding import NUMBER_TYPES, shape_of
 from cosim.contract import Contract, Role
 from cosim.fmu_units import UnitContradiction, unit_name, unit_of
-from cosim.naming import RECOGNITIONS, SERIES, words_of
+from cosim.naming import RECOGNITIONS, SERIES, in_english, parts_of, words_of
 from cosim.scenario import OPEN
+from cosim.vocabulary import unit_at_the_end
 from plants import UnitError, units
 
 ALLOWED: Mapping[str, tuple[str, ...]] = {
@@ -34,7 +35,9 @@ class Number(NamedTuple):
     name : str
         As a binding writes it.
     words : tuple of str
-        Those of its variable's name.
+        Those of its variable's name, without a unit at the end.
+    hint : str
+        This unit; empty if there is none.
     array : str
         The name of the array of which it is an element; empty of a scalar.
     place : int
@@ -47,6 +50,7 @@ class Number(NamedTuple):
     element: int
     name: str
     words: tuple[str, ...]
+    hint: str = ""
     array: str = ""
     place: int = -1
     size: int = 1
@@ -74,13 +78,27 @@ def _numbers(description: Any) -> Iterator[Number]:
         if indexed := _INDEXED.fullmatch(name):
             arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
         elif not shape:
-            yield Number(variable, 0, name, words_of(name))
+            yield Number(variable, 0, name, *_named(description, variable, name))
         elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
-            words, size = words_of(name), shape[0]
-            yield from (Number(variable, i, f"{name}[{i + 1}]", words, name, i, size) for i in range(size))
+            named, size = _named(description, variable, name), shape[0]
+            yield from (Number(variable, i, f"{name}[{i + 1}]", *named, name, i, size) for i in range(size))
     for name, elements in arrays.items():
         for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
-            yield Number(variable, 0, variable.name, words_of(name), name, place, len(elements))
+            named = _named(description, variable, name)
+            yield Number(variable, 0, variable.name, *named, name, place, len(elements))
+
+
+def _named(description: Any, variable: Any, name: str) -> tuple[tuple[str, ...], str]:
+    """Return the words of a name, and the unit that it ends with, if the variable is in no other."""
+    parts = parts_of(name)
+    count, hint = unit_at_the_end(parts)
+    if count and unit_name(variable):
+        try:
+            fits = unit_of(description, variable).exponents == units.parse(hint).exponents
+        except UnitError:
+            fits = True
+        count, hint = (count, hint) if fits else (0, "")
+    return in_english(parts[: len(parts) - count]), hint
 
 
 class Numbers:
@@ -139,9 +157,10 @@ def reading(description: Any, number: Number, role: Role) -> Reading | None:
     name = unit_name(variable)
     wanted = units.parse(role.unit)
     if not name:
-        return Reading(
-            unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({role.unit} or the like)"
-        )
+        if number.hint and units.parse(number.hint).exponents != wanted.exponents:
+            return None
+        like = f"{role.unit} or the like" if not number.hint else f"{number.hint}, as its name ends, or the like"
+        return Reading(unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({like})")
     try:
         own = unit_of(description, variable)
     except UnitContradiction as error:

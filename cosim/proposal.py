@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ from cosim.errors import Location, printable
 from cosim.fmu_units import unit_name
 from cosim.grammar import NAMESPACE
 from cosim.naming import NEUTRAL, RECOGNITIONS, STARTING, doubtful, without_start, words_of
+from cosim.other_kind import no_vehicle, other_kind
 from cosim.plant.spec import WHOLE
 from cosim.players import ALLOWED, Number, Numbers, Reading, reading
 from cosim.scenario import OPEN, BindingSource, RoleSource
@@ -58,15 +59,26 @@ class Suggestion:
     @property
     def needs_no_binding(self) -> bool:
         """Whether a binding need not mention the role."""
-        return self.source is None or self.source == _by_name(self.role)
+        return self.source == _by_name(self.role) or (self.source is None and not self.doubts)
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """What plays the roles of a contract, in the order of the contract."""
+    """What plays the roles of a contract.
+
+    Attributes
+    ----------
+    contract : Contract
+        The contract.
+    suggestions : tuple of Suggestion
+        One for each role, in the order of the contract.
+    refusal : str
+        Why the FMU is clearly no such vehicle; empty if it may be one.
+    """
 
     contract: Contract
     suggestions: tuple[Suggestion, ...]
+    refusal: str = ""
 
     @property
     def open(self) -> tuple[Suggestion, ...]:
@@ -98,7 +110,7 @@ class Proposal:
         found = [
             [role for role in roles if role not in self.missing] for roles in (self.contract.pose, self.contract.torque)
         ]
-        return all(found) and sum(map(len, found)) > len(self.missing)
+        return not self.refusal and all(found) and sum(map(len, found)) > len(self.missing)
 
     @property
     def binding(self) -> BindingSource:
@@ -108,11 +120,11 @@ class Proposal:
 
 
 def proposals(description: Any) -> list[Proposal]:
-    """Return a proposal for each contract, the one that lacks least first."""
+    """Return a proposal for each contract, that of the likeliest kind of vehicle first."""
     numbers = Numbers(description)
     return sorted(
         (_proposed(description, contract, numbers) for contract in CONTRACTS),
-        key=lambda proposal: (len(proposal.missing), len(proposal.open)),
+        key=lambda proposal: (bool(proposal.refusal), len(proposal.missing), len(proposal.open)),
     )
 
 
@@ -138,16 +150,50 @@ def _proposed(description: Any, contract: Contract, numbers: Numbers) -> Proposa
         else s
         for s in suggestions
     ]
+    suggestions = [
+        _sought(s, description, numbers, played) if s.role in contract.velocity and s.source is None else s
+        for s in suggestions
+    ]
     settled = [s.source for s in suggestions if s.source is not None and not s.open]
     _, problems = match(contract, description, settled)
     unfit = {problem.role: problem.sentence() for problem in problems}
-    return Proposal(
+    proposal = Proposal(
         contract,
         tuple(
             _open(s.role, (unfit[s.role],)) if not s.open and s.source is not None and s.role in unfit else s
             for s in suggestions
         ),
     )
+    missing = {role.name for role in proposal.missing}
+    said = f"{description.modelName} {description.description or ''}"
+    refusal = other_kind(contract, numbers, missing, said) or no_vehicle(description, numbers)
+    return replace(proposal, refusal=refusal)
+
+
+def velocity_hints(description: Any, contract: Contract, roles: Collection[str], played: Collection[str]) -> list[str]:
+    """Return which outputs of an FMU could be velocities that its binding does not name, a sentence for each role.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+        What the FMU says of itself.
+    contract
+        The contract.
+    roles
+        The velocities that are not bound.
+    played
+        The names of what plays a role already.
+    """
+    numbers = Numbers(description)
+    sought = (
+        _sought(Suggestion(role), description, numbers, played) for role in contract.velocity if role.name in roles
+    )
+    return [
+        f"{_listed(map(repr, s.candidates))} could be {s.role.name}, which the binding says with "
+        f"{_element(s.role, s.candidates[0], description, numbers)}"
+        for s in sought
+        if s.candidates
+    ]
 
 
 def binding_xml(proposal: Proposal, file: str) -> str:
@@ -170,12 +216,12 @@ def binding_xml(proposal: Proposal, file: str) -> str:
         about += f' Where it says "{OPEN}", fill in what the comment asks for.'
     root.addprevious(_comment(textwrap.fill(about, 110, subsequent_indent=" " * 5)))
     for suggestion in proposal.suggestions:
-        source = suggestion.source
-        if source is None or suggestion.needs_no_binding:
+        if suggestion.needs_no_binding:
             continue
         for sentence in (*suggestion.open, *suggestion.doubts):
             root.append(_comment(f"{suggestion.role.name}: {sentence}"))
-        root.append(etree.Element(f"{{{NAMESPACE}}}role", attributes(source)))
+        if (source := suggestion.source) is not None:
+            root.append(etree.Element(f"{{{NAMESPACE}}}role", attributes(source)))
     etree.indent(root)
     text = etree.tostring(root.getroottree(), encoding="unicode", pretty_print=True)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
@@ -220,7 +266,7 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers)
         read = reading(description, number, role)
         if read is None:
             if how is not Told.BY_PLACE:
-                unfit.append(f"{number.name!r} is in {unit_name(number.variable)}")
+                unfit.append(f"{number.name!r} is in {unit_name(number.variable) or number.hint}")
             continue
         preference = ALLOWED[role.causality].index(causality)
         tier = 2 * preference + 1 if how is not None else 2 if preference and rank[1] else 0
@@ -241,14 +287,18 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers)
         reasons += [_asked(_played(role, description, contract, fit, numbers), fit) for fit in by_place]
     elif unfit:
         reasons.append(f"needs a unit that fits {role.unit}: {_listed(unfit)}")
-    candidates = tuple(fit.number.name for fit in best or by_place)
+    candidates = tuple(
+        fit.number.name for fit in best or by_place if best or fit.number.variable.causality == role.causality
+    )
     if role.optional:
-        return Suggestion(role)
+        return Suggestion(role, candidates=candidates)
     if role.causality == "parameter" and not best:
+        lengths = _could_be(role, description, numbers)
+        which = f": {_listed(map(repr, lengths))} could be it" if lengths else ""
         return Suggestion(
             role,
             RoleSource(name=role.name, value=OPEN, where=_HERE),
-            (f"no parameter is obviously {role.meaning}: state its value, or name the variable", *reasons),
+            (f"no parameter is obviously {role.meaning}: state its value, or name the variable{which}", *reasons),
         )
     return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
 
@@ -347,16 +397,44 @@ def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = 
     """Return a role of which the user must say what plays it."""
     if role.optional:
         return Suggestion(role)
-    return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, candidates=candidates)
+    return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, (), candidates)
+
+
+def _sought(suggestion: Suggestion, description: Any, numbers: Numbers, played: Collection[str]) -> Suggestion:
+    """Return a velocity for which nothing is proposed with the outputs that could be it, as many tasks need it."""
+    role = suggestion.role
+    found = suggestion.candidates or tuple(n for n in _could_be(role, description, numbers) if n not in played)
+    if not found:
+        return suggestion
+    doubt = (
+        f"no {role.causality} is obviously {role.meaning}, without which the vehicle cannot lead: "
+        f"{_listed(map(repr, found))} could be it; if so, add {_element(role, found[0], description, numbers)}"
+    )
+    return replace(suggestion, candidates=found, doubts=(doubt,))
+
+
+def _element(role: Role, name: str, description: Any, numbers: Numbers) -> str:
+    """Return the element of a binding in which a number plays a role."""
+    number = next(number for number in numbers.of(role.causality) if number.name == name)
+    read = reading(description, number, role) or Reading()
+    source = RoleSource(name=role.name, variable=name, unit=read.unit, factor=read.factor, where=_HERE)
+    return "<role " + " ".join(f'{key}="{value}"' for key, value in attributes(source).items()) + "/>"
+
+
+def _could_be(role: Role, description: Any, numbers: Numbers) -> list[str]:
+    """Return the names of what could play a role by its unit: of those that state one, or else of those that do not."""
+    fitting: dict[bool, list[str]] = {True: [], False: []}
+    for number in numbers.of(role.causality):
+        if without_start(number.words) is None and reading(description, number, role) is not None:
+            fitting[bool(unit_name(number.variable) or number.hint)].append(number.name)
+    return fitting[True] or fitting[False]
 
 
 def _nothing_found(role: Role, description: Any, numbers: Numbers) -> str:
-    fitting = [
-        repr(number.name) for number in numbers.of(role.causality) if reading(description, number, role) is not None
-    ]
+    found = _could_be(role, description, numbers)
     return (
         f"no {role.causality} is obviously {role.meaning}; "
-        f"{role.causality}s that could be: {_listed(fitting) if fitting else 'none'}"
+        f"{role.causality}s that could be: {_listed(map(repr, found)) if found else 'none'}"
     )
 
 

@@ -14,13 +14,14 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
-from cosim.binding import BoundRole
+from cosim.binding import BoundRole, number_name
 from cosim.contract import Contract, Role, labels
 from cosim.errors import InputError, Location
 from cosim.expectation import Recorded, check, recorded
 from cosim.fmu import Fmu, open_fmu
 from cosim.formation import desired_samples
 from cosim.parameters import ParameterValue, geometry, understand
+from cosim.proposal import velocity_hints
 from cosim.recorder import Channel
 from cosim.robot_inputs import RobotInputs, robot_inputs
 from cosim.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
@@ -375,10 +376,14 @@ def _check_velocities(
 
 
 def _check_velocities_of(robot: RobotSetup, why: str) -> None:
-    missing = [role.name for role in robot.contract.velocity if role.name not in robot.fmu.binding.bound]
+    bound = robot.fmu.binding.bound
+    missing = [role.name for role in robot.contract.velocity if role.name not in bound]
     if missing:
+        played = {number_name(b.played_by) for b in bound.values() if b.played_by is not None}
+        hints = velocity_hints(robot.fmu.description, robot.contract, missing, played)
         raise InputError(
-            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: {robot.name} cannot be it",
+            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}{' that is bound' if hints else ''}, but "
+            f"{why}: {robot.name} cannot be it{''.join(f'; {hint}' for hint in hints)}",
             robot.where,
         )
 

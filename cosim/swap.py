@@ -141,6 +141,11 @@ def _replacement(
         return Replacement(plant, package, contract, None, source.roles, binding)
     known = _contract(scenario, plant)
     proposal = propose(package.description, known) if known else proposals(package.description)[0]
+    if proposal.refusal:
+        raise InputError(
+            f"the FMU {fmu} cannot be the plant {plant!r}: as a {proposal.contract.vehicle} vehicle, "
+            f"{proposal.refusal}. If that is wrong, --binding {plant}=FILE.xml says which variable plays which role"
+        )
     needed = None if proposal.needs_no_binding else folder / f"{fmu.stem}{BINDING_SUFFIX}"
     return Replacement(plant, package, proposal.contract, proposal, proposal.binding.roles, needed)
 

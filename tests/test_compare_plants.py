@@ -278,7 +278,10 @@ def test_a_first_plant_that_fails_whatever_the_torques(compare, tmp_path: Path) 
 
 def test_a_plant_that_fails_at_once(compare, tmp_path: Path) -> None:
     fmu = make_fmu(tmp_path, behaviour="error", when=0.0)
-    compare("car_like", fmu, status=3)
+    printed, warned = compare("car_like", fmu, status=3)
+    assert "largest" not in printed, "there is nothing to compare"
+    assert "warning: nothing was compared: a plant failed" in warned
+    assert "error: B at t = 0 s" in warned
     main(["compare-plants", "car_like", str(fmu), "--out", str(tmp_path / "out"), "--duration", "1 s"])
     assert (tmp_path / "out" / "compare.png").exists()
 

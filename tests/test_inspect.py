@@ -65,7 +65,7 @@ def test_our_own(inspect) -> None:
         "drive parameter fixed Enumeration as_printed",
         "As a car_like vehicle: it can be driven as it is",
         "gamma rad the steering angle, counter-clockwise from the body gamma",
-        "As a tractor_trailer vehicle: no, nothing obviously plays theta_1, the trailer's heading",
+        "As a tractor_trailer vehicle: no, its input 'tau_steer' steers, and no two inputs are for a right and a left",
     ):
         assert text in printed
     assert "more: --all" not in printed

@@ -246,6 +246,29 @@ def test_what_is_open_is_said_and_refused_until_it_is_filled_in(
     assert float(result["pose"].sel(robot="one", pose_component="x")[0]) == -5.0
 
 
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        (
+            {"tau_drive": "motor_right", "tau_steer": "motor_left", "gamma": "battery"},
+            "as a car_like vehicle, its inputs 'motor_right' and 'motor_left' are for a right and a left wheel, and no "
+            "input steers. If that is wrong, --binding car=FILE.xml says which variable plays which role",
+        ),
+        ({"tau_steer": "der(tau)"}, "it has only 'tau_drive' that could be a torque, in N.m, N, a pure number or"),
+    ],
+)
+def test_another_kind_of_vehicle_is_refused(
+    swap, scenario: Path, tmp_path: Path, names: dict[str, str], reason: str
+) -> None:
+    fmu = make_fmu(tmp_path, names=names)
+    printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
+    assert f"error: the FMU {fmu} cannot be the plant 'car': as a car_like vehicle, " in warned
+    assert reason in warned
+    assert printed == ""
+    assert [path.name for path in scenario.parent.iterdir()] == ["two.xml"]
+    assert main(["inspect", str(fmu)]) == 0
+
+
 def test_what_the_check_refuses_is_said(swap, scenario: Path, tmp_path: Path) -> None:
     fmu = make_fmu(tmp_path, velocities=False)
     printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
@@ -351,10 +374,27 @@ def test_two_fmus_of_one_name(swap, scenario: Path, tmp_path: Path) -> None:
     assert "two FMUs would have the binding" in warned
 
 
-def test_the_wrong_kind_of_vehicle_is_all_open(swap, scenario: Path, tmp_path: Path) -> None:
-    printed, _ = swap(scenario, "--plant", f"car={plants.build('tractor_trailer', out=tmp_path)}")
-    assert "  gamma: no output is obviously the steering angle" in printed
-    assert "  tau_drive: no input is obviously the drive torque" in printed
+def test_the_other_kind_of_our_vehicles_is_refused(swap, scenario: Path, tmp_path: Path) -> None:
+    fmu = plants.build("tractor_trailer", out=tmp_path)
+    _, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
+    assert "as a car_like vehicle, its inputs 'tau_right' and 'tau_left' are for a right and a left wheel" in warned
+
+
+def test_velocities_under_names_that_tell_nothing(
+    swap, scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = make_fmu(tmp_path, names={"v": "Tempo", "omega": "rates[2]"})
+    printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
+    assert '\'Tempo\' could be it; if so, add <role name="v" variable="Tempo"/>' in printed
+    assert "offers no v and no omega that is bound, but followers are told the leader's velocities" in warned
+    assert '\'rates[2]\' could be omega, which the binding says with <role name="omega" variable="rates[2]"/>' in warned
+    assert main(["inspect", str(fmu)]) == 0
+    assert "'rates[2]'" in " ".join(capsys.readouterr().out.split())
+    binding = scenario.with_name("stub.binding.xml")
+    text = binding.read_text(encoding="utf-8")
+    roles = '<role name="v" variable="Tempo"/><role name="omega" variable="rates[2]"/>'
+    binding.write_text(text.replace("</binding>", f"{roles}</binding>"), encoding="utf-8")
+    assert main(["check", str(scenario.with_name("two_stub.xml"))]) == 0
 
 
 def test_a_name_that_no_path_in_xml_can_have(swap, scenario: Path, tmp_path: Path) -> None:

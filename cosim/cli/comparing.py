@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.table import Table
 
 from cosim.cli.console import out, safe, table, warn
 from cosim.cli.reading import pairs
@@ -108,6 +109,19 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         text = f"the {name.replace('_', ' ')} of A is {first}, of B {second}"
         if first != second:
             console.print(f"[yellow]they differ:[/] {safe(text)}", soft_wrap=True)
+    if comparison.reached > 0:
+        console.print(_differences(console, comparison))
+    absent = comparison.to_dict()["not_offered"]
+    if absent:
+        console.print(f"not compared, as not both offer it: {', '.join(absent)}", style="dim")
+    for message in comparison.messages:
+        console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
+    if comparison.failures:
+        reached = f"compared up to {comparison.reached:g} s only" if comparison.reached > 0 else "nothing was compared"
+        warn(f"{reached}: a plant failed")
+
+
+def _differences(console: Console, comparison: PlantComparison) -> Table:
     differences = table(console, "Difference of B from A")
     for heading in (
         "role",
@@ -129,14 +143,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         if not math.isfinite(found.tolerance):
             tolerance, beyond = "any", ""
         differences.add_row(found.role.name, unit, largest, f"{found.at:g}", rms, span, tolerance, beyond)
-    console.print(differences)
-    absent = comparison.to_dict()["not_offered"]
-    if absent:
-        console.print(f"not compared, as not both offer it: {', '.join(absent)}", style="dim")
-    for message in comparison.messages:
-        console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
-    if comparison.failures:
-        warn(f"compared up to {comparison.reached:g} s only: a plant failed")
+    return differences
 
 
 def _shown(value: float, unit: str) -> str:

@@ -203,7 +203,8 @@ def _print_contracts(console: Console, package: Package) -> None:
             console.print(printable(said), markup=False, soft_wrap=True)
         else:
             missing = "; ".join(f"{role.name}, {role.meaning}" for role in proposal.missing)
-            console.print(f"\n[bold]{title}[/]: no, nothing obviously plays {missing}", soft_wrap=True)
+            reason = proposal.refusal or f"nothing obviously plays {missing}"
+            console.print(f"\n[bold]{title}[/]: no, {safe(reason)}", soft_wrap=True)
 
 
 def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
@@ -211,12 +212,12 @@ def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
     for heading in ("role", "unit", "what it is", "played by", "to fill in or to look at"):
         shown.add_column(heading, no_wrap=heading in ("role", "unit"), overflow="fold")
     for suggestion in proposal.suggestions:
-        if suggestion.source is not None:
+        if suggestion.source is not None or suggestion.doubts:
             role, remarks = suggestion.role, "; ".join((*suggestion.open, *suggestion.doubts))
-            player = broken(printable(_player(suggestion.source)), console.width // 4)
+            player = broken(printable(_player(suggestion.source)), console.width // 4) if suggestion.source else ""
             shown.add_row(*map(safe, (role.name, role.unit, role.meaning, player, remarks)))
     console.print(shown)
-    if absent := [suggestion.role.name for suggestion in proposal.suggestions if suggestion.source is None]:
+    if absent := [s.role.name for s in proposal.suggestions if s.source is None and not s.doubts]:
         console.print(f"not offered, nor needed by every controller: {', '.join(absent)}", style="dim")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cosim.cli import main
+from cosim.errors import InputError
 from cosim.fmu import open_fmu, open_package
 from cosim.fmu_description import shortened, summed_up
 from tests.stub.stub import make_fmu
@@ -106,3 +107,33 @@ def test_structured_names(tmp_path: Path, name: str, legal: bool) -> None:
         for v in package.description.modelVariables
         if v.name == name and not legal
     ]
+
+
+@pytest.mark.parametrize(
+    ("fmi", "replacement", "said"),
+    [
+        (
+            "2.0",
+            ('index="1"', 'index="99"'),
+            r"line \d+: the attribute index of <Unknown> refers to the variable number ",
+        ),
+        ("2.0", ("<Real ", '<Real derivative="99" '), r"line \d+: the attribute derivative of <Real> refers to the "),
+        (
+            "3.0",
+            ('<Output valueReference="1"', '<Output valueReference="99"'),
+            "valueReference of <Output> refers to the ",
+        ),
+        (
+            "3.0",
+            ('<Output valueReference="1" dependencies="', '<Output valueReference="1" dependencies="99 '),
+            "dependencies of <Output>",
+        ),
+        ("3.0", ('<Output valueReference="1"', "<Output"), "The attribute 'valueReference' is required but missing"),
+    ],
+)
+def test_references_that_lead_nowhere(tmp_path: Path, fmi: str, replacement: tuple[str, str], said: str) -> None:
+    path = changed(make_fmu(tmp_path, fmi=fmi), tmp_path / "a.fmu", replacement)
+    with pytest.raises(InputError, match=said) as caught:
+        open_package(path)
+    assert "list index" not in str(caught.value)
+    assert "99" in str(caught.value) or "missing" in said

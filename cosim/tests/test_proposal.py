@@ -284,13 +284,65 @@ def test_the_initial_value_of_the_same_name_is_better(car: Any) -> None:
 def test_geometry_that_the_fmu_does_not_have_is_asked_for(car: Any) -> None:
     proposal = car({"L": None, "bumper": "parameter m"})
     assert of(proposal, "a").source.value == OPEN
-    assert of(proposal, "a").open == ("no parameter is obviously the wheelbase: state its value, or name the variable",)
+    assert of(proposal, "a").open == (
+        "no parameter is obviously the wheelbase: state its value, or name the variable: 'bumper' could be it",
+    )
 
 
-def test_an_optional_role_that_is_not_obvious_is_left_out(car: Any) -> None:
-    proposal = car({"speed": "output m/s", "velocity": "output m/s"})
+@pytest.mark.parametrize(
+    ("outputs", "element"),
+    [
+        (("speed m/s", "velocity m/s"), '<role name="v" variable="speed"/>'),
+        (("rate[1] -", "rate[2] -"), '<role name="v" variable="rate[1]" unit="..."/>'),
+        (("schnell_km_h -", "rate[2] -"), '<role name="v" variable="schnell_km_h" unit="..."/>'),
+    ],
+)
+def test_a_velocity_that_is_not_obvious_is_left_out_and_told(
+    car: Any, tmp_path: Path, outputs: tuple[str, ...], element: str
+) -> None:
+    proposal = car({name: f"output {unit}" for name, unit in map(str.split, outputs)})
     assert of(proposal, "v").source is None
     assert not proposal.open
+    (doubt,) = of(proposal, "v").doubts
+    assert doubt.startswith("no output is obviously the forward velocity")
+    assert doubt.endswith(f"could be it; if so, add {element}")
+    file = tmp_path / "b.xml"
+    file.write_text(binding_xml(proposal, "m.fmu"), encoding="utf-8")
+    assert element in file.read_text(encoding="utf-8")
+    assert "v" not in {role.name for role in read_binding(file).roles}
+
+
+def test_without_outputs_that_could_be_velocities_nothing_is_told(car: Any) -> None:
+    proposal = car({"power": "output N.m"})
+    assert (of(proposal, "v").doubts, of(proposal, "omega").doubts) == ((), ())
+
+
+NAMES = {
+    "de": "LageX LageY Gierwinkel Lenkwinkel Geschwindigkeit Lenkgeschwindigkeit Antriebsmoment Lenkmoment Radstand",
+    "fr": "position_x position_y lacet braquage vitesse braquage_vitesse couple.moteur couple.braquage empattement",
+    "es": "posición_x posición_y rumbo ángulo_dirección velocidad velocidad_dirección par.drive par.dirección batalla",
+    "units": "x_m y_m heading_deg steer_deg speed_km_h steer_rate_deg_s drive_torque_Nm steer_torque_Nm wheelbase_mm",
+}
+
+
+@pytest.mark.parametrize("language", NAMES)
+def test_names_in_other_languages_and_with_units(tmp_path: Path, language: str) -> None:
+    said = ("output m", "output m", "output deg", "output deg", "output m/s", "output rad/s", "input N.m", "input N.m")
+    roles = ("x", "y", "psi", "gamma", "v", "omega", "tau_drive", "tau_steer", "a")
+    names = NAMES[language].split()
+    proposal = propose(describe(tmp_path, dict(zip(names, (*said, "parameter m"), strict=True))), CAR_LIKE)
+    assert [variable(proposal, role) for role in roles] == names
+    assert not proposal.open
+
+
+def test_a_unit_at_the_end_of_a_name_is_a_hint(car: Any) -> None:
+    """It is not taken for the unit, but tells what something else is in."""
+    proposal = car({"heading": "output -"} | {"heading": None, "yaw_deg": "output -", "yaw_m": "output -"})
+    assert of(proposal, "psi").source.variable == "yaw_deg"
+    assert of(proposal, "psi").open == (
+        "the FMU states no unit of 'yaw_deg': state it (deg, as its name ends, or the like)",
+    )
+    assert variable(car({"heading": None, "yaw_m": "output deg"}), "psi") == OPEN, "which m may stand for much else"
 
 
 def test_a_number_that_would_play_two_roles(car: Any) -> None:
@@ -309,14 +361,60 @@ def test_other_conventions_raise_a_doubt_only(car: Any) -> None:
     )
 
 
+TRAILER = {"trailer.x": "output m", "trailer.y": "output m", "trailer.heading": "output rad"}
+TRAILER |= {"tractor.heading": "output rad", "torque_right": "input N.m", "torque_left": "input N.m"}
+TRAILER |= {"hitch_length": "parameter m", "wheel_radius": "parameter m", "half_track": "parameter m"}
+DIFFERENTIAL = {"x": "output m", "y": "output m", "theta": "output rad", "v": "output m/s"}
+DIFFERENTIAL |= {"tau_right": "input N.m", "tau_left": "input N.m", "r": "parameter m", "b": "parameter m"}
+
+
 def test_the_contract_that_fits_best_comes_first(tmp_path: Path) -> None:
-    assert proposals(describe(tmp_path, CAR))[0].contract is CAR_LIKE
-    trailer = {"trailer.x": "output m", "trailer.y": "output m", "trailer.heading": "output rad"}
-    trailer |= {"tractor.heading": "output rad", "torque_right": "input N.m", "torque_left": "input N.m"}
-    trailer |= {"hitch_length": "parameter m", "wheel_radius": "parameter m", "half_track": "parameter m"}
-    best = proposals(describe(tmp_path, trailer))[0]
-    assert best.contract is TRACTOR_TRAILER
-    assert not best.open
+    car, trailer = proposals(describe(tmp_path, CAR))
+    assert car.contract is CAR_LIKE
+    assert not car.refusal
+    assert trailer.refusal == ("its input 'steer_torque' steers, and no two inputs are for a right and a left wheel")
+    trailer, car = proposals(describe(tmp_path, TRAILER))
+    assert trailer.contract is TRACTOR_TRAILER
+    assert not trailer.open
+    assert not trailer.refusal
+    assert car.refusal == (
+        "its inputs 'torque_right' and 'torque_left' are for a right and a left wheel, and no input steers"
+    )
+
+
+def test_a_differential_drive_is_no_vehicle_of_ours(tmp_path: Path) -> None:
+    for changed in ({}, {f"state[{i}]": "local -" for i in (1, 2, 3, 4)}):
+        for proposal in proposals(describe(tmp_path, DIFFERENTIAL | changed)):
+            assert "'tau_right' and 'tau_left' are for a right and a left wheel, and no" in proposal.refusal
+            assert not proposal.plausible
+    text = describe(tmp_path, DIFFERENTIAL)
+    text.description = "A tractor and its semi-trailer"
+    assert not proposals(text)[0].refusal, "it says that there is a trailer"
+
+
+def test_names_that_tell_nothing_refuse_nothing(tmp_path: Path) -> None:
+    """Nor do the roles' own names, nor inputs that brake or disturb."""
+    plain = {"q1": "output -", "q2": "output -", "q3": "output -", "q4": "output -", "u1": "input -", "u2": "input -"}
+    own = {"x": "output m", "y": "output m", "theta_1": "output rad", "theta_0": "output rad"}
+    own |= {"tau_right": "input N.m", "tau_left": "input N.m"}
+    brakes = CAR | {"brake_left": "input N.m", "brake_right": "input N.m", "wind.left": "input N"}
+    for variables, contract in ((plain, CAR_LIKE), (plain, TRACTOR_TRAILER), (own, TRACTOR_TRAILER)):
+        assert not propose(describe(tmp_path, variables), contract).refusal
+    assert not propose(describe(tmp_path, brakes), CAR_LIKE).refusal
+
+
+@pytest.mark.parametrize(
+    ("variables", "reason"),
+    [
+        ({"drive_torque": None, "steer_torque": "input rad"}, "no input that could be a torque, in N.m, N, a pure"),
+        (
+            {"drive_torque": None, "steer_torque": "input N", "bend_rad": "input -"},
+            "only 'steer_torque' that could be a torque",
+        ),
+    ],
+)
+def test_what_lacks_inputs_is_no_vehicle(car: Any, variables: dict[str, Any], reason: str) -> None:
+    assert reason in car(variables).refusal
 
 
 def test_the_file_that_is_written_is_refused_until_it_is_filled_in(car: Any, tmp_path: Path) -> None:
