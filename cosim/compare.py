@@ -18,10 +18,11 @@ from cosim.contract import CAR_LIKE, TRACTOR_TRAILER, Contract, Role
 from cosim.errors import InputError, Location, SimulationError, nearest
 from cosim.excitation import excitation, given
 from cosim.fmu import Fmu, open_fmu
+from cosim.lateness import one_step_late
 from cosim.parameters import ParameterValue, geometry, understand
 from cosim.plant.fleet import STATE, Fleet
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
-from cosim.quantity import split
+from cosim.quantity import split, whole_steps
 from cosim.reader import read_binding
 from cosim.scenario import FIRST_STEP, PlantSource, Setting
 from cosim.solver import check_solver, check_step
@@ -154,6 +155,13 @@ class PlantComparison:
         return not self.failures and all(role.first_beyond is None for role in self.roles)
 
     @property
+    def late(self) -> str:
+        """Which plant, "A" or "B", shows at each communication point what the other showed one before; else empty."""
+        pose = len(self.contract.pose)
+        first, second = (states[:, :pose] for states in self.states)
+        return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.contract.pose])
+
+    @property
     def reached(self) -> float:
         """Until when both plants went [s]."""
         rows = np.flatnonzero(np.isfinite(self.difference[:, 0]))
@@ -190,6 +198,7 @@ class PlantComparison:
             },
             "not_offered": [role.name for role in states if role.name not in [found.role.name for found in self.roles]],
             "within": self.within,
+            "one_step_late": self.late or None,
             "failures": [str(failure) for failure in self.failures],
             "messages": list(self.messages),
         }
@@ -237,7 +246,10 @@ def compare_plants(
     """
     ticks = round(duration / step) if step > 0 and math.isfinite(duration) else 0
     if not 1 <= ticks <= MAX_STEPS or abs(ticks * step - duration) > 1e-6 * step:
-        raise InputError(f"{duration:g} s are not a whole number of steps of {step:g} s, from 1 to {MAX_STEPS} of them")
+        such = f", such as {whole_steps(duration / step, step, 1)}" if 1 <= ticks < MAX_STEPS else ""
+        raise InputError(
+            f"{duration:g} s are not a whole number of steps of {step:g} s, from 1 to {MAX_STEPS} of them{such}"
+        )
     if seed < 0:
         raise InputError(f"the seed {seed} is not a whole number from 0 on")
     first, second = (plant if isinstance(plant, PlantFile) else PlantFile(plant) for plant in (a, b))

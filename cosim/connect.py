@@ -16,6 +16,7 @@ from cosim.plant.member import Link, Member
 from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
 from cosim.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
 from cosim.setup import RobotSetup
+from cosim.solver import usual_step
 
 DIVERGED_POSE = 1e9
 """A pose entry beyond this magnitude [m, rad] is taken for divergence."""
@@ -123,6 +124,7 @@ def plant(
         pose=tuple(pose),
         isolated=in_own_process(fmu, source),
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
+        usual_step=usual_step(fmu),
         where=source.where,
     )
 

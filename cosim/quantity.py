@@ -87,3 +87,9 @@ def advice(text: str) -> str:
     if better in ("", text):
         return f": {reason}" if reason else ""
     return f": write {better!r}" + (f" ({reason})" if reason else "")
+
+
+def whole_steps(steps: float, step: float, least: int) -> str:
+    """Return the times next to a number of steps of a length [s] that are whole numbers of steps, at least some."""
+    lower = max(math.floor(steps), least)
+    return " or ".join(dict.fromkeys(f"{number * step:.12g} s" for number in (lower, lower + 1)))

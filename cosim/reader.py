@@ -14,7 +14,7 @@ from cosim.changes import Change, in_words, set_value
 from cosim.document import Document, parse_document, read_binding_document, read_document
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.grammar import NAMESPACE, local_name
-from cosim.quantity import quantity, split
+from cosim.quantity import quantity, split, whole_steps
 from cosim.scenario import (
     FIRST_STEP,
     LEADER,
@@ -500,7 +500,8 @@ class _Reader:
         if whole < least or abs(steps - whole) > 1e-9 * max(whole, 1):
             raise self._error(
                 element,
-                f"the {what} is not a whole number of communication steps of {self.step:g} s",
+                f"the {what} is not a whole number of communication steps of {self.step:g} s, such as "
+                + whole_steps(steps, self.step, least),
             )
         return whole
 

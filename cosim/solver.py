@@ -6,6 +6,7 @@ import math
 
 from cosim.errors import InputError
 from cosim.fmu import Fmu, experiment_number, interfaces
+from cosim.plant.constant_step import divides, remedy
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import DEFAULT_SOLVER, PlantSource
 
@@ -44,34 +45,23 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
 def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
     """Refuse an FMU whose fixed internal step does not divide the communication step."""
     said = getattr(fmu.about_interface, "fixedInternalStepSize", None)
-    if said and not _divides(internal := _number(said), step):
+    if said and not divides(internal := _number(said), step):
         raise InputError(
             f"the FMU {fmu.path} has a fixed internal step of {internal:g} s, which does not divide the "
-            f"communication step of {step:g} s",
+            f"communication step of {step:g} s" + (f": {remedy(internal)}" if internal > 0 else ""),
             source.where,
         )
 
 
-def step_doubt(fmu: Fmu, step: float) -> str:
-    """Return why an FMU may not complete its steps, with the FMU as the subject; empty if nothing speaks against it.
+def usual_step(fmu: Fmu) -> float:
+    """Return the step [s] of an FMU's default experiment if it takes steps of constant length only, else 0.
 
     What FMI 1.0 and 2.0 cannot say, a fixed internal step, many FMUs have all the same: they take constant steps only,
     and the step of their default experiment is one that fits.
     """
     usual = experiment_number(fmu.description, "stepSize")
     constant = not getattr(fmu.about_interface, "canHandleVariableCommunicationStepSize", True)
-    if fmu.interface != CO_SIMULATION or not constant or usual is None or _divides(usual, step):
-        return ""
-    return (
-        f"takes steps of constant length only, and of {usual:g} s in its default experiment, which do not divide the "
-        f'communication step of {step:g} s: if it does not complete its steps, state step="{usual:g} s" or a multiple '
-        "in <simulation>"
-    )
-
-
-def _divides(part: float, step: float) -> bool:
-    parts = step / part if part > 0 else 0.0
-    return round(parts) >= 1 and abs(parts - round(parts)) <= 1e-9 * parts
+    return usual if fmu.interface == CO_SIMULATION and constant and usual is not None else 0.0
 
 
 def _number(text: str) -> float:

@@ -79,6 +79,7 @@ _PLAIN = {
     "1": _unit(),
     "%": _unit(0.01),
     "deg": _unit(math.pi / 180, rad=1),
+    "gon": _unit(math.pi / 200, rad=1),
     "rev": _unit(2 * math.pi, rad=1),
     "min": _unit(60.0, s=1),
     "h": _unit(3600.0, s=1),

@@ -114,6 +114,13 @@ def _print(console: Console, comparison: PlantComparison) -> None:
     absent = comparison.to_dict()["not_offered"]
     if absent:
         console.print(f"not compared, as not both offer it: {', '.join(absent)}", style="dim")
+    if late := comparison.late:
+        other = "BA"["AB".index(late)]
+        console.print(
+            f"[yellow]{late} is one step late:[/] it shows at each communication point what {other} showed one before, "
+            f"so that a controller learns of its motion {comparison.step:g} s later",
+            soft_wrap=True,
+        )
     for message in comparison.messages:
         console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
     if comparison.failures:

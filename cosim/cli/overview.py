@@ -12,6 +12,7 @@ from rich.console import Console
 from cosim.cli.console import safe, table
 from cosim.connect import in_own_process, tolerance_of, why_own_process
 from cosim.fmu_facts import NAMES
+from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import (
     DEFAULT_SOLVER,
@@ -28,7 +29,7 @@ from cosim.scenario import (
     Trajectory,
 )
 from cosim.setup import Setup
-from cosim.solver import step_doubt
+from cosim.solver import usual_step
 
 _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
 
@@ -73,7 +74,7 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
 def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
     """Return what may go wrong with plants, as far as their files tell."""
     for name, fmu in setup.fmus.items():
-        if doubt := step_doubt(fmu, scenario.step):
+        if doubt := misfit(usual_step(fmu), scenario.step):
             yield f"plant {name}: {fmu.path.name} {doubt}"
 
 

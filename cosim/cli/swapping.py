@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from cosim.cli.console import out, safe, warn
+from cosim.cli.overview import doubtful_plants
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
 from cosim.fmu_facts import obstacle
@@ -44,7 +45,9 @@ def swap_plants(options: argparse.Namespace) -> int:
         _next(f"formation check {variant}", "once that is filled in")
         return 0
     with ExitStack() as cleanup:  # as formation check does; what it refuses ends this command as it ends that
-        set_up(read_scenario(swapped.variant), cleanup, {})
+        scenario = read_scenario(swapped.variant)
+        for doubt in doubtful_plants(scenario, set_up(scenario, cleanup, {})):
+            warn(doubt)
     _next(f"formation run {variant}", "which can be run")
     return 0
 

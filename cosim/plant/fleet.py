@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError, SimulationError
 from cosim.plant.calls import compiled
+from cosim.plant.constant_step import misfit
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
-from cosim.plant.outcome import FINE, PlantError
+from cosim.plant.outcome import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
 from cosim.plant.start import SHOWN_LATE, check_pose, moved_too_far, not_started
@@ -242,6 +243,8 @@ class Fleet:
         failures = dict(failures or {})
         if found == _FAILED:
             failures |= self._failed()
+            last = max(failures)  # what may be wrong is said once
+            failures[last] = self._with_doubt(last, failures[last], after - time)
         elif found == _DIVERGED:
             time, failures = after, self._diverged()
             if after == 0.0:
@@ -254,6 +257,11 @@ class Fleet:
         if failures:
             variable = self._diverging(min(failures))[0][0].name if found == _DIVERGED else ""
             raise SimulationError(*self._failures(failures, time), variable)
+
+    def _with_doubt(self, index: int, said: str, step: float) -> str:
+        """Return what has become of a plant, and why that may be if it has not completed a step of this length."""
+        doubt = misfit(self.members[index].usual_step, step) if said.startswith(FAILURES[COMPLETE]) else ""
+        return f"{said}; it {doubt}" if doubt else said
 
     def _failed(self) -> dict[int, str]:
         """Return what has become of each plant that is called here and has failed."""

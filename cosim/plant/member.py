@@ -53,6 +53,8 @@ class Member:
         Whether it runs in a process of its own.
     needs_tool : bool
         Whether it says that it needs another program.
+    usual_step : float
+        The step [s] of its default experiment, if it takes steps of constant length only; else 0.
     where : Location or None
         Who asks for it.
     """
@@ -63,4 +65,5 @@ class Member:
     pose: tuple[float, ...] = ()
     isolated: bool = False
     needs_tool: bool = False
+    usual_step: float = 0.0
     where: Location | None = None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.plant.member import Link, Member
-from cosim.plant.outcome import NoInstance, PlantError
+from cosim.plant.outcome import FAILURES, RETURN, NoInstance, PlantError
 
 START_TOLERANCE = 1e-6
 """How far [m, rad], and relative to what was asked for, a plant may be from its initial pose at the start."""
@@ -35,6 +35,8 @@ def not_started(members: Sequence[Member], index: int, error: PlantError) -> Inp
             f"; {others[0]} runs the same FMU in this process, which may allow one only: "
             'isolate="process" in its <plant> gives each robot a process of its own'
         )
+    if FAILURES[RETURN] in str(error):
+        message += f"; {SHOWN_LATE}"
     if member.needs_tool:
         message += "; it also says that it needs an execution tool, which may be missing here"
     return InputError(message, member.where)

@@ -36,9 +36,11 @@ fmi1Component FMI(fmiInstantiateSlave)(fmi1String name, fmi1String guid, fmi1Str
                                        fmi1Real timeout, fmi1Boolean visible, fmi1Boolean interactive,
                                        fmi1CallbackFunctions functions, fmi1Boolean logging)
 {
-    (void)location, (void)mime_type, (void)timeout, (void)visible, (void)interactive, (void)logging;
+    (void)mime_type, (void)timeout, (void)visible, (void)interactive, (void)logging;
+    char resources[4096];
+    snprintf(resources, sizeof resources, "%s/resources", location == NULL ? "" : location);
     const Stub made = {.log = log_message, .logger = (void (*)(void))functions.logger};
-    Stub *const s = create(made, name, guid, false);
+    Stub *const s = create(made, name, guid, resources, false);
     if (s != NULL) s->environment = s; /* the logger of FMI 1 is given the component */
     return s;
 }
@@ -166,7 +168,7 @@ fmi1Component FMI(fmiInstantiateModel)(fmi1String name, fmi1String guid, fmi1Cal
 {
     (void)logging;
     const Stub made = {.log = log_message, .logger = (void (*)(void))functions.logger};
-    Stub *const s = create(made, name, guid, true);
+    Stub *const s = create(made, name, guid, NULL, true);
     if (s != NULL) s->environment = s;
     return s;
 }
@@ -217,7 +219,7 @@ fmi1Status FMI(fmiSetContinuousStates)(fmi1Component c, const fmi1Real x[], size
     REQUIRE("fmiSetContinuousStates", ME_ACTIVE);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) s->car.state[i] = x[i] / s->scale[i];
+    for (int i = 0; i < STATES; i++) s->car.state[i] = taken(s, i, x[i]);
     return fmi1OK;
 }
 
@@ -226,7 +228,7 @@ fmi1Status FMI(fmiGetContinuousStates)(fmi1Component c, fmi1Real x[], size_t n)
     REQUIRE("fmiGetContinuousStates", ME_ACTIVE);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) x[i] = s->car.state[i] * s->scale[i];
+    for (int i = 0; i < STATES; i++) x[i] = shown(s, i, s->car.state[i]);
     return fmi1OK;
 }
 

@@ -34,10 +34,10 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
 {
-    (void)resources, (void)visible, (void)logging;
+    (void)visible, (void)logging;
     const Stub made = {.log = log_message, .logger = (void (*)(void))functions->logger,
                        .environment = functions->componentEnvironment};
-    return create(made, name, guid, type == fmi2ModelExchange);
+    return create(made, name, guid, resources, type == fmi2ModelExchange);
 }
 
 void fmi2FreeInstance(fmi2Component c) { destroy(c); }
@@ -243,7 +243,7 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
     REQUIRE(1 << CONTINUOUS_TIME);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) s->car.state[i] = x[i] / s->scale[i];
+    for (int i = 0; i < STATES; i++) s->car.state[i] = taken(s, i, x[i]);
     return fmi2OK;
 }
 
@@ -270,7 +270,7 @@ fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n)
     REQUIRE(ME_ACTIVE | 1 << INITIALIZATION);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) x[i] = s->car.state[i] * s->scale[i];
+    for (int i = 0; i < STATES; i++) x[i] = shown(s, i, s->car.state[i]);
     return fmi2OK;
 }
 

@@ -41,9 +41,9 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log)
 {
-    (void)resources, (void)visible, (void)logging;
+    (void)visible, (void)logging;
     const Stub made = {.log = log_message, .logger = (void (*)(void))log, .environment = environment};
-    return create(made, name, token, true);
+    return create(made, name, token, resources, true);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -52,10 +52,10 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update)
 {
-    (void)resources, (void)visible, (void)logging, (void)required, (void)n_required;
+    (void)visible, (void)logging, (void)required, (void)n_required;
     const Stub made = {.log = log_message, .logger = (void (*)(void))log, .update = (void (*)(void))update,
                        .environment = environment};
-    Stub *const s = create(made, name, token, false);
+    Stub *const s = create(made, name, token, resources, false);
     if (s == NULL) return NULL;
     s->event_mode_used = event_mode_used;
     s->early_allowed = early_return_allowed;
@@ -461,7 +461,7 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 x[], size_t
     REQUIRE(1 << CONTINUOUS_TIME);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) s->car.state[i] = x[i] / s->scale[i];
+    for (int i = 0; i < STATES; i++) s->car.state[i] = taken(s, i, x[i]);
     return fmi3OK;
 }
 
@@ -488,7 +488,7 @@ fmi3Status fmi3GetContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t n)
     REQUIRE(ME_ACTIVE | 1 << INITIALIZATION);
     Stub *const s = c;
     if (n != STATES) return none(s, "a number of states other than 6", 1);
-    for (int i = 0; i < STATES; i++) x[i] = s->car.state[i] * s->scale[i];
+    for (int i = 0; i < STATES; i++) x[i] = shown(s, i, s->car.state[i]);
     return fmi3OK;
 }
 

@@ -5,6 +5,7 @@ The token (guid) in a model description tells the binary what to do: one binary 
 
 import functools
 import importlib.util
+import math
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -83,8 +84,10 @@ _UNITS: dict[str, tuple[str, ...]] = {
         "second",
     ),
     "none": ("",) * 9,
+    "odd": ("furlong", "furlong", "gon", "gon", "km/h", "gon/s", "N.m", "furlong", "s"),
 }
 _DEGREE = repr(3.141592653589793 / 180)
+_GON = repr(3.141592653589793 / 200)
 _BASE = {
     "m": 'm="1"',
     "rad": 'rad="1"',
@@ -101,6 +104,11 @@ _BASE = {
     "deg/s2": f'rad="1" s="-2" factor="{_DEGREE}"',
     "km/h": f'm="1" s="-1" factor="{1 / 3.6!r}"',
     "km/h/s": f'm="1" s="-2" factor="{1 / 3.6!r}"',
+    "furlong": 'm="1" factor="201.168"',
+    "furlong/s": 'm="1" s="-1" factor="201.168"',
+    "gon": f'rad="1" factor="{_GON}"',
+    "gon/s": f'rad="1" s="-1" factor="{_GON}"',
+    "gon/s2": f'rad="1" s="-2" factor="{_GON}"',
     "metre": 'm="1"',
     "radian": 'rad="1"',
     "metre per second": 'm="1" s="-1"',
@@ -113,9 +121,18 @@ _BASE = {
 }
 _RATE = {
     "m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2", "deg": "deg/s", "deg/s": "deg/s2", "km/h": "km/h/s",
+    "furlong": "furlong/s", "gon": "gon/s", "gon/s": "gon/s2",
     "metre": "metre per second", "radian": "radian per second", "metre per second": "metre per second squared",
     "radian per second": "radian per second squared", "": "",
 }  # fmt: skip
+
+
+_COMPASS = {
+    "psi": "Heading, clockwise from north",
+    "gamma": "Steering angle, positive to the right",
+    "omega": "Steering rate, positive to the right",
+    "tau_steer": "Steering torque, positive to the right",
+}
 
 
 @dataclass(frozen=True)
@@ -133,6 +150,7 @@ class Variable:
     size: int | None = None
     kind: str = "real"
     dependencies: tuple[int, ...] | None = None
+    description: str = ""
 
 
 @dataclass(frozen=True)
@@ -148,6 +166,7 @@ class Options:
     lines: int = 1_000_000
     seconds: float = 0.1
     once: bool = False
+    says_once: bool = True
     variable_step: bool = True
     fixed_step: float | None = None
     save: bool = False
@@ -160,6 +179,7 @@ class Options:
     step_event: bool = False
     feedthrough: bool = False
     units: str = "si"
+    compass: bool = False
     initial: str = "exact"
     start_torque: bool = False
     late: str = ""
@@ -171,9 +191,11 @@ class Options:
     types: str = ""
     fillers: int = 0
     names: Mapping[str, str] | None = None
+    structured: bool = False
     execution_tool: bool = False
     macros: tuple[str, ...] = ()
     vendor: float | None = None
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         three = self.fmi == "3.0"
@@ -210,6 +232,8 @@ class Options:
             "place": self.place or _PLACE.get(self.behaviour, "step"),
             "when": repr(float(self.when)),
             "units": self.units,
+            "compass": self.compass,
+            "resources": self.mass is not None,
             "lines": self.lines,
             "seconds": self.seconds,
             "end_stop": self.end_stop,
@@ -219,7 +243,7 @@ class Options:
             "step_event": self.step_event,
             "start_parameters": self.initial == "parameters",
             "start_torque": self.start_torque,
-            "late": ("", "zero", "nan", "error").index(self.late),
+            "late": ("", "zero", "nan", "error", "step").index(self.late),
             "says_tolerance": self.says_tolerance,
             "event_mode": self.event_mode,
             "early_return": bool(self.early_return),
@@ -255,6 +279,8 @@ def make_fmu(where: Path, **options: object) -> Path:
         For log_million and slow.
     once : bool
         canBeInstantiatedOnlyOncePerProcess; a second instance is refused, even from a copy of the library.
+    says_once : bool
+        Whether the model description says so.
     variable_step : bool
         canHandleVariableCommunicationStepSize.
     fixed_step : float
@@ -275,14 +301,18 @@ def make_fmu(where: Path, **options: object) -> Path:
         The heading is brought back to at most half a turn; in Model Exchange by events after integrator steps.
     feedthrough : bool
         The output ``power`` = tau_drive v.
-    units : {"si", "deg", "names", "none"}
-        "deg" has deg, deg/s and km/h; "names" has words, with their definition in base units.
+    units : {"si", "deg", "names", "none", "odd"}
+        "deg" has deg, deg/s and km/h; "names" has words, with their definition in base units; "odd" has furlong, gon,
+        gon/s and km/h.
+    compass : bool
+        The heading is clockwise from north, the steering with its torque positive to the right.
     initial : {"exact", "parameters"}
         The initial pose: start values of the outputs, or parameters x0, y0, psi0 and gamma0.
     start_torque : bool
         An initial equation uses an input: at the start v = tau_drive / 10.
-    late : {"", "zero", "nan", "error"}
-        What the outputs are before the first step of Co-Simulation instead of what they should be.
+    late : {"", "zero", "nan", "error", "step"}
+        What the outputs are before the first step of Co-Simulation instead of what they should be; "step": those of one
+        step before, always.
     tolerance : str
         That of the default experiment.
     says_tolerance : bool
@@ -299,12 +329,16 @@ def make_fmu(where: Path, **options: object) -> Path:
         Number of further parameters, which do nothing.
     names : dict
         Other names of variables.
+    structured : bool
+        Names follow the structured convention; those of fillers have several parts.
     execution_tool : bool
         needsExecutionTool.
     macros : tuple of str
         C macros; WITHOUT_DO_STEP leaves the function out.
     vendor : float
         Mass [kg], 10 kg otherwise, that it has from a library of its own, `VENDOR` beside its binary. Linux.
+    mass : float
+        Mass [kg] that it reads from a file among its resources. Not Model Exchange of FMI 1.
     """
     chosen = Options(**options)  # type: ignore[arg-type]
     content = {
@@ -315,6 +349,8 @@ def make_fmu(where: Path, **options: object) -> Path:
     }
     if chosen.vendor is not None:
         content[str(Path(binary_path(chosen)).with_name(VENDOR))] = vendor_library(chosen.vendor)
+    if chosen.mass is not None:
+        content["resources/mass.txt"] = f"{chosen.mass!r}\n".encode()
     return write(where / f"{chosen.name}.fmu", content)
 
 
@@ -377,7 +413,11 @@ def variables(options: Options) -> list[Variable]:
     """Return the variables of a stub."""
     names = options.names or {}
     found = (_typed(options, variable) for variable in _variables(options))
-    return [replace(variable, name=names.get(variable.name, variable.name)) for variable in found]
+    described = _COMPASS if options.compass else {}
+    return [
+        replace(variable, name=names.get(variable.name, variable.name), description=described.get(variable.name, ""))
+        for variable in found
+    ]
 
 
 def _typed(options: Options, variable: Variable) -> Variable:
@@ -403,7 +443,7 @@ def _variables(options: Options) -> Iterator[Variable]:
         if options.arrays and i < 4:
             continue
         shown = i < 4 or options.velocities
-        begin = {"initial": "exact", "start": "0"} if exact or i >= 4 else calculated
+        begin = {"initial": "exact", "start": _zero(options, name, unit)} if exact or i >= 4 else calculated
         if options.start_torque and name == "v":
             begin = calculated
         known = (i,) if options.model_exchange else ()
@@ -426,11 +466,11 @@ def _variables(options: Options) -> Iterator[Variable]:
         yield Variable("tau_steer", 13, "input", unit=torque, start="0")
     fixed = {"causality": "parameter", "variability": "fixed", "initial": "exact"}
     tunable = {"causality": "parameter", "variability": "tunable", "initial": "exact"}
-    yield Variable("a", 14, unit=length, start="1.2", **tunable)
+    yield Variable("a", 14, unit=length, start=repr(1.2 / 201.168) if length == "furlong" else "1.2", **tunable)
     yield Variable("when", 15, unit=second, start=repr(float(options.when)), **tunable)
     if not exact:
         for i, (name, unit) in enumerate(zip(_ROLES[:4], state_units, strict=False)):
-            yield Variable(f"{name}0", 16 + i, unit=unit, start="0", **fixed)
+            yield Variable(f"{name}0", 16 + i, unit=unit, start=_zero(options, name, unit), **fixed)
     if options.feedthrough:
         watt = {"": "", "metre": "watt"}.get(length, "W")
         drive = 31 if options.arrays else 12
@@ -457,9 +497,16 @@ def _variables(options: Options) -> Iterator[Variable]:
         yield Variable("note", 53, kind="string", start="none", **given)
         yield Variable("push", 54, "input", unit="N" if options.units == "si" else "", start="0")
     for i in range(options.fillers):
-        yield Variable(f"filler_{i + 1}", 1000 + i, start="0", **fixed)
+        name = f"vehicle.corner[{i % 4 + 1}].spring_{i // 4 + 1}.stiffness" if options.structured else f"filler_{i + 1}"
+        yield Variable(name, 1000 + i, start="0", **fixed)
     if options.fmi == "3.0":
         yield Variable("time", 40, "independent", unit=second)
+
+
+def _zero(options: Options, name: str, unit: str) -> str:
+    """Return how a vehicle shows that a state is zero."""
+    north = {"deg": "90", "gon": "100"}.get(unit, repr(math.pi / 2))
+    return north if options.compass and name == "psi" else "0"
 
 
 def description(options: Options) -> str:
@@ -491,6 +538,7 @@ def _said(variable: Variable) -> dict[str, object]:
     return {
         "name": variable.name,
         "valueReference": variable.reference,
+        "description": variable.description,
         "causality": variable.causality,
         "variability": variable.variability,
         "initial": variable.initial,
@@ -517,7 +565,7 @@ def _description2(options: Options) -> str:
     common = {
         "modelIdentifier": options.name,
         "needsExecutionTool": options.execution_tool,
-        "canBeInstantiatedOnlyOncePerProcess": options.once,
+        "canBeInstantiatedOnlyOncePerProcess": options.once and options.says_once,
         "canNotUseMemoryManagementFunctions": True,
         "canGetAndSetFMUstate": options.save,
         "canSerializeFMUstate": options.save,
@@ -527,6 +575,7 @@ def _description2(options: Options) -> str:
         modelName=options.name,
         guid=options.token,
         generationTool="formation tests",
+        variableNamingConvention="structured" if options.structured else "",
         numberOfEventIndicators=indicators or "",
     ) + ">\n"  # fmt: skip
     if options.model_exchange:
@@ -583,12 +632,16 @@ def _description3(options: Options) -> str:
     common = {
         "modelIdentifier": options.name,
         "needsExecutionTool": options.execution_tool,
-        "canBeInstantiatedOnlyOncePerProcess": options.once,
+        "canBeInstantiatedOnlyOncePerProcess": options.once and options.says_once,
         "canGetAndSetFMUState": options.save,
         "canSerializeFMUState": options.save,
     }
     head = _attributes(
-        fmiVersion="3.0", modelName=options.name, instantiationToken=options.token, generationTool="formation tests"
+        fmiVersion="3.0",
+        modelName=options.name,
+        instantiationToken=options.token,
+        generationTool="formation tests",
+        variableNamingConvention="structured" if options.structured else "",
     )
     text = f"{_HEAD}<fmiModelDescription {head}>\n"
     if options.model_exchange:
@@ -635,6 +688,7 @@ def _description1(options: Options) -> str:
         modelIdentifier=options.name,
         guid=options.token,
         generationTool="formation tests",
+        variableNamingConvention="structured" if options.structured else "",
         numberOfContinuousStates=6 if options.model_exchange else 0,
         numberOfEventIndicators=2 if options.end_stop is not None and options.model_exchange else 0,
     )
@@ -665,6 +719,7 @@ def _description1(options: Options) -> str:
             valueReference=v.reference,
             causality="internal" if parameter else v.causality.replace("local", "internal"),
             variability="parameter" if parameter else v.variability,
+            description=v.description,
         )
         start = _attributes(start=v.start, fixed=True if v.start and v.causality != "input" else "")
         declared = _attributes(declaredType=_TYPE.get(v.reference), unit=v.unit)
@@ -675,7 +730,7 @@ def _description1(options: Options) -> str:
     text += "  <Implementation>\n    <CoSimulation_StandAlone>\n      <Capabilities "
     text += _attributes(
         canHandleVariableCommunicationStepSize=options.variable_step and options.fixed_step is None,
-        canBeInstantiatedOnlyOncePerProcess=options.once,
+        canBeInstantiatedOnlyOncePerProcess=options.once and options.says_once,
         canNotUseMemoryManagementFunctions=True,
     )
     return text + "/>\n    </CoSimulation_StandAlone>\n  </Implementation>\n</fmiModelDescription>\n"

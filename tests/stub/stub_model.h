@@ -57,7 +57,7 @@ typedef struct Stub Stub;
 
 /* What can be saved and restored. */
 typedef struct {
-    double time, state[STATES], input[2], push, a, when, start[4], last_successful_time;
+    double time, state[STATES], before[STATES], input[2], push, a, when, start[4], last_successful_time;
     int drive, gear, direction, events, contact[2]; /* contact: with the end stops of the steering, at +limit and -limit */
     long steps;
     bool enabled, braked, terminated, logged, event_pending;
@@ -68,9 +68,11 @@ typedef struct {
 struct Stub {
     Car car;
     char behaviour[32], place[32]; /* what goes wrong, and in which function */
-    double scale[STATES];          /* of the states' units, relative to SI */
+    double scale[STATES], offset[STATES]; /* from SI to what is shown: units, signs, zeros */
+    double scale_length, scale_steer;     /* of the wheelbase, of the steering torque */
+    double mass;                          /* that its resources tell, or 0 */
     double end_stop, fixed_step, seconds, per_whole; /* per_whole: units of a whole number in one of the real one */
-    int late; /* before the first step outputs are: 1 zero, 2 not a number, 3 refused */
+    int late; /* before the first step outputs are: 1 zero, 2 not a number, 3 refused; 4: always those of one step before */
     long lines;
     bool once, time_event, step_event, start_parameters, start_torque, says_tolerance;
     bool model_exchange, fatal, nothing, event_mode, early_always;
@@ -262,8 +264,28 @@ static inline void reset(Stub *s, double when)
     s->car = (Car){.a = 1.2, .drive = 3, .when = when, .enabled = true, .gear = 1, .direction = 1, .note = ""};
 }
 
+/* Read the mass from a folder of which the path or the URI is given. */
+static inline bool read_mass(Stub *s, const char *resources)
+{
+    char path[4096];
+    const char *at = resources == NULL ? "" : strncmp(resources, "file://", 7) == 0 ? resources + 7 : resources;
+    size_t n = 0;
+    for (; *at != '\0' && n + 16 < sizeof path; at++) {
+        unsigned code;
+        if (at != resources && *at == '%' && sscanf(at + 1, "%2x", &code) == 1) at += 2;
+        else code = (unsigned char)*at;
+        path[n++] = (char)code;
+    }
+    strcpy(path + n, "/mass.txt");
+    FILE *const file = fopen(path, "r");
+    const bool found = file != NULL && fscanf(file, "%lf", &s->mass) == 1;
+    if (file != NULL) fclose(file);
+    if (!found) say(s, ERROR, "it cannot read its mass from %s", path);
+    return found;
+}
+
 /* Make of `made`, in which only what concerns the log is set, an instance on the heap; or NULL, having logged why. */
-static inline Stub *create(Stub made, const char *name, const char *token, bool model_exchange)
+static inline Stub *create(Stub made, const char *name, const char *token, const char *resources, bool model_exchange)
 {
     Stub *s = &made;
     snprintf(s->name, sizeof s->name, "%s", name == NULL ? "?" : name);
@@ -280,6 +302,18 @@ static inline Stub *create(Stub made, const char *name, const char *token, bool 
         s->scale[PSI] = s->scale[GAMMA] = s->scale[OMEGA] = 180.0 / 3.14159265358979323846;
         s->scale[V] = 3.6;
     }
+    s->scale_length = s->scale_steer = 1.0;
+    if (strcmp(units, "odd") == 0) {
+        s->scale[X] = s->scale[Y] = s->scale_length = 1.0 / 201.168;
+        s->scale[PSI] = s->scale[GAMMA] = s->scale[OMEGA] = 200.0 / 3.14159265358979323846;
+        s->scale[V] = 3.6;
+    }
+    if (option(token, "compass", 0) != 0) {
+        s->offset[PSI] = 3.14159265358979323846 / 2 * s->scale[PSI];
+        s->scale[PSI] *= -1.0, s->scale[GAMMA] *= -1.0, s->scale[OMEGA] *= -1.0;
+        s->scale_steer = -1.0;
+    }
+    if (option(token, "resources", 0) != 0 && !read_mass(s, resources)) return NULL;
     s->end_stop = option(token, "end_stop", INFINITY);
     s->fixed_step = option(token, "fixed_step", 0.0);
     s->per_whole = option(token, "per_whole", 1.0);
@@ -365,7 +399,7 @@ static inline void derivatives(const Stub *s, double rate[STATES])
     rate[Y] = z[V] * sin(z[PSI]);
     rate[PSI] = z[V] * tan(z[GAMMA]) / car->a;
     rate[GAMMA] = held ? 0.0 : z[OMEGA];
-    rate[V] = car->input[0] / vendor_mass() * (car->enabled ? car->gear : 0) * (2 - car->direction) + car->push / 10.0;
+    rate[V] = car->input[0] / (s->mass > 0.0 ? s->mass : vendor_mass()) * (car->enabled ? car->gear : 0) * (2 - car->direction) + car->push / 10.0;
     rate[OMEGA] = held ? 0.0 : car->input[1] / 10.0;
     if (is(s, "nan") && car->time >= car->when - EPSILON) rate[X] = NAN;
     if (is(s, "infinity") && car->time >= car->when - EPSILON) rate[V] = INFINITY;
@@ -432,6 +466,7 @@ static inline void advance(Stub *s, double end)
     const double h = s->fixed_step > 0.0 ? s->fixed_step : end - car->time;
     const long n = s->fixed_step > 0.0 ? lround((end - car->time) / h) : 1;
     const double begin = car->time;
+    memcpy(car->before, car->state, sizeof car->state);
     for (long i = 1; i <= n; i++) {
         const double next = i == n ? end : begin + i * h;
         if (s->time_event && !car->braked && car->when < next - EPSILON && car->when > car->time && !s->event_mode_used) {
@@ -477,12 +512,22 @@ static inline size_t length(unsigned reference)
     return reference == POSE || reference == DER_POSE ? 4 : reference == TORQUE ? 2 : 1;
 }
 
+static inline double shown(const Stub *s, int i, double state)
+{
+    return state * s->scale[i] + s->offset[i];
+}
+
+static inline double taken(const Stub *s, int i, double value)
+{
+    return (value - s->offset[i]) / s->scale[i];
+}
+
 static inline double output(const Stub *s, int i)
 {
     const bool now = s->car.time >= s->car.when - EPSILON;
     if (now && i == X && is(s, "nan")) return NAN;
     if (now && i == V && is(s, "infinity")) return INFINITY;
-    return s->car.state[i] * s->scale[i];
+    return shown(s, i, s->late == 4 && s->car.steps > 0 ? s->car.before[i] : s->car.state[i]);
 }
 
 static inline Status get_real(Stub *s, unsigned reference, double *value)
@@ -496,13 +541,13 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
         derivatives(s, rate);
         *value = rate[reference - DER] * s->scale[reference - DER];
     } else if (reference == TAU_DRIVE || reference == TAU_STEER) {
-        *value = car->input[reference - TAU_DRIVE];
+        *value = car->input[reference - TAU_DRIVE] * (reference == TAU_STEER ? s->scale_steer : 1.0);
     } else if (reference == WHEELBASE) {
-        *value = car->a;
+        *value = car->a * s->scale_length;
     } else if (reference == WHEN) {
         *value = car->when;
     } else if (reference >= START && reference < START + 4) {
-        *value = car->start[reference - START] * s->scale[reference - START];
+        *value = shown(s, (int)reference - START, car->start[reference - START]);
     } else if (reference == POWER) {
         *value = car->input[0] * car->state[V];
     } else if (reference == INDICATOR || reference == INDICATOR + 1) {
@@ -516,6 +561,7 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
         for (int i = 0; i < 4; i++) value[i] = rate[i] * s->scale[i];
     } else if (reference == TORQUE) {
         memcpy(value, car->input, sizeof car->input);
+        value[1] *= s->scale_steer;
     } else if (reference == PUSH) {
         *value = car->push;
     } else if (reference == TIME) {
@@ -527,7 +573,7 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
         return ERROR;
     }
     const bool is_output = reference < STATES || reference == POSE;
-    if (is_output && s->late > 0 && car->steps == 0) {
+    if (is_output && s->late > 0 && s->late < 4 && car->steps == 0) {
         for (size_t i = 0; i < length(reference); i++) value[i] = s->late == 1 ? 0.0 : NAN;
         return s->late == 3 ? ERROR : OK;
     }
@@ -540,12 +586,14 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
     const bool before = car->mode < STEP_MODE;
     if (reference == TAU_DRIVE || reference == TAU_STEER) {
         const Status status = act(s, "set");
-        if (status < DISCARD) car->input[reference - TAU_DRIVE] = *value;
+        const double scale = reference == TAU_STEER ? s->scale_steer : 1.0;
+        if (status < DISCARD) car->input[reference - TAU_DRIVE] = *value / scale;
         return status;
     }
     if (reference == TORQUE) {
         const Status status = act(s, "set");
         if (status < DISCARD) memcpy(car->input, value, sizeof car->input);
+        if (status < DISCARD) car->input[1] /= s->scale_steer;
         return status;
     }
     if (reference == WHEELBASE) {
@@ -553,17 +601,17 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
             say(s, ERROR, "the wheelbase a = %g m is not positive", *value);
             return ERROR;
         }
-        car->a = *value;
+        car->a = *value / s->scale_length;
     } else if (reference == PUSH) {
         car->push = *value;
     } else if (reference == WHEN) {
         car->when = *value;
     } else if (before && reference < STATES && (!s->start_parameters || reference >= V)) {
-        car->state[reference] = *value / s->scale[reference];
+        car->state[reference] = taken(s, (int)reference, *value);
     } else if (before && reference == POSE && !s->start_parameters) {
-        for (int i = 0; i < 4; i++) car->state[i] = value[i] / s->scale[i];
+        for (int i = 0; i < 4; i++) car->state[i] = taken(s, i, value[i]);
     } else if (before && s->start_parameters && reference >= START && reference < START + 4) {
-        car->start[reference - START] = *value / s->scale[reference - START];
+        car->start[reference - START] = taken(s, (int)reference - START, *value);
     } else if (reference >= FILLER) {
         return OK;
     } else {

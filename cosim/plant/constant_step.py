@@ -1,0 +1,35 @@
+"""Steps of constant length that a Co-Simulation FMU takes inside, and whether they fit a communication step."""
+
+from __future__ import annotations
+
+
+def divides(part: float, step: float) -> bool:
+    """Return whether a communication step is a whole number of steps of a length, both in seconds."""
+    parts = step / part if part > 0 else 0.0
+    return round(parts) >= 1 and abs(parts - round(parts)) <= 1e-9 * parts
+
+
+def remedy(fitting: float) -> str:
+    """Return how a scenario gets a communication step that fits."""
+    return (
+        f'state step="{fitting:g} s" or a multiple in <simulation>, or try it with '
+        f"--set 'simulation/@step={fitting:g} s' of formation run, --step '{fitting:g} s' of compare-plants"
+    )
+
+
+def misfit(usual: float, step: float) -> str:
+    """Return why an FMU may not complete its steps, with the FMU as the subject; empty if nothing speaks against it.
+
+    Parameters
+    ----------
+    usual
+        The step [s] of its default experiment, if it takes steps of constant length only; else 0.
+    step
+        The communication step [s].
+    """
+    if not usual or divides(usual, step):
+        return ""
+    return (
+        f"takes steps of constant length only, and of {usual:g} s in its default experiment, which do not divide the "
+        f"communication step of {step:g} s: if it does not complete its steps, {remedy(usual)}"
+    )
