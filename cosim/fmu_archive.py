@@ -37,7 +37,7 @@ def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
     Raises
     ------
     InputError
-        It is no FMU, points outside of itself, has a file twice, or is larger than any FMU; `where` asks for it.
+        It is no FMU, leads outside, has a file in two versions, or is larger than any FMU; `where` asks for it.
     """
     try:
         if path.is_dir():
@@ -142,9 +142,9 @@ def _places(path: Path, archive: zipfile.ZipFile, where: Location | None) -> dic
             raise InputError(f"{path} is not an FMU: File {entry.filename!r} is encrypted", where)
         if name.endswith("/"):  # a folder
             continue
-        if place in places:  # what is checked here might not be what is used
-            raise InputError(f"the FMU {path} has the entry {str(place)!r} twice", where)
-        places[place] = entry
+        first = places.setdefault(place, entry)
+        if (first.file_size, first.CRC) != (entry.file_size, entry.CRC):  # some tools add the same file again
+            raise InputError(f"the FMU {path} has the entry {str(place)!r} twice, with different content", where)
     return places
 
 

@@ -62,7 +62,11 @@ def test_backslashes_do_not_lead_outside(stub: Path, tmp_path: Path, name: str) 
 
 def test_one_file_under_two_names(stub: Path, tmp_path: Path) -> None:
     path = zipped(tmp_path / "a.fmu", entries(stub) | {"a/b": b"1", "a\\b": b"2"})
-    assert "has the entry 'a/b' twice" in refused(path)
+    assert "has the entry 'a/b' twice, with different content" in refused(path)
+
+
+def test_one_file_that_was_added_twice(stub: Path, tmp_path: Path) -> None:
+    usable(zipped(tmp_path / "a.fmu", entries(stub) | {"extra/a.xml": b"1", "extra\\a.xml": b"1"}))
 
 
 def test_a_file_where_a_folder_is(stub: Path, tmp_path: Path) -> None:
