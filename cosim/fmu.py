@@ -16,7 +16,7 @@ from cosim.binding import Binding, bind
 from cosim.brought_code import brought_code
 from cosim.errors import InputError, Location
 from cosim.fmu_archive import unpack
-from cosim.fmu_description import read
+from cosim.fmu_description import Reading, read
 from cosim.plain_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario import BindingSource
@@ -34,6 +34,8 @@ class Package:
         What it says of itself.
     problems : tuple of str
         What is wrong with that, by the schema and by what FMPy checks: many FMUs in use break a rule or two.
+    capabilities : dict of dict of str
+        The attributes of each interface that it offers, by the interface's name; see `cosim.fmu_description.Reading`.
     directory : Path
         Where it is unpacked, until `close`.
     """
@@ -42,6 +44,7 @@ class Package:
     sha256: str
     description: Any
     problems: tuple[str, ...]
+    capabilities: dict[str, dict[str, str]]
     directory: Path
 
     def close(self) -> None:
@@ -135,7 +138,7 @@ def experiment_number(description: Any, name: str) -> float | None:
     return number if 0.0 < number < math.inf else None
 
 
-def _described(path: Path, directory: Path, where: Location | None) -> tuple[Any, tuple[str, ...]]:
+def _described(path: Path, directory: Path, where: Location | None) -> Reading:
     try:
         return read(directory)
     except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmpy
 from fmpy import validation
@@ -22,9 +22,16 @@ from lxml import etree
 from cosim.binding import NEGATED
 from cosim.errors import printable
 from cosim.fmu_archive import DESCRIPTION
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
 PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
 
+SCHEDULED_EXECUTION = "scheduled_execution"
+_INTERFACES = {
+    "CoSimulation": CO_SIMULATION,
+    "ModelExchange": MODEL_EXCHANGE,
+    "ScheduledExecution": SCHEDULED_EXECUTION,
+}
 _LONGEST = 300
 """Characters of a problem: some of FMPy's name every variable there is."""
 _B_NAME = r"(?:[A-Za-z_][A-Za-z0-9_]*|'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+')"
@@ -34,22 +41,34 @@ _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 """A name by the convention "structured": FMI 2.0, section 2.2.9; FMI 3.0, section 2.4.7.5.1."""
 
 
-def read(directory: Path) -> tuple[Any, tuple[str, ...]]:
-    """Return what an unpacked FMU says of itself, and what is wrong with it, each in a line.
+class Reading(NamedTuple):
+    """What an FMU says of itself.
 
-    Returns
-    -------
+    Attributes
+    ----------
     description : fmpy.model_description.ModelDescription
-        What it says.
+        As FMPy reads it.
     problems : tuple of str
-        Breaches of the schema and of the rules that FMPy checks beyond it.
+        Breaches of the schema and of the rules that FMPy checks beyond it, each in a line.
+    capabilities : dict of dict of str
+        The attributes of each interface that it offers, by the interface's name, also of those unusable here. FMPy does
+        not read all of them: none of FMI 1.0, and not ``providesDirectionalDerivatives`` of FMI 3.0.
+    """
+
+    description: Any
+    problems: tuple[str, ...]
+    capabilities: dict[str, dict[str, str]]
+
+
+def read(directory: Path) -> Reading:
+    """Return what an unpacked FMU says of itself.
 
     Raises
     ------
     Exception
         FMPy cannot read it: why.
     """
-    with _without_collection():
+    with without_collection():
         root = _root(directory / DESCRIPTION)
         problems = list(_breaches(root))
         try:
@@ -59,7 +78,7 @@ def read(directory: Path) -> tuple[Any, tuple[str, ...]]:
         if description.fmiVersion == "1.0":
             _complete(description, root)
         problems += _complaints(description)
-    return description, tuple(" ".join(problem.split()) for problem in problems)
+        return Reading(description, tuple(" ".join(problem.split()) for problem in problems), _capabilities(root))
 
 
 def summed_up(problems: Iterable[str]) -> list[str]:
@@ -77,7 +96,7 @@ def shortened(problem: str) -> str:
 
 
 @contextmanager
-def _without_collection() -> Iterator[None]:
+def without_collection() -> Iterator[None]:
     """Keep Python from looking for garbage in all that is read, which takes as long as reading it."""
     enabled = gc.isenabled()
     gc.disable()
@@ -129,6 +148,21 @@ def _breaches(root: etree._Element) -> Iterator[str]:
     if schema is not None and not schema.validate(root):
         for entry in schema.error_log:
             yield f"line {entry.line}: {entry.message}"
+
+
+def _capabilities(root: etree._Element) -> dict[str, dict[str, str]]:
+    if root.get("fmiVersion") != "1.0":
+        return {
+            name: dict(element.attrib) for tag, name in _INTERFACES.items() if (element := root.find(tag)) is not None
+        }
+    implementation = root.find("Implementation")
+    if implementation is None:
+        return {MODEL_EXCHANGE: {}}
+    said = implementation.find(".//Capabilities")
+    attributes = {} if said is None else dict(said.attrib)
+    if implementation.find("CoSimulation_Tool") is not None:
+        attributes["needsExecutionTool"] = "true"
+    return {CO_SIMULATION: attributes}
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -72,10 +72,10 @@ def _numbers(description: Any) -> Iterator[Number]:
         if name.startswith(("der(", "__")):
             continue
         try:
-            shape = shape_of(description, variable)
+            shape = shape_of(description, variable) if variable.dimensions else ()
         except ValueError:
             continue
-        if indexed := _INDEXED.fullmatch(name):
+        if name.endswith("]") and (indexed := _INDEXED.fullmatch(name)):
             arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
         elif not shape:
             yield Number(variable, 0, name, *_named(description, variable, name))
@@ -109,21 +109,23 @@ class Numbers:
 
     def __init__(self, description: Any) -> None:
         self._all = list(_numbers(description))
-        self._of_word: dict[str, list[int]] = {}
-        self._of_causality: dict[str, list[int]] = {}
-        self._of_array: dict[str, list[Number]] = {}
+        self._of_name = {number.name: place for place, number in enumerate(self._all)}
+        self._of_word: dict[str, list[int]] = defaultdict(list)
+        self._of_causality: dict[str, list[int]] = defaultdict(list)
+        self._of_array: dict[str, list[Number]] = defaultdict(list)
         for place, number in enumerate(self._all):
-            self._of_causality.setdefault(number.variable.causality, []).append(place)
-            self._of_array.setdefault(number.array, []).append(number)
-            for word in {*number.words, number.name}:
-                self._of_word.setdefault(word, []).append(place)
+            self._of_causality[number.variable.causality].append(place)
+            if number.array:
+                self._of_array[number.array].append(number)
+            for word in number.words:
+                self._of_word[word].append(place)
 
     def of(self, causality: str) -> list[Number]:
         """Return those of a causality."""
         return [self._all[place] for place in self._of_causality.get(causality, ())]
 
     def having(self, words: Iterable[str]) -> list[Number]:
-        """Return those whose names have any of some words."""
+        """Return those whose names have any of some words, or are one of them."""
         return [self._all[place] for place in sorted(self._places(words))]
 
     def array_of(self, number: Number) -> list[Number]:
@@ -136,11 +138,15 @@ class Numbers:
         groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
         recognition = RECOGNITIONS[contract.vehicle].get(role.name)
         for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
-            groups.append(min(clue.groups, key=lambda group: len(self._places(group))))
+            groups.append(min(clue.groups, key=self._frequency))
         return self.having({word for group in groups for word in group})
 
     def _places(self, words: Iterable[str]) -> set[int]:
-        return {place for word in words for place in self._of_word.get(word, ())}
+        names = {self._of_name[word] for word in words if word in self._of_name}
+        return names.union(*(self._of_word.get(word, ()) for word in words))
+
+    def _frequency(self, words: Iterable[str]) -> int:
+        return sum(len(self._of_word.get(word, ())) for word in words)
 
 
 class Reading(NamedTuple):

@@ -15,7 +15,7 @@ from cosim.cli.console import broken, out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu_archive import size
-from cosim.fmu_facts import NAMES, capabilities, obstacle
+from cosim.fmu_facts import NAMES, obstacle
 from cosim.fmu_units import unit_name
 from cosim.plant.spec import CO_SIMULATION
 from cosim.proposal import Proposal, attributes, proposals
@@ -123,7 +123,7 @@ def _print_interfaces(console: Console, package: Package) -> None:
     shown = table(console, "Interfaces")
     for heading in ("interface", "here", "what it can"):
         shown.add_column(heading, no_wrap=heading != "what it can")
-    for name, said in capabilities(package).items():
+    for name, said in package.capabilities.items():
         shown.add_row(
             NAMES[name],
             "supported" if name in usable else "not supported",
