@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
@@ -99,32 +99,25 @@ _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W_]+")
 
 def words_of(name: str) -> tuple[str, ...]:
     """Return the words of a name in lower case, in English: ``vehicle.rearAxle.x0`` has vehicle, rear, axle, x, 0."""
-    return _found(name, _english)
+    return in_english(parts_of(name))
 
 
 def parts_of(name: str) -> tuple[str, ...]:
     """Return the words of a name as they are."""
-    return _found(name, _parts)
-
-
-def in_english(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return words in English, where they are known of another language."""
-    return tuple(english for word in words for english in TRANSLATED.get(word, (word,)))
-
-
-def _found(name: str, words_in: Callable[[str], tuple[str, ...]]) -> tuple[str, ...]:
     words: list[str] = []
     for part in _PART.findall(plain(name)):
         if part.isdigit():  # of an index there may be a hundred thousand
             words.append(part)
         else:
-            words += words_in(part)
+            words += _parts(part)
     return tuple(words)
 
 
-@lru_cache(maxsize=10_000)
-def _english(part: str) -> tuple[str, ...]:
-    return in_english(_parts(part))
+def in_english(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return words in English, where they are known of another language."""
+    if TRANSLATED.keys().isdisjoint(words):
+        return words
+    return tuple(english for word in words for english in TRANSLATED.get(word, (word,)))
 
 
 def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:

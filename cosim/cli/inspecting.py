@@ -15,6 +15,7 @@ from cosim.cli.console import broken, out, safe, table, warn
 from cosim.errors import printable
 from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu_archive import size
+from cosim.fmu_description import without_collection
 from cosim.fmu_facts import NAMES, obstacle
 from cosim.fmu_units import unit_name
 from cosim.plant.spec import CO_SIMULATION
@@ -48,6 +49,7 @@ _ORDER = {
 }
 
 
+@without_collection()
 def inspect(options: argparse.Namespace) -> int:
     """Print what an FMU says of itself, and what it can be used for; or let it test itself."""
     if options.self_test:

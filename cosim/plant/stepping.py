@@ -163,7 +163,7 @@ def advance(
         status = enter_event_mode(row)
         if status > WARNING:
             return EVENT, status
-    if row["in_count"] > 0:
+    if jump or (row["in_count"] > 0 and row["kind"] != MODEL):  # discrete inputs are set in Event Mode alone
         if row["version"] == 3:
             arguments = (row["component"], row["in_names"], row["in_count"], row["in_values"], row["in_size"])
             status = _exchange_3(row["set"], arguments)

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from cosim.cli import main
 from cosim.errors import InputError
@@ -137,3 +138,19 @@ def test_references_that_lead_nowhere(tmp_path: Path, fmi: str, replacement: tup
         open_package(path)
     assert "list index" not in str(caught.value)
     assert "99" in str(caught.value) or "missing" in said
+
+
+def test_a_description_is_parsed_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Once by FMPy and once here: it may have a hundred thousand variables."""
+    stub, parsed, parse = make_fmu(tmp_path), [], etree.parse
+
+    def counted(source: object, *more: object) -> object:
+        parsed.append(str(source))
+        return parse(source, *more)
+
+    monkeypatch.setattr(etree, "parse", counted)
+    assert main(["inspect", str(stub)]) == 0
+    assert "variable communication step" in " ".join(capsys.readouterr().out.split())
+    assert len([name for name in parsed if name.endswith("modelDescription.xml")]) == 2

@@ -284,6 +284,14 @@ def test_state_events_and_inputs_that_jump(make: Make, fmi: str, solver: str) ->
     assert moved[time > 3.6, 3] == pytest.approx(-0.5, abs=1e-12)
 
 
+@pytest.mark.parametrize("fmi", FMI[1:])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_discrete_inputs_are_set_in_event_mode_alone(make: Make, fmi: str, solver: str) -> None:
+    torques = np.repeat([[10.0, 1.0], [0.0, 0.0], [-5.0, -1.0]], 4, axis=0)
+    moved, expected = (drive(make(fmi=fmi, jumps=jumps, **MODEL), torques, solver=solver) for jumps in (True, False))
+    np.testing.assert_array_equal(moved, expected)
+
+
 @pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_step_event(make: Make, fmi: str, solver: str) -> None:

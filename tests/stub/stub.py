@@ -177,6 +177,7 @@ class Options:
     end_stop: float | None = None
     time_event: bool = False
     step_event: bool = False
+    jumps: bool = False
     feedthrough: bool = False
     units: str = "si"
     compass: bool = False
@@ -241,6 +242,7 @@ class Options:
             "once": self.once,
             "time_event": self.time_event or self.event_mode,
             "step_event": self.step_event,
+            "jumps": self.jumps,
             "start_parameters": self.initial == "parameters",
             "start_torque": self.start_torque,
             "late": ("", "zero", "nan", "error", "step").index(self.late),
@@ -299,6 +301,8 @@ def make_fmu(where: Path, **options: object) -> Path:
         At the time `when` it brakes to standstill.
     step_event : bool
         The heading is brought back to at most half a turn; in Model Exchange by events after integrator steps.
+    jumps : bool
+        The torques are discrete: in Model Exchange they are set in Event Mode alone. FMI 2 and 3.
     feedthrough : bool
         The output ``power`` = tau_drive v.
     units : {"si", "deg", "names", "none", "odd"}
@@ -438,6 +442,7 @@ def _variables(options: Options) -> Iterator[Variable]:
     units = _UNITS[options.units]
     *state_units, torque, length, second = units
     exact = options.initial == "exact"
+    held = "discrete" if options.jumps else "continuous"
     calculated = {"initial": "calculated"}
     for i, (name, unit) in enumerate(zip(_ROLES, state_units, strict=True)):
         if options.arrays and i < 4:
@@ -460,10 +465,10 @@ def _variables(options: Options) -> Iterator[Variable]:
         if options.arrays:
             yield Variable("der(pose)", 32, "local", size=4, derivative=30, **calculated)
     if options.arrays:
-        yield Variable("torque", 31, "input", size=2, unit=torque, start="0 0")
+        yield Variable("torque", 31, "input", held, size=2, unit=torque, start="0 0")
     else:
-        yield Variable("tau_drive", 12, "input", unit=torque, start="0")
-        yield Variable("tau_steer", 13, "input", unit=torque, start="0")
+        yield Variable("tau_drive", 12, "input", held, unit=torque, start="0")
+        yield Variable("tau_steer", 13, "input", held, unit=torque, start="0")
     fixed = {"causality": "parameter", "variability": "fixed", "initial": "exact"}
     tunable = {"causality": "parameter", "variability": "tunable", "initial": "exact"}
     yield Variable("a", 14, unit=length, start=repr(1.2 / 201.168) if length == "furlong" else "1.2", **tunable)

@@ -74,7 +74,7 @@ struct Stub {
     double end_stop, fixed_step, seconds, per_whole; /* per_whole: units of a whole number in one of the real one */
     int late; /* before the first step outputs are: 1 zero, 2 not a number, 3 refused; 4: always those of one step before */
     long lines;
-    bool once, time_event, step_event, start_parameters, start_torque, says_tolerance;
+    bool once, time_event, step_event, start_parameters, start_torque, says_tolerance, jumps;
     bool model_exchange, fatal, nothing, event_mode, early_always;
     bool early_return, intermediate_update, save;
     bool event_mode_used, early_allowed; /* as the importer says, FMI 3 */
@@ -322,6 +322,7 @@ static inline Stub *create(Stub made, const char *name, const char *token, const
     s->once = option(token, "once", 0) != 0;
     s->time_event = option(token, "time_event", 0) != 0;
     s->step_event = option(token, "step_event", 0) != 0;
+    s->jumps = option(token, "jumps", 0) != 0;
     s->start_parameters = option(token, "start_parameters", 0) != 0;
     s->late = (int)option(token, "late", 0.0);
     s->says_tolerance = option(token, "says_tolerance", 0) != 0;
@@ -580,10 +581,18 @@ static inline Status get_real(Stub *s, unsigned reference, double *value)
     return is_output ? act(s, "get") : OK;
 }
 
+static inline bool settable_discrete(Stub *s, unsigned reference)
+{
+    if (!s->model_exchange || s->car.mode != CONTINUOUS_TIME) return true;
+    say(s, ERROR, "the discrete variable with the value reference %u cannot be set in continuous time", reference);
+    return false;
+}
+
 static inline Status set_real(Stub *s, unsigned reference, const double *value)
 {
     Car *const car = &s->car;
     const bool before = car->mode < STEP_MODE;
+    if (s->jumps && !settable_discrete(s, reference)) return ERROR;
     if (reference == TAU_DRIVE || reference == TAU_STEER) {
         const Status status = act(s, "set");
         const double scale = reference == TAU_STEER ? s->scale_steer : 1.0;
@@ -622,13 +631,6 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
 }
 
 /* Whether a discrete input can be set now: of Model Exchange not in continuous time (FMI 2.0, section 3.2.1). */
-static inline bool settable_discrete(Stub *s, unsigned reference)
-{
-    if (!s->model_exchange || s->car.mode != CONTINUOUS_TIME) return true;
-    say(s, ERROR, "the discrete variable with the value reference %u cannot be set in continuous time", reference);
-    return false;
-}
-
 static inline Status get_whole(Stub *s, unsigned reference, int *value)
 {
     const Car *const car = &s->car;
