@@ -40,7 +40,7 @@ def _replay(request: dict[str, Any], said: deque[str]) -> bytes:
         text = arguments[-1]
         said.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
 
-    description, _ = read(Path(request["directory"]))
+    description = read(Path(request["directory"])).description
     stimuli = None
     if request["stimuli"] is not None:
         columns = [("time", np.float64), *((name, np.float64) for name in request["stimuli"]["columns"])]
