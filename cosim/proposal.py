@@ -216,11 +216,9 @@ def binding_xml(proposal: Proposal, file: str) -> str:
         about += f' Where it says "{OPEN}", fill in what the comment asks for.'
     root.addprevious(_comment(textwrap.fill(about, 110, subsequent_indent=" " * 5)))
     for suggestion in proposal.suggestions:
-        if suggestion.needs_no_binding:
-            continue
         for sentence in (*suggestion.open, *suggestion.doubts):
             root.append(_comment(f"{suggestion.role.name}: {sentence}"))
-        if (source := suggestion.source) is not None:
+        if (source := suggestion.source) is not None and not suggestion.needs_no_binding:
             root.append(etree.Element(f"{{{NAMESPACE}}}role", attributes(source)))
     etree.indent(root)
     text = etree.tostring(root.getroottree(), encoding="unicode", pretty_print=True)

@@ -19,6 +19,7 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.fmu import Package, open_package
 from cosim.grammar import NAMESPACE
 from cosim.parameters import check_constant, needs_a_role, value_of
+from cosim.probe import Probe, probed, with_doubts
 from cosim.proposal import Proposal, binding_xml, proposals, propose
 from cosim.quantity import quantity
 from cosim.reader import read_binding, read_scenario
@@ -50,6 +51,8 @@ class Replacement:
         The same as a binding has it.
     binding : Path or None
         The binding's file; None if none is needed.
+    probe : Probe or None
+        What moved in a short drive; None if none was made.
     """
 
     plant: str
@@ -58,6 +61,7 @@ class Replacement:
     proposal: Proposal | None
     roles: tuple[RoleSource, ...]
     binding: Path | None
+    probe: Probe | None = None
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,13 @@ class Swap:
 
 
 def swap(
-    path: Path, fmus: Mapping[str, Path], bindings: Mapping[str, Path], variant: Path | None, cleanup: ExitStack
+    path: Path,
+    fmus: Mapping[str, Path],
+    bindings: Mapping[str, Path],
+    variant: Path | None,
+    cleanup: ExitStack,
+    *,
+    drive: bool = True,
 ) -> Swap:
     """Return a variant of a scenario in which plants are FMUs, and the bindings that these need.
 
@@ -99,6 +109,8 @@ def swap(
         The file to be written; without it, beside the scenario, named after both. Bindings go beside it.
     cleanup
         Gets what must be undone in the end.
+    drive
+        Whether FMUs of which not all is known are driven for a second, to see what moves.
 
     Raises
     ------
@@ -117,7 +129,8 @@ def swap(
     if variant.resolve() == path.resolve():
         raise InputError(f"{variant} is the scenario itself, of which a variant is to be written")
     replacements = tuple(
-        _replacement(scenario, plant, fmu, bindings.get(plant), variant.parent, cleanup) for plant, fmu in fmus.items()
+        _replacement(scenario, plant, fmu, bindings.get(plant), variant.parent, cleanup, drive)
+        for plant, fmu in fmus.items()
     )
     texts: dict[Path, str] = {}
     for replacement in replacements:
@@ -131,7 +144,7 @@ def swap(
 
 
 def _replacement(
-    scenario: Scenario, plant: str, fmu: Path, binding: Path | None, folder: Path, cleanup: ExitStack
+    scenario: Scenario, plant: str, fmu: Path, binding: Path | None, folder: Path, cleanup: ExitStack, drive: bool
 ) -> Replacement:
     package = open_package(fmu)
     cleanup.callback(package.close)
@@ -146,8 +159,11 @@ def _replacement(
             f"the FMU {fmu} cannot be the plant {plant!r}: as a {proposal.contract.vehicle} vehicle, "
             f"{proposal.refusal}. If that is wrong, --binding {plant}=FILE.xml says which variable plays which role"
         )
+    probe = probed(package, proposal) if drive and (proposal.open or proposal.doubts) else None
+    if probe is not None:
+        proposal = with_doubts(proposal, probe)
     needed = None if proposal.needs_no_binding else folder / f"{fmu.stem}{BINDING_SUFFIX}"
-    return Replacement(plant, package, proposal.contract, proposal, proposal.binding.roles, needed)
+    return Replacement(plant, package, proposal.contract, proposal, proposal.binding.roles, needed, probe)
 
 
 def _contract(scenario: Scenario, plant: str) -> Contract | None:

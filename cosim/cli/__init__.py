@@ -210,6 +210,12 @@ def _parser() -> Parser:
         help="a binding for it; without one, it is proposed and written",
     )
     swap.add_argument(
+        "--no-probe",
+        dest="probe",
+        action="store_false",
+        help="run nothing of an FMU; else one of which not all is known is driven for a second, to see what moves",
+    )
+    swap.add_argument(
         "--out", type=Path, metavar="FILE.xml", help="the variant (beside the scenario, named after both)"
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")

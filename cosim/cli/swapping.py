@@ -7,11 +7,12 @@ import shlex
 from contextlib import ExitStack
 from pathlib import Path
 
-from cosim.cli.console import out, safe, warn
+from cosim.cli.console import out, safe, table, warn
 from cosim.cli.overview import doubtful_plants
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
 from cosim.fmu_facts import obstacle
+from cosim.probe import DURATION, Probe
 from cosim.reader import read_scenario
 from cosim.result import write
 from cosim.setup import set_up
@@ -23,7 +24,7 @@ def swap_plants(options: argparse.Namespace) -> int:
     fmus = {plant: Path(fmu) for plant, fmu in pairs("--plant", options.plant, "ID=FILE.fmu")}
     bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
     with ExitStack() as cleanup:
-        swapped = swap(options.scenario, fmus, bindings, options.out, cleanup)
+        swapped = swap(options.scenario, fmus, bindings, options.out, cleanup, drive=options.probe)
         if swapped.variant.is_dir():
             raise InputError(
                 f"--out {swapped.variant} is a folder: name the file of the variant, such as "
@@ -80,7 +81,27 @@ def _report(replacement: Replacement) -> bool:
             for suggestion in suggestions:
                 for sentence in getattr(suggestion, sentences):
                     console.print(f"  {safe(suggestion.role.name)}: {safe(sentence)}", soft_wrap=True)
+    if replacement.probe is not None:
+        _show(replacement.probe)
     return bool(proposal.open)
+
+
+def _show(probe: Probe) -> None:
+    """Print what moved in the short drive."""
+    if probe.problem:
+        out().print(f"[bold]what moves[/] is not known: {safe(probe.problem)}", soft_wrap=True)
+        return
+    shown = table(out(), f"What moves in {DURATION:g} s, beside the FMU without input")
+    alone = [f"{name} = {probe.amplitude:g}" for name in probe.inputs]
+    for heading in ("output", *alone, *(["all together"] if len(alone) > 1 else [])):
+        shown.add_column(safe(heading), justify="left" if heading == "output" else "right", overflow="fold")
+    moved = {name: changes for name, changes in probe.changes.items() if any(changes)}
+    for name, changes in moved.items():
+        shown.add_row(safe(name), *(f"{change:.3g}" for change in changes))
+    if moved:
+        out().print(shown)
+    if still := [name for name in probe.changes if name not in moved]:
+        out().print(f"what does not move: {safe(', '.join(still))}", soft_wrap=True)
 
 
 def _next(command: str, when: str) -> None:
