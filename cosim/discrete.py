@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -39,7 +40,7 @@ def discrete_value(variable: Any, text: str) -> Discrete:
         The text is no value of the variable's type.
     """
     if variable.type in WHOLE:
-        if not text.lstrip("+-").isdecimal() or len(text) > 20:
+        if not re.fullmatch(r"[+-]?[0-9]{1,20}", text):
             raise ValueError(f"{text!r} is not a whole number")
         return int(text)
     if variable.type == "Enumeration":
@@ -86,12 +87,21 @@ def check_bounds(variable: Any, value: float, text: str) -> None:
 
 
 def start_of_discrete(variable: Any) -> Discrete:
-    """Return the start value of a variable; false, zero, the first item or an empty text where the FMU states none."""
+    """Return the start value of a variable; false, the first item or an empty text where the FMU states none.
+
+    Whole numbers have none here: those of signals add up from zero.
+
+    Raises
+    ------
+    ValueError
+        The FMU states one that is no value of an enumeration; the FMU is the subject of the text.
+    """
     text = variable.start if isinstance(variable.start, str) else ""
-    if variable.type in WHOLE:
-        return int(text or 0)
     if variable.type == "Enumeration":
-        return int(text) if text else min(items(variable), default=1)
+        try:
+            return int(text) if text else min(items(variable), default=1)
+        except ValueError:
+            raise ValueError(f"has the start value {text[:40]!r} of {variable.name!r}, which is no number") from None
     return _SWITCHES.get(text, False) if variable.type == "Boolean" else text
 
 
@@ -124,12 +134,11 @@ def input_course(source: InputSource, variable: Any, times: NDArray[np.float64])
     course: dict[int, Discrete] = {}
     before: Discrete | None = None
     for tick in ticks:
-        value = _together(
-            variable, [values[k] for (values, _), k in zip(courses, index[:, tick], strict=True) if k >= 0]
-        )
-        if value == before:
-            continue
+        acting_now = [values[k] for (values, _), k in zip(courses, index[:, tick], strict=True) if k >= 0]
         try:
+            value = _together(variable, acting_now)
+            if value == before:
+                continue
             check_whole(variable, value, str(value))
         except ValueError as error:
             raise InputError(f"the input {source.name!r} at {times[tick]:g} s: {error}", source.where) from None

@@ -68,7 +68,7 @@ def has_document_type(xml: bytes) -> bool:
 
     It is asked of the parser that reads the document later: another one may not know its encoding.
     """
-    parser = etree.XMLParser(target=_Beginning(), resolve_entities=False, no_network=True)
+    parser = etree.XMLParser(target=_Beginning(), resolve_entities=False, no_network=True, huge_tree=True)
     try:
         for begin in range(0, len(xml), _BLOCK):
             parser.feed(xml[begin : begin + _BLOCK])

@@ -175,7 +175,13 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
         variable = bound.played_by.variable
         if variable.type == "Enumeration":
             value = values.get(variable.name, variable.start)
-            found[field] = None if value is None else items(variable).get(int(value))
+            try:
+                found[field] = None if value is None else items(variable).get(int(value))
+            except ValueError:
+                raise InputError(
+                    f"the FMU {fmu.path.name} has the start value {value!r} of {variable.name!r}, which is no number",
+                    where,
+                ) from None
             continue
         if variable.name in values:
             number = float(values[variable.name])

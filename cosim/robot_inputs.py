@@ -163,6 +163,7 @@ def _as_role(
     values = [wave.value for wave in source.waves if wave.kind != "table"]
     try:
         unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
+        start_of(fmu.description, variable)  # which must be such that it can be exchanged
     except (ValueError, UnitError) as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where

@@ -120,6 +120,7 @@ def test_a_table_holds_from_row_to_row(tmp_path: Path, name: str, rows: str, exp
         ('<input name="enable" value="maybe"/>', "", "value=\"maybe\" of <constant>: 'maybe' is neither true nor false"),
         ('<input name="gear" value="1.5"/>', "", "'1.5' is not a whole number"),
         ('<input name="gear" value="1 m"/>', "", "'1 m' is not a whole number"),
+        ('<input name="gear" value="+-1"/>', "", "'+-1' is not a whole number"),
         ('<input name="gear" value="2000000000"/><input name="gear" value="2000000000"/>', "", "the input 'gear' at 0 s: 4000000000 is out of bounds; a Integer is from"),
         ('<input name="direction" value="bacward"/>', "", "'bacward' is none of its items: did you mean 'backward'"),
         ('<input name="enable"><table file="t.csv" column="it"/></input>', "", "the column 'it' of"),
@@ -167,6 +168,26 @@ def test_a_unit_that_contradicts_its_name_takes_the_bare_number(tmp_path: Path, 
         cosim.run(path)
     path.write_text(path.read_text(encoding="utf-8").replace('"1 N"', '"1"'), encoding="utf-8")
     assert gains(cosim.run(path)) == pytest.approx(course((1.0, 1 + 0.1 / ACCELERATION)))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "inputs"),
+    [
+        (r'(name="push".*?start=")[^"]*', r"\1abc", '<input name="push"><constant value="1 N"/></input>'),
+        (r'(name="direction".*?start=")[^"]*', r"\1abc", '<input name="direction"><step value="backward" at="0.5 s"/></input>'),
+        (r'(name="drive".*?start=")[^"]*', r"\1abc", ""),
+    ],
+)  # fmt: skip
+def test_a_start_value_that_is_no_number_is_told(tmp_path: Path, before: str, after: str, inputs: str) -> None:
+    """The schema does not allow it, which is but a warning."""
+    path = written(tmp_path, inputs)
+    with zipfile.ZipFile(tmp_path / "stub.fmu") as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    text, changed = re.subn(before, after, content["modelDescription.xml"].decode(), count=1, flags=re.DOTALL)
+    assert changed
+    write(tmp_path / "stub.fmu", content | {"modelDescription.xml": text.encode()})
+    with pytest.raises(cosim.InputError, match=r"has the start value 'abc' of '.*', which is no number"):
+        cosim.run(path)
 
 
 def test_what_another_fmu_lacks_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ import os
 import re
 from pathlib import Path
 
-import xarray as xr
+import h5netcdf
 
 from cosim.provenance import Provenance
 
@@ -42,7 +42,7 @@ def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | Non
 def _provenance(path: Path) -> Provenance | None:
     """Return what a result is of; None if there is no result, or one that does not tell."""
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as result:
+        with h5netcdf.File(path, "r") as result:  # xarray would decode all variables, too
             return Provenance.of(result.attrs) if "changes" in result.attrs else None
     except Exception:  # whatever it is, it is no result that could be kept
         return None

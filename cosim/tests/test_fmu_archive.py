@@ -140,6 +140,10 @@ def test_what_is_not_xml_declares_no_document_type(xml: bytes) -> None:
     assert not has_document_type(xml)
 
 
+def test_a_document_type_behind_a_long_comment() -> None:
+    assert has_document_type(b"<!--" + b"x" * 11_000_000 + b"--><!DOCTYPE a><a/>")
+
+
 def test_entities_are_not_expanded_in_an_encoding_that_few_parsers_know(stub: Path, tmp_path: Path) -> None:
     content = entries(stub)
     xml = content["modelDescription.xml"].decode()
