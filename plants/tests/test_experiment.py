@@ -14,7 +14,7 @@ from lxml import etree
 
 import plants
 from plants import numeric
-from plants.factory.experiment import FOLDER, LEVELS, TOLERANCE, reference_experiment
+from plants.factory.experiment import FOLDER, TOLERANCE, reference_experiment
 from plants.factory.generate import generate
 from plants.factory.table import tabulate
 from plants.ode import Input, Limit, OdeModel, State
@@ -85,9 +85,9 @@ def test_it_agrees_with_the_numpy_functions() -> None:
     found = reference_experiment(model, tabulate(model))
     functions = numeric.compile(model)
     references = rows(found.results)
-    state, held, p = functions.start(), functions.inputs(tau_right=10.0 * LEVELS[0]), functions.parameters()
     stimuli = rows(found.stimuli)[0]
-    held = np.array([stimuli[i.name] for i in model.inputs])
+    held = functions.inputs(**{i.name: stimuli[i.name] for i in model.inputs})
+    state, p = functions.start(), functions.parameters()
     for k in range(5):
         state = functions.rk4(0.02 * k, state, held, p, 0.02)
     expected = [*state, *functions.outputs(0.1, state, held, p)]
