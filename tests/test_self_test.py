@@ -4,6 +4,7 @@ import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -73,6 +74,17 @@ def test_ours_agree(self_test: Callable[..., tuple[str, str]], fmi: str) -> None
     printed, errors = self_test(plants.build("car_like", fmi=fmi))
     assert errors == ""
     assert re.findall(r"reference (\w+) \S+ \S+ \S+ s agrees", printed) == ["x", "y", "psi", "gamma", "v", "omega"]
+
+
+def test_models_of_users_agree(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
+    """The one of docs/own_model.md, which has an output that is no state, and states that are no outputs."""
+    page = (Path(__file__).parents[1] / "docs" / "own_model.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], names)
+    printed, _ = self_test(plants.build(names["unicycle"], out=tmp_path))
+    assert re.findall(r"reference (\w+) \S+ \S+ \S+ s agrees", printed) == [
+        "x", "y", "theta", "w_right", "w_left", "speed"
+    ]  # fmt: skip
 
 
 def test_a_wrong_result_is_found_where_it_is(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
