@@ -413,7 +413,7 @@ def _sought(suggestion: Suggestion, description: Any, numbers: Numbers, played: 
 
 def _element(role: Role, name: str, description: Any, numbers: Numbers) -> str:
     """Return the element of a binding in which a number plays a role."""
-    number = next(number for number in numbers.of(role.causality) if number.name == name)
+    number = next(n for causality in ALLOWED[role.causality] for n in numbers.of(causality) if n.name == name)
     read = reading(description, number, role) or Reading()
     source = RoleSource(name=role.name, variable=name, unit=read.unit, factor=read.factor, where=_HERE)
     return "<role " + " ".join(f'{key}="{value}"' for key, value in attributes(source).items()) + "/>"

@@ -312,6 +312,12 @@ def test_a_velocity_that_is_not_obvious_is_left_out_and_told(
     assert "v" not in {role.name for role in read_binding(file).roles}
 
 
+def test_velocities_among_locals(car: Any) -> None:
+    proposal = car({"body.speed": "local m/s", "cab.speed": "local m/s"})
+    assert of(proposal, "v").candidates == ("body.speed", "cab.speed")
+    assert '<role name="v" variable="body.speed"/>' in of(proposal, "v").doubts[0]
+
+
 def test_without_outputs_that_could_be_velocities_nothing_is_told(car: Any) -> None:
     proposal = car({"power": "output N.m"})
     assert (of(proposal, "v").doubts, of(proposal, "omega").doubts) == ((), ())
