@@ -51,6 +51,8 @@ def reason(data: bytes, index: int, code: int, opened: Sequence[tuple[str, int]]
         return "nothing may follow the end of the root element"
     if code == _CODE[errors.XML_ERROR_MISPLACED_XML_PI]:
         return "<?xml ...?> must be the very beginning of the file: remove what is before it"
+    if code == _CODE[errors.XML_ERROR_XML_DECL]:
+        return 'the first line is not as expected; write <?xml version="1.0" encoding="UTF-8"?>'
     if code == _CODE[errors.XML_ERROR_INCORRECT_ENCODING]:
         return "the file is not in the encoding that it declares: save it in UTF-8 and declare that"
     if code == _CODE[errors.XML_ERROR_SYNTAX]:

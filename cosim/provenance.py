@@ -66,7 +66,8 @@ class Provenance:
         """Seed and versions, in words."""
         laws = sorted(self.versions.keys() - set(HOUSE) - {"python", "fmpy", "numpy", "numba", "xarray"})
         shown = ", ".join(f"{name} {self.versions[name]}" for name in (*HOUSE, *laws) if name in self.versions)
-        return f"seed {self.seed}; {shown}"
+        seed = "" if self.seed is None else f"seed {self.seed}"
+        return "; ".join(part for part in (seed, shown) if part)
 
 
 def attributes(file: Path, changes: tuple[str, ...], failure: Failure | None) -> dict[str, str]:

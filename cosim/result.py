@@ -27,6 +27,8 @@ from cosim.scenario import Scenario
 from cosim.setup import Setup
 from cosim.team import Team
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+"""What a netCDF file of version 4 begins with."""
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
 
@@ -189,6 +191,9 @@ def load_result(path: str | Path) -> xr.Dataset:
     try:
         return load(file)
     except Exception as error:  # the libraries raise many kinds
+        with suppress(OSError), file.open("rb") as stream:
+            if stream.read(len(_HDF5)) != _HDF5:
+                raise InputError(f"{file} is no netCDF file; expected is the result of a run, result.nc") from None
         raise InputError(f"{file} cannot be read as the result of a run: {type(error).__name__}: {error}") from None
 
 

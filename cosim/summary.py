@@ -124,7 +124,9 @@ def summary_of(result: xr.Dataset) -> Summary:
         else:
             verdicts = ()
         return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except KeyError as error:
+        raise InputError(f"this is not the result of a run: {error.args[0]!r} is missing in it") from None
+    except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
 
 

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from itertools import islice
 
 from lxml import etree
 
 MAX_SHOWN = 3
+MAX_TRIED = 50
+"""How many XPaths are tried; each of them searches the whole scenario."""
+MAX_NAMES = 5000
+"""Of how many names in the scenario the nearest is looked for."""
+MAX_LENGTH = 500
+"""How long an XPath is that others are likened to."""
 
 _WORD = re.compile(r"[A-Za-z_][\w.-]*")
 _CLOSING = {"[": "]", "(": ")"}
@@ -37,13 +44,20 @@ def unclosed(xpath: str) -> str:
 
 def advice(root: etree._Element, xpath: str) -> str:
     """Return the end of a sentence that names XPaths which select something and are like one that does not."""
-    found: list[str] = []
-    for candidate in _candidates(root, xpath):
-        if candidate != xpath and candidate not in found and _selects(root, candidate):
-            found.append(candidate)
-            if len(found) == MAX_SHOWN:
-                break
+    if len(xpath) > MAX_LENGTH:
+        return ""
+    tried = islice(_distinct(_candidates(root, xpath), xpath), MAX_TRIED)
+    found = list(islice((candidate for candidate in tried if _selects(root, candidate)), MAX_SHOWN))
     return f": did you mean {' or '.join(found)}?" if found else ""
+
+
+def _distinct(candidates: Iterable[str], xpath: str) -> Iterator[str]:
+    """Return each candidate once, without the XPath itself."""
+    seen = {xpath}
+    for candidate in candidates:
+        if candidate not in seen:
+            seen.add(candidate)
+            yield candidate
 
 
 def _selects(root: etree._Element, xpath: str) -> bool:
@@ -77,6 +91,8 @@ def _respelled(root: etree._Element, xpath: str) -> str:
     known: set[str] = set()
     for element in root.iter("*"):
         known |= {element.tag, *element.attrib, element.get("name", ""), element.get("id", "")}
+        if len(known) > MAX_NAMES:
+            break
 
     def nearest(word: re.Match[str]) -> str:
         if word[0] in known:

@@ -88,6 +88,8 @@ _PLAIN = {
 }
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 _FORCES = {_PREFIXED["N"].exponents: "N", _PREFIXED["J"].exponents: "N.m"}
+_LONGEST_GUESSED = 100
+"""Characters; no unit is as long, and a guess takes the square of them."""
 _FACTOR = re.compile(r"([A-Za-z%]+|1)([+-]?[0-9])?")
 
 
@@ -109,6 +111,8 @@ def parse(text: str) -> Unit:
 
 def guess(text: str) -> str:
     """Return the unit expression that a text which is none was perhaps meant to be; empty if none comes to mind."""
+    if len(text) > _LONGEST_GUESSED:
+        return ""
     meant = respelled(text)
     return meant if is_unit(meant) else ""
 

@@ -297,6 +297,27 @@ def test_nothing_is_run_to_show_a_result(line: str, ran: Path, monkeypatch: pyte
     assert "no run of other.xml" in verdict.finding
 
 
+@pytest.mark.parametrize(
+    ("content", "sentence"), [(b"no result", "is no netCDF file"), (xr.Dataset(), "'status' is missing in it")]
+)
+def test_why_it_is_no_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: object, sentence: str
+) -> None:
+    path = tmp_path / "result.nc"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        save(content, path)
+    assert main(["show", str(path)]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_result_without_versions_says_only_its_seed(ran: Path) -> None:
+    result = cosim.load_result(ran)
+    result.attrs |= {"versions": "{}", "controllers": "[]"}
+    assert cosim.summary_of(result).provenance.basis == "seed 1"
+
+
 @pytest.mark.parametrize("kind", ["missing", "empty folder", "text", "other", "half"])
 def test_what_is_no_result(ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     path = tmp_path / "result.nc"
