@@ -220,9 +220,7 @@ def _launched() -> subprocess.Popen[bytes]:
         if os.name == "posix"
         else {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined]
     )
-    try:
-        os.fstat(2)
-    except OSError:  # the harness has no standard error
+    if not _standard_error():
         options["stderr"] = subprocess.DEVNULL
     try:
         return subprocess.Popen(
@@ -235,6 +233,14 @@ def _launched() -> subprocess.Popen[bytes]:
         )
     except OSError as error:
         raise PlantError(f"there can be no process of its own: {error.strerror}") from None
+
+
+def _standard_error() -> bool:
+    """Return whether the harness has a standard error that a process takes over, and no other file in its place."""
+    try:
+        return os.get_inheritable(2)
+    except OSError:
+        return False
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
