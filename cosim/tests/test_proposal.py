@@ -313,9 +313,9 @@ def test_a_velocity_that_is_not_obvious_is_left_out_and_told(
 
 
 def test_velocities_among_locals(car: Any) -> None:
-    proposal = car({"body.speed": "local m/s", "cab.speed": "local m/s"})
-    assert of(proposal, "v").candidates == ("body.speed", "cab.speed")
-    assert '<role name="v" variable="body.speed"/>' in of(proposal, "v").doubts[0]
+    proposal = car({"cart.speed": "local m/s", "cab.speed": "local m/s"})
+    assert of(proposal, "v").candidates == ("cart.speed", "cab.speed")
+    assert '<role name="v" variable="cart.speed"/>' in of(proposal, "v").doubts[0]
 
 
 def test_without_outputs_that_could_be_velocities_nothing_is_told(car: Any) -> None:
