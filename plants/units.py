@@ -87,6 +87,7 @@ _PLAIN = {
     "t": _unit(1000.0, kg=1),
 }
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
+_WORDS = {"Grad": "deg"}  # words of other languages that would read as a prefix and a symbol, here as a billion radians
 _FORCES = {_PREFIXED["N"].exponents: "N", _PREFIXED["J"].exponents: "N.m"}
 _LONGEST_GUESSED = 100
 """Characters; no unit is as long, and a guess takes the square of them."""
@@ -154,6 +155,8 @@ def _product(factors: str, text: str) -> Unit:
 
 
 def _symbol(symbol: str, text: str) -> Unit:
+    if symbol in _WORDS:
+        raise UnitError(f"unit {text!r}: {symbol!r} is not known: write {_WORDS[symbol]!r}")
     unit = _PLAIN.get(symbol) or _PREFIXED.get(symbol)
     if unit is None and symbol[0] in _PREFIXES and symbol[1:] in _PREFIXED:
         unit = Unit(factor=_PREFIXES[symbol[0]]) * _PREFIXED[symbol[1:]]

@@ -87,6 +87,13 @@ def test_other_spellings_are_refused_with_ours(text: str, meant: str) -> None:
         units.parse(text)
 
 
+@pytest.mark.parametrize("text", ["Grad", "Grad/s", "1/Grad"])
+def test_a_word_is_not_read_as_a_prefix_and_a_symbol(text: str) -> None:
+    """Grad is German for degree, and would be 1e9 rad."""
+    with pytest.raises(UnitError, match=re.escape(f"unit {text!r}: 'Grad' is not known: write 'deg'")):
+        units.parse(text)
+
+
 @pytest.mark.parametrize("text", ["T", "Nms", "grad", "2m", ",5 kg", "x" * 1000 + "^", "m" + " " * 1000 + "s"])
 def test_what_is_not_clear_is_not_guessed(text: str) -> None:
     assert units.guess(text) == ""
