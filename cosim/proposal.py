@@ -59,7 +59,7 @@ class Suggestion:
     @property
     def needs_no_binding(self) -> bool:
         """Whether a binding need not mention the role."""
-        return self.source == _by_name(self.role) or (self.source is None and not self.doubts)
+        return not self.doubts and (self.source is None or self.source == _by_name(self.role))
 
 
 @dataclass(frozen=True)
@@ -357,7 +357,7 @@ def _played(role: Role, description: Any, contract: Contract, fit: _Fit, numbers
     says = f". The FMU describes it as {text!r}" if text else ""
     open_ = [read.open + says] if read.open else []
     doubts = []
-    if number.name != role.name and text and doubtful(role.name, text):
+    if text and doubtful(role.name, text):
         doubts.append(f"here it is {role.meaning}; the FMU describes {number.name!r} as {text!r}")
     if role in contract.pose and not may_be_started(description, number.variable):
         initial = _initial(role, description, contract, number, numbers)

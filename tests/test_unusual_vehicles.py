@@ -46,6 +46,17 @@ SCENARIO = """<?xml version="1.0" encoding="UTF-8"?>
 </scenario>
 """
 
+GERMAN = {
+    "x": "Lage.x",
+    "y": "Lage.y",
+    "psi": "Gierwinkel",
+    "gamma": "Lenkwinkel",
+    "v": "Geschwindigkeit",
+    "omega": "Lenkrate",
+    "tau_drive": "Antriebsmoment",
+    "tau_steer": "Lenkmoment",
+    "a": "Radstand",
+}
 STRUCTURED = {
     "x": "vehicle.chassis.x",
     "y": "vehicle.chassis.y",
@@ -108,6 +119,10 @@ VEHICLES = {
     "5 ms inside": Vehicle({"fixed_step": 0.005}, step=0.005),
     "5 ms inside, announced": Vehicle({"fmi": "3.0", "fixed_step": 0.005}, step=0.005),
     "once per process": Vehicle({"once": True}),
+    "German names": Vehicle({"names": GERMAN}),
+    "German names, Model Exchange": Vehicle(
+        {"names": GERMAN, "fmi": "3.0", "interface": "model_exchange"}, plant=EULER
+    ),
     "km/h, gon, furlong": Vehicle({"units": "odd"}),
     "km/h, gon, furlong by name alone": Vehicle(
         {"units": "odd", "fmi": "1.0"},
@@ -123,6 +138,21 @@ VEHICLES = {
             "tau_steer": 'variable="steering.torque" factor="-1"',
         },
         ("'heading' as 'Heading, clockwise from north'", "'steering.angle' as 'Steering angle, positive to the right'"),
+    ),
+    "clockwise from north, with our names": Vehicle(
+        {"compass": True, "interface": "model_exchange"},
+        {
+            "psi": 'variable="psi" factor="-1" offset="90 deg"',
+            "gamma": 'variable="gamma" factor="-1"',
+            "omega": 'variable="omega" factor="-1"',
+            "tau_steer": 'variable="tau_steer" factor="-1"',
+        },
+        (
+            "to look at",
+            "'psi' as 'Heading, clockwise from north'",
+            "'gamma' as 'Steering angle, positive to the right'",
+        ),
+        plant=EULER,
     ),
     "2,000 structured names": Vehicle({"names": STRUCTURED, "fillers": 2000, "structured": True}),
     "resources": Vehicle({"mass": 10.0}),
