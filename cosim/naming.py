@@ -122,6 +122,8 @@ def in_english(words: tuple[str, ...]) -> tuple[str, ...]:
 
 def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
     """Return the words of an initial value without those that say that it is one; None if it is none."""
+    if STARTING.isdisjoint(words) and words[-1:] != ("0",):
+        return None
     rest = tuple(word for word in words if word not in STARTING)
     if rest == words and words[-1:] == ("0",):
         rest = words[:-1]

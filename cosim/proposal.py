@@ -422,9 +422,13 @@ def _element(role: Role, name: str, description: Any, numbers: Numbers) -> str:
 def _could_be(role: Role, description: Any, numbers: Numbers) -> list[str]:
     """Return the names of what could play a role by its unit: of those that state one, or else of those that do not."""
     fitting: dict[bool, list[str]] = {True: [], False: []}
+    fits: dict[tuple[str, str], bool] = {}  # by unit, of which there are few
     for number in numbers.of(role.causality):
-        if without_start(number.words) is None and reading(description, number, role) is not None:
-            fitting[bool(unit_name(number.variable) or number.hint)].append(number.name)
+        unit = (unit_name(number.variable), number.hint)
+        if unit not in fits:
+            fits[unit] = reading(description, number, role) is not None
+        if fits[unit] and without_start(number.words) is None:
+            fitting[any(unit)].append(number.name)
     return fitting[True] or fitting[False]
 
 

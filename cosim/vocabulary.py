@@ -77,6 +77,7 @@ _UNITS: Mapping[str, str] = {
     "nmm": "N.mm",
 }
 _LONGEST = max(len(words.split()) for words in _UNITS)
+_LAST = frozenset(words.split()[-1] for words in _UNITS)
 
 
 def plain(name: str) -> str:
@@ -92,6 +93,8 @@ def unit_at_the_end(words: tuple[str, ...]) -> tuple[int, str]:
 
     A name that is nothing but a unit has none.
     """
+    if words and words[-1] not in _LAST:
+        return 0, ""
     for count in range(min(_LONGEST, len(words) - 1), 0, -1):
         if unit := _UNITS.get(" ".join(words[-count:])):
             return count, unit

@@ -7,9 +7,11 @@ import fmpy
 import pytest
 from lxml import etree
 
+from cosim import players
 from cosim.binding import bind
 from cosim.contract import CAR_LIKE, TRACTOR_TRAILER
 from cosim.errors import InputError
+from cosim.fmu_units import unit_of
 from cosim.proposal import Proposal, Suggestion, binding_xml, proposals, propose
 from cosim.reader import read_binding
 from cosim.scenario import OPEN
@@ -454,6 +456,22 @@ def test_names_that_occur_twice_are_nobodys(car: Any, tmp_path: Path) -> None:
 def test_ten_thousand_variables(tmp_path: Path) -> None:
     many = {f"body.frame_{i}.x": "local m" for i in range(10_000)}
     assert not propose(describe(tmp_path, CAR | many), CAR_LIKE).open
+
+
+def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[str] = []
+
+    def counted(description: Any, variable: Any) -> Any:
+        looked.append(variable.name)
+        return unit_of(description, variable)
+
+    monkeypatch.setattr(players, "unit_of", counted)
+    numbers = []
+    for count in (10, 500):
+        proposals(describe(tmp_path, {f"part_{i}.force": "parameter N" for i in range(count)}))
+        numbers.append(len(looked))
+        looked.clear()
+    assert numbers[0] == numbers[1]
 
 
 def test_a_unit_that_contradicts_its_name_stays_open(car) -> None:
