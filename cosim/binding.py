@@ -321,6 +321,12 @@ def _read_as(role: Role, description: Any, variable: Any, element: int, source: 
                 raise ValueError("it must be finite and not zero")
     if source.offset:
         with _about(source, "offset"):
+            if (
+                source.unit
+                and split(source.offset)[1] == "1"
+                and units.parse(source.unit).exponents == wanted.exponents
+            ):
+                raise ValueError(f"the unit is missing: write '{source.offset} {source.unit}'")
             offset = quantity(source.offset, role.unit)
     read = own * factor
     if read.exponents != wanted.exponents:

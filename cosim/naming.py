@@ -286,11 +286,11 @@ def _words_of_clues() -> Iterator[str]:
 
 
 _OTHER_CONVENTIONS: Mapping[str, str] = {
-    "x": "north|south|west|front",
-    "y": "east|south|right|front",
-    "v": "reverse|backwards?",
-    **dict.fromkeys(("psi", "theta_1", "theta_0"), "clockwise|north|compass"),
-    **dict.fromkeys(("gamma", "omega", "tau_steer"), "clockwise|right"),
+    "x": "north|south|west|front|nord|norden|süd|süden|westen",
+    "y": "east|south|right|front|ost|osten|süd|süden|rechts",
+    "v": "reverse|backwards?|rückwärts",
+    **dict.fromkeys(("psi", "theta_1", "theta_0"), "clockwise|north|compass|im uhrzeigersinn|nord|norden|kompass"),
+    **dict.fromkeys(("gamma", "omega", "tau_steer"), "clockwise|right|im uhrzeigersinn|rechts"),
 }
 
 

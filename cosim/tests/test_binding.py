@@ -446,6 +446,7 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
         ('<role name="x" variable="y" factor="twice"/>', "of the role 'x': 'twice' is not a number with a unit"),
         ('<role name="x" variable="y" offset="1 rad"/>', "offset=\"1 rad\" of the role 'x': '1 rad': rad does not fit"),
         ('<role name="x" variable="y" offset="1"/>', "'1': the unit is missing"),
+        ('<role name="x" variable="y" unit="m" offset="1"/>', "the unit is missing: write '1 m'"),
         ('<role name="x" variable="y" initial="z0"/>', "has no variable 'z0'"),
         ('<role name="x" variable="y" initial="v"/>', "has 'v' as output, which cannot give the initial value of 'x'"),
         ('<role name="x" variable="y" initial="when"/>', "offers a unit that does not fit: 'when' is in s, not in m"),

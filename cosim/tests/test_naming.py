@@ -142,6 +142,10 @@ def test_roles_in_an_array() -> None:
         ("x", "North, east", True),
         ("x", "Position of the rear axle, east", False),
         ("tau_right", "Torque of the right wheel", False),
+        ("psi", "Kurs im Uhrzeigersinn von Nord", True),
+        ("psi", "Kurs gegen den Uhrzeigersinn", False),
+        ("gamma", "Lenkwinkel, positiv nach rechts", True),
+        ("y", "Mitte der Hinterachse, Osten", True),
     ],
 )
 def test_a_description_can_raise_a_doubt(role: str, description: str, expected: bool) -> None:
