@@ -130,7 +130,7 @@ def _dangling(root: etree._Element) -> Iterator[str]:
     variables = list(root.iterfind("ModelVariables/*"))
     known = {v.get("valueReference", "") for v in variables} if three else {str(i + 1) for i in range(len(variables))}
     what = "value reference" if three else "variable number"
-    there = "no variable has" if three else f"its variables are numbered from 1 to {len(variables)}"
+    there = "but no variable has it" if three else f"but there are {len(variables)} variables"
     attributes = ("valueReference" if three else "index", "dependencies", "derivative", "clocks")
     for element in chain(root.iterfind("ModelStructure//*"), root.iterfind("ModelVariables//*")):
         for attribute in attributes:
@@ -138,7 +138,7 @@ def _dangling(root: etree._Element) -> Iterator[str]:
                 if reference not in known:
                     yield (
                         f"line {element.sourceline}: the attribute {attribute} of <{element.tag}> refers to the {what} "
-                        f"{reference}, which {there}"
+                        f"{reference}, {there}"
                     )
 
 

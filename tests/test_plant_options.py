@@ -84,7 +84,7 @@ def test_a_parameter_that_another_plant_lacks(tmp_path: Path, capsys: pytest.Cap
     [
         ("cat={good}", "the scenario has no plant 'cat': did you mean 'car'?"),
         ("car", "--binding car: expected ID=FILE.xml"),
-        ("car={folder}/none.xml", "one.xml:4:3: error: binding="),
+        ("car={folder}/none.xml", "none.xml: there is no such file"),
         ("car={bad}", "has no variable 'Chassis.yaaw': did you mean 'Chassis.yaw'?"),
         ("car={open}", """open.xml:1:68: error: the role 'psi' has variable="...", which is to be filled in"""),
     ],

@@ -110,7 +110,7 @@ def taking_a_while(message: str) -> Iterator[None]:
 def broken(name: str, width: int) -> str:
     """Return a long name in lines of at most some width where it can be broken after a separator of its words."""
     lines = [""]
-    for part in re.findall(r"[^.,_\[\]/ ]+[.,_\]/ ]*|\[|[.,_\]/ ]+", name):
+    for part in re.findall(r"[^-.,_\[\]/ ]+[-.,_\]/ ]*|\[|[-.,_\]/ ]+", name):
         if lines[-1] and len(lines[-1]) + len(part) > width:
             lines.append("")
         lines[-1] += part

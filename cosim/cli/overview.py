@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cosim.cli.console import safe, table
+from cosim.cli.console import broken, safe, table
 from cosim.connect import in_own_process, tolerance_of, why_own_process
 from cosim.fmu_facts import NAMES
 from cosim.plant.constant_step import misfit
@@ -31,6 +31,8 @@ from cosim.scenario import (
 from cosim.setup import Setup
 from cosim.solver import usual_step
 
+NARROW = 100
+"""Columns of a terminal below which names of plants and controllers are broken."""
 _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
 
 
@@ -41,11 +43,15 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
         for part in ("sensor", "actuator")
     )
     robots = table(console, safe(f"{scenario.name}: {scenario.title}"))
-    for heading in ("robot", "plant", "controller", "place", "its own"):
-        robots.add_column(heading, no_wrap=heading in ("robot", "plant", "controller"))
+    width = console.width if console.width >= NARROW else console.width // 6
+    for heading in ("robot", "plant", "controller" if console.width >= NARROW else "con-\ntroller", "place", "its own"):
+        robots.add_column(heading, no_wrap=heading == "robot")
     leader = scenario.leader
-    plants = {key: f"{key} ({source.model or Path(str(source.fmu)).name})" for key, source in scenario.plants.items()}
-    laws = {key: f"{key} ({source.name})" for key, source in scenario.controllers.items()}
+    plants = {
+        key: broken(f"{key} ({source.model or Path(str(source.fmu)).name})", width)
+        for key, source in scenario.plants.items()
+    }
+    laws = {key: broken(f"{key} ({source.name})", width) for key, source in scenario.controllers.items()}
     robots.add_row("leader", safe(plants[leader.plant]), "", "", safe("\n".join(_own_of_leader(leader))))
     for follower in scenario.followers:
         own = [*_settings(follower.parameters), *_settings(follower.gains)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
@@ -69,6 +69,9 @@ class Instance:
         The FMU cannot be loaded, or refuses to start: its own messages.
     """
 
+    living: ClassVar[list[PlantSpec]] = []
+    """What has been started in this process and not been closed."""
+
     def __init__(self, spec: PlantSpec) -> None:
         self.spec = spec
         self.log = Log(spec.robot)
@@ -82,6 +85,7 @@ class Instance:
             with kept_arithmetic():
                 self._start()
             self._it = ""
+            self.living.append(spec)
         except BaseException as error:
             self._note(error)
             said = self._reason(str(error))
@@ -197,6 +201,7 @@ class Instance:
     def close(self) -> None:
         """Terminate the instance, free it and release its library, as far as its status and its threads allow."""
         fmu, self._fmu = self._fmu, None
+        self.living[:] = [spec for spec in self.living if spec is not self.spec]
         if fmu is not None and fmu.component and self._initialised and self.status < ERROR:
             try:
                 fmu.terminate()

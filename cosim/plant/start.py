@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.plant.instance import Instance
 from cosim.plant.member import Link, Member
 from cosim.plant.outcome import FAILURES, RETURN, NoInstance, PlantError
 
@@ -28,8 +29,7 @@ def not_started(members: Sequence[Member], index: int, error: PlantError) -> Inp
     member = members[index]
     spec = member.spec
     message = f"the FMU {spec.file} cannot be started as {spec.robot}: {error}"
-    here = [other.spec for other in members[:index] if not other.isolated]
-    others = [other.robot for other in here if (other.identifier, other.token) == (spec.identifier, spec.token)]
+    others = [o.robot for o in Instance.living if (o.identifier, o.token) == (spec.identifier, spec.token)]
     if isinstance(error, NoInstance) and others and not member.isolated:
         message += (
             f"; {others[0]} runs the same FMU in this process, which may allow one only: "
