@@ -33,7 +33,6 @@ ROUNDING = 1e-12
 """What is tolerated beside that: where all references of a variable are zero, nothing else is."""
 TIME_LIMIT = 60.0
 """How long [s] an experiment may take, unless told otherwise."""
-_FMPY = {True: "CoSimulation", False: "ModelExchange"}
 _MAX_TEXT = 2000
 
 
@@ -106,7 +105,7 @@ def _request(package: Package, experiment: Experiment, interface: str) -> str:
     return json.dumps(
         {
             "directory": str(package.directory),
-            "interface": _FMPY[interface == CO_SIMULATION],
+            "interface": "CoSimulation" if interface == CO_SIMULATION else "ModelExchange",
             "start": experiment.start,
             "stop": experiment.stop,
             "step": experiment.step,

@@ -149,6 +149,12 @@ def test_an_fmu_that_fails_ends_its_experiment_alone(
     assert re.search(message.replace("(", r"\(").replace(")", r"\)"), printed)
 
 
+def test_an_fmu_that_may_not_be_unloaded_is_not(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
+    fmu = make_fmu(tmp_path, behaviour="thread")
+    printed, _ = self_test(with_files(fmu, tmp_path / "thread.fmu", experiments("")))
+    assert "one ran; there is nothing to compare with" in printed
+
+
 def test_an_fmu_that_hangs_is_ended(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
     fmu = make_fmu(tmp_path, behaviour="hang_stubborn", when=0.1)
     path = with_files(fmu, tmp_path / "hangs.fmu", experiments(""))

@@ -21,8 +21,8 @@ def self_test(fmu: Path, time_limit: float) -> int:
     try:
         found = read_experiments(package)
         replays = []
-        for experiment in found.experiments:
-            with taking_a_while(f"replaying {experiment.name}"):
+        for number, experiment in enumerate(found.experiments, start=1):
+            with taking_a_while(f"replaying experiment {number} of {len(found.experiments)}"):
                 replays.append(replay(package, experiment, time_limit))
     finally:
         package.close()
