@@ -107,6 +107,11 @@ def check(scenario: Scenario, known: Mapping[str, Recorded]) -> None:
             _check_window(expectation, scenario)
         elif expectation.kind == "regular":
             telling = {robot for signal in known.values() if signal.tells_singularity for robot in signal.robots}
+            if not telling:
+                _refuse(
+                    expectation,
+                    "no follower has a controller that tells how near a singularity is: leave <regular> out",
+                )
             _check_robots(expectation, telling, "controller that tells how near a singularity is")
             _check_window(expectation, scenario)
         else:

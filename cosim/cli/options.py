@@ -30,7 +30,9 @@ class Parser(argparse.ArgumentParser):
             if isinstance(action, argparse._SubParsersAction):
                 parser = action.choices.get(command, self)
         if not argument.startswith("-"):
-            parser.error(f"unexpected argument: {argument}")
+            parser.error(
+                f"unexpected argument: {argument} (what has no name stands together, before or after the options)"
+            )
         option = argument.split("=")[0]
         known = [name for name in parser._option_string_actions if name.startswith("--")]
         parser.error(f"unknown option {option}: {nearest(option, known)}")
