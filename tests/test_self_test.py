@@ -73,7 +73,7 @@ def stub(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_ours_agree(self_test: Callable[..., tuple[str, str]], fmi: str) -> None:
     printed, errors = self_test(plants.build("car_like", fmi=fmi))
     assert errors == ""
-    assert re.findall(r"reference (\w+) \S+ \S+ \S+ s agrees", printed) == ["x", "y", "psi", "gamma", "v", "omega"]
+    assert re.findall(r"(\w+) \S+ \S+ \S+ s agrees", printed) == ["x", "y", "psi", "gamma", "v", "omega"]
 
 
 def test_models_of_users_agree(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_models_of_users_agree(self_test: Callable[..., tuple[str, str]], tmp_pa
     names: dict[str, Any] = {}
     exec(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], names)
     printed, _ = self_test(plants.build(names["unicycle"], out=tmp_path))
-    assert re.findall(r"reference (\w+) \S+ \S+ \S+ s agrees", printed) == [
+    assert re.findall(r"(\w+) \S+ \S+ \S+ s agrees", printed) == [
         "x", "y", "theta", "w_right", "w_left", "speed"
     ]  # fmt: skip
 
@@ -96,7 +96,7 @@ def test_a_wrong_result_is_found_where_it_is(self_test: Callable[..., tuple[str,
     cells[1] = repr(float(cells[1]) + 1e-3)
     lines[row] = ",".join(cells)
     printed, _ = self_test(with_files(built, tmp_path / "wrong.fmu", {"results.csv": "\n".join(lines)}), status=1)
-    assert re.search(r"reference x 0\.001 \S+ 1\.2 s differs", printed)
+    assert re.search(r" x 0\.001 \S+ 1\.2 s differs", printed)
     assert printed.count("agrees") == 5
 
 
@@ -116,7 +116,7 @@ def test_results_alone_are_of_the_default_experiment(
         "out.csv": "time,x,gone,v\n0,0,1,0\n0.5,0,1,0\n1,0,1,0\n",
     }
     printed, errors = self_test(with_files(stub, tmp_path / "stub.fmu", files))
-    assert re.findall(r"default experiment (\w) 0 1e-12 agrees", printed) == ["x", "v"]
+    assert re.findall(r"(\w) 0 1e-12 agrees", printed) == ["x", "v"]
     assert errors == "warning: out.csv: gone not compared: the FMU has no such variable\n"
 
 
@@ -169,7 +169,7 @@ def test_values_beyond_the_end_are_missed(
 ) -> None:
     files = experiments('<References source="out.csv"/>') | {"out.csv": "time,x\n0,0\n0.05,0\n7,0\n"}
     printed, _ = self_test(with_files(stub, tmp_path / "stub.fmu", files), status=1)
-    assert "one x no number 1e-12 7 s differs" in printed
+    assert "x no number 1e-12 7 s differs" in printed
 
 
 def test_without_any_experiment(self_test: Callable[..., tuple[str, str]], stub: Path) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
 
-from cosim.cli.console import out, safe, table, taking_a_while, warn
+from cosim.cli.console import broken, out, safe, table, taking_a_while, warn
 from cosim.errors import InputError
 from cosim.fmu import open_package
 from cosim.reference_experiments import read_experiments
@@ -33,25 +34,27 @@ def self_test(fmu: Path, time_limit: float) -> int:
 
 
 def _print(console: Console, fmu: Path, replays: list[Replay]) -> None:
-    shown = table(console, f"Self-test of {safe(fmu.name)}")
-    for heading in ("experiment", "variable", "largest difference", "allowed", "at", "verdict"):
-        shown.add_column(
-            heading, overflow="fold", justify="right" if heading in ("largest difference", "allowed", "at") else "left"
-        )
     for done in replays:
-        name = safe(done.experiment.name)
+        title = safe(f"Self-test of {fmu.name}: {done.experiment.name}")
         if done.failure:
-            shown.add_row(name, "", "", "", "", f"[red]failed:[/] {safe(done.failure)}")
+            console.print(f"{title} [red]failed:[/] {safe(done.failure)}", soft_wrap=True)
         elif not done.agreements:
-            shown.add_row(name, "", "", "", "", "ran; there is nothing to compare with")
-        for agreement in done.agreements:
-            largest = f"{agreement.largest:.2g}" if agreement.largest < float("inf") else "no number"
-            shown.add_row(
-                name,
-                safe(agreement.variable),
-                largest,
-                f"{agreement.allowed:.2g}",
-                f"{agreement.time:g} s" if agreement.largest else "",
-                "[green]agrees[/]" if agreement.holds else "[red]differs[/]",
-            )
-    console.print(shown)
+            console.print(f"{title} ran; there is nothing to compare with", soft_wrap=True)
+        else:
+            console.print(_agreements(console, title, done))
+
+
+def _agreements(console: Console, title: str, done: Replay) -> Table:
+    shown = table(console, title)
+    for heading in ("variable", "largest\ndifference", "allowed", "at", "verdict"):
+        shown.add_column(heading, overflow="fold", justify="left" if heading in ("variable", "verdict") else "right")
+    for agreement in done.agreements:
+        largest = f"{agreement.largest:.2g}" if agreement.largest < float("inf") else "no number"
+        shown.add_row(
+            safe(broken(agreement.variable, console.width // 3)),
+            largest,
+            f"{agreement.allowed:.2g}",
+            f"{agreement.time:g} s" if agreement.largest else "",
+            "[green]agrees[/]" if agreement.holds else "[red]differs[/]",
+        )
+    return shown
