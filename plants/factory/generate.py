@@ -106,20 +106,21 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
     table = tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
     at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
-    reference = experiment.reference_experiment(model, table)
+    functions = (
+        _function(model, "model_get_derivatives", "derivatives", model.terms, _derivative_lines(model)),
+        _function(model, "model_get_outputs", "outputs", model.terms, _output_lines(model)),
+        _function(model, "model_get_limited", "limited", model.terms, _limit_lines(model)),
+        _function(model, "model_get_partials", "partials", *running[:2]),
+        _function(model, "model_get_parameter_partials", "partials", *at_start[:2]),
+    )
+    reference = experiment.reference_experiment(model, table)  # of what can be written in C, as is known by now
     templates = version.templates | _TEMPLATES | (_REFERENCE_TEMPLATES if reference else {})
     files |= reference.files() if reference else {}
     context = {
         "model": model,
         "table": table,
         "tool": tool(),
-        "functions": (
-            _function(model, "model_get_derivatives", "derivatives", model.terms, _derivative_lines(model)),
-            _function(model, "model_get_outputs", "outputs", model.terms, _output_lines(model)),
-            _function(model, "model_get_limited", "limited", model.terms, _limit_lines(model)),
-            _function(model, "model_get_partials", "partials", *running[:2]),
-            _function(model, "model_get_parameter_partials", "partials", *at_start[:2]),
-        ),
+        "functions": functions,
         "partials": running[2],
         "parameter_partials": at_start[2],
         "source_files": sorted(["model.c", *(name for name in runtime if name.endswith(".c"))]),
