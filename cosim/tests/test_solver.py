@@ -26,7 +26,8 @@ def test_a_constant_step_that_does_not_fit_is_told(
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>', step="50 ms")
     said = "plant car: stub.fmu takes steps of constant length only, and of 0.02 s in its default experiment, which do "
     said += 'not divide the communication step of 0.05 s: if it does not complete its steps, state step="0.02 s" or a'
-    assert checked(path, capsys) == f"warning: {said} multiple in <simulation>\n"
+    said += " multiple in <simulation>, or try it with --set 'simulation/@step=0.02 s' of formation run, "
+    assert checked(path, capsys) == f"warning: {said}--step '0.02 s' of compare-plants\n"
     cosim.run(path)
     for other in ("20 ms", "100 ms"):
         assert checked(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>', step=other), capsys) == ""

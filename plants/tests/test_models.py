@@ -74,7 +74,7 @@ def test_numpy_functions() -> None:
             {"parameters": (Parameter(k, "N/m", "Stiffness", start=-2.0, min=0.0), Parameter(c, "1", ""), stiff)},
             "parameter 'k': the default -2 is not within its bounds [0, inf]",
         ),
-        ({"inputs": (Input(f, "newton", "Force"),)}, "unit 'newton': 'newton' is not known"),
+        ({"inputs": (Input(f, "newton", "Force"),)}, "unit 'newton': write 'N'"),
         (
             {"outputs": (Output(sympy.Symbol("y"), sympy.Symbol("z"), "m", ""),)},
             "output 'y' uses the undefined symbol 'z'",
