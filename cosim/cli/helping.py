@@ -15,7 +15,7 @@ _OF = {
     "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "check": {0: "the scenario can be run", 2: None},
-    "inspect": {0: None, 1: "a self-test fails", 2: "bad input: no FMU, or no reference experiment in it to test it with"},
+    "inspect": {0: None, 1: "a self-test fails", 2: "bad input: no FMU, or one without a reference experiment"},
     "compare-plants": {0: None, 1: "they differ by more than --within allows", 2: None, 3: "a plant failed"},
 }
 """The statuses of a command, in its own words where these are not those of `_STATUS`."""
