@@ -49,9 +49,9 @@ from field import Entry, Field, Worker
 from lxml import etree
 
 import plants
-from cosim.reader import read_scenario
-from cosim.sensing import PoseSensor
-from cosim.setup import set_up
+from cosim.master.setup import set_up
+from cosim.scenario.reader import read_scenario
+from cosim.signals.sensors import PoseSensor
 from plants.factory import store
 from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import host

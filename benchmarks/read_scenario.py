@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from cosim.reader import read_scenario
+from cosim.scenario.reader import read_scenario
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "ten_followers.xml"
 LINES = 200

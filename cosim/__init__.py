@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from cosim.changes import Change
-    from cosim.compare import PlantComparison, PlantFile, compare_plants
+    from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-    from cosim.figure import save_figure
-    from cosim.pacing import Pacer
-    from cosim.reader import read_scenario
-    from cosim.result import load_result
-    from cosim.scenario import Scenario
-    from cosim.simulation import Simulation
-    from cosim.summary import Summary, summary_of
-    from cosim.verdict import Verdict
+    from cosim.master.pacing import Pacer
+    from cosim.master.simulation import Simulation
+    from cosim.results.figure import save_figure
+    from cosim.results.files import load_result
+    from cosim.results.summary import Summary, summary_of
+    from cosim.results.verdict import Verdict
+    from cosim.scenario.edits import Change
+    from cosim.scenario.reader import read_scenario
+    from cosim.scenario.scenario import Scenario
 
 __all__ = [
     "FormationError",
@@ -79,9 +79,9 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
     RunInterrupted
         The user pressed Ctrl-C; likewise.
     """
-    from cosim.reader import read_scenario
-    from cosim.scenario import Scenario
-    from cosim.simulation import Simulation
+    from cosim.master.simulation import Simulation
+    from cosim.scenario.reader import read_scenario
+    from cosim.scenario.scenario import Scenario
 
     if not isinstance(scenario, Scenario):
         scenario = read_scenario(scenario, changes)
@@ -90,18 +90,18 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
 
 
 _HOMES = {
-    "PlantComparison": "cosim.compare",
-    "PlantFile": "cosim.compare",
-    "compare_plants": "cosim.compare",
-    "Pacer": "cosim.pacing",
-    "Scenario": "cosim.scenario",
-    "Simulation": "cosim.simulation",
-    "Summary": "cosim.summary",
-    "Verdict": "cosim.verdict",
-    "load_result": "cosim.result",
-    "read_scenario": "cosim.reader",
-    "save_figure": "cosim.figure",
-    "summary_of": "cosim.summary",
+    "PlantComparison": "cosim.compare.comparison",
+    "PlantFile": "cosim.compare.comparison",
+    "compare_plants": "cosim.compare.comparison",
+    "Pacer": "cosim.master.pacing",
+    "Scenario": "cosim.scenario.scenario",
+    "Simulation": "cosim.master.simulation",
+    "Summary": "cosim.results.summary",
+    "Verdict": "cosim.results.verdict",
+    "load_result": "cosim.results.files",
+    "read_scenario": "cosim.scenario.reader",
+    "save_figure": "cosim.results.figure",
+    "summary_of": "cosim.results.summary",
 }
 
 

@@ -15,7 +15,7 @@ import pytest
 from cosim.errors import FormationError
 
 if TYPE_CHECKING:
-    from cosim.summary import Summary
+    from cosim.results.summary import Summary
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
 _ROOTS = (f"{NAMESPACE}}}scenario", f"{NAMESPACE}}}variant")
@@ -43,9 +43,9 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run the scenario and judge it."""
-        from cosim.reader import read_scenario
-        from cosim.simulation import Simulation
-        from cosim.summary import summarise
+        from cosim.master.simulation import Simulation
+        from cosim.results.summary import summarise
+        from cosim.scenario.reader import read_scenario
 
         scenario = read_scenario(self._shown_path())
         with Simulation(scenario) as simulation:

@@ -28,8 +28,8 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
 import cosim
-from cosim.changes import Change, set_controller
-from cosim.summary import summarise
+from cosim.results.summary import summarise
+from cosim.scenario.edits import Change, set_controller
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = Path(__file__).with_suffix(".json")

@@ -3,7 +3,7 @@
 from variation import SCENARIOS, save
 
 import cosim
-from cosim.figure import draw
+from cosim.results.figure import draw
 
 FILES = ("clmr_line_as_printed", "clmr_line", "clmr_circle_as_printed", "clmr_circle", "tractor_trailer_circle")
 

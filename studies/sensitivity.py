@@ -27,7 +27,7 @@ from formation_controllers.sight import Sight
 from variation import HEADER, SCENARIOS, Outcome, extra_gain, gain, heading, outcome, parameter, row, worst
 
 import cosim
-from cosim.grammar import NAMESPACE
+from cosim.scenario.grammar import NAMESPACE
 
 SEEDS = range(1, 4)
 FILES = ("clmr_line_as_printed", "clmr_line", "clmr_circle_as_printed", "clmr_circle")

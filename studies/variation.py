@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import cosim
-from cosim.summary import summarise
+from cosim.results.summary import summarise
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "figures"
@@ -37,7 +37,7 @@ class Outcome:
     Attributes
     ----------
     followers, settled : int
-        How many followers there are, and how many of them settle, as `cosim.summary` defines it.
+        How many followers there are, and how many of them settle, as `cosim.results.summary` defines it.
     last : float
         When the last one has settled [s]; infinite if not all do.
     range_rms, bearing_rms : float

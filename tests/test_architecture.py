@@ -44,7 +44,7 @@ def test_only_the_master_knows_the_controllers_and_only_the_plant_knows_fmpy() -
     room = ROOT / "cosim"
     knows = {str(path.relative_to(room)) for path, name in imports_of(room) if name.split(".")[0] == "fmpy"}
     plant = {"plant/instance.py", "plant/log.py", "plant/cvode.py"}
-    assert knows == plant | {"fmu.py", "fmu_description.py", "replay.py"}
+    assert knows == plant | {"fmu/package.py", "fmu/description.py", "fmu/replay.py"}
 
 
 def test_a_cached_run_imports_no_symbolic_mathematics(scenarios: Path) -> None:

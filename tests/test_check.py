@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cosim.cli import main
-from cosim.reader import read_scenario
+from cosim.scenario.reader import read_scenario
 from cosim.tests.driving import scenario
 
 from .stub.stub import make_fmu

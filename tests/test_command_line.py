@@ -15,9 +15,9 @@ from lxml import etree
 
 import plants
 from cosim.cli import main
-from cosim.grammar import NAMESPACE
-from cosim.result import load
-from cosim.simulation import Simulation
+from cosim.master.simulation import Simulation
+from cosim.results.files import load
+from cosim.scenario.grammar import NAMESPACE
 
 SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
 

@@ -14,8 +14,8 @@ import plants
 from cosim import PlantFile, compare_plants
 from cosim.cli import main
 from cosim.cli.comparing import _print
-from cosim.compare import TOLERANCE
-from cosim.contract import CAR_LIKE
+from cosim.compare.comparison import TOLERANCE
+from cosim.vehicle.contract import CAR_LIKE
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu

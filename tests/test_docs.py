@@ -16,9 +16,9 @@ from lxml import etree
 import cosim
 import plants
 from cosim.cli import main
-from cosim.grammar import NAMESPACE, attributes_of, children_of, local_name
-from cosim.reader import read_scenario
-from cosim.setup import set_up
+from cosim.master.setup import set_up
+from cosim.scenario.grammar import NAMESPACE, attributes_of, children_of, local_name
+from cosim.scenario.reader import read_scenario
 
 from .foreign.vehicles import require
 from .stub.stub import make_fmu

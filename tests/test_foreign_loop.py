@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cosim
-from cosim.grammar import NAMESPACE
+from cosim.scenario.grammar import NAMESPACE
 
 from .foreign.vehicles import METHODS, VEHICLES, Vehicle, require
 

@@ -7,9 +7,9 @@ import pytest
 
 import cosim
 from cosim.cli import main
-from cosim.fmu import open_package
-from cosim.proposal import proposals
-from cosim.scenario import OPEN
+from cosim.fmu.package import open_package
+from cosim.scenario.scenario import OPEN
+from cosim.swap.proposal import proposals
 
 from .foreign.vehicles import VEHICLES, Vehicle, require
 

@@ -23,11 +23,11 @@ import xarray as xr
 import cosim.plant.process
 from cosim.cli import main
 from cosim.errors import InputError
-from cosim.plant.outcome import PlantError
+from cosim.plant.failures import PlantError
 from cosim.plant.process import ProcessPlant
 from cosim.plant.protocol import DONE, FAILED, HEADER, SAID
 from cosim.plant.spec import Block, Exchanged, PlantSpec
-from cosim.result import load
+from cosim.results.files import load
 from cosim.tests.driving import scenario
 
 from .stub.stub import make_fmu

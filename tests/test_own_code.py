@@ -14,10 +14,10 @@ import xarray as xr
 
 import cosim
 from cosim.cli import main
-from cosim.connect import member
-from cosim.reader import read_scenario
-from cosim.result import load
-from cosim.simulation import Simulation
+from cosim.master.members import member
+from cosim.master.simulation import Simulation
+from cosim.results.files import load
+from cosim.scenario.reader import read_scenario
 from cosim.tests.driving import scenario
 
 from .foreign import vehicles

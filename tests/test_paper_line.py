@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 import cosim
-from cosim.summary import summarise
+from cosim.results.summary import summarise
 
 NO_NOISE = ["//noise/@x=0 m", "//noise/@y=0 m", "//noise/@psi=0 rad", "//noise/@gamma=0 rad"]
 

@@ -9,10 +9,10 @@ import pytest
 
 import cosim
 import plants
-from cosim.changes import set_binding, set_fmu
 from cosim.cli import main
-from cosim.reader import read_scenario
-from cosim.result import load
+from cosim.results.files import load
+from cosim.scenario.edits import set_binding, set_fmu
+from cosim.scenario.reader import read_scenario
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu

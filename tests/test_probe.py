@@ -54,7 +54,7 @@ def test_it_can_be_left_out(printed) -> None:
 def test_what_runs_without_doubt_is_not_driven(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cosim.swap.probed", lambda *_: pytest.fail("nothing is in doubt"))
+    monkeypatch.setattr("cosim.swap.replacement.probed", lambda *_: pytest.fail("nothing is in doubt"))
     scenario = tmp_path / "two.xml"
     scenario.write_text(SCENARIO, encoding="utf-8")
     assert main(["swap", str(scenario), "--plant", f"car={make_fmu(tmp_path)}"]) == 0

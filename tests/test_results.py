@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 
 import cosim
 import plants
-from cosim.changes import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 from cosim.cli import main
 from cosim.cli.console import out
 from cosim.cli.summary import print_summary
-from cosim.figure import draw
-from cosim.result import load, save
-from cosim.simulation import Simulation
-from cosim.summary import FollowerFigures, Summary
+from cosim.master.simulation import Simulation
+from cosim.results.figure import draw
+from cosim.results.files import load, save
+from cosim.results.summary import FollowerFigures, Summary
+from cosim.scenario.edits import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 
 FILES = ["figure.png", "result.nc", "summary.json"]
 

@@ -15,8 +15,8 @@ from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
-from cosim.result import load
-from cosim.simulation import Simulation
+from cosim.master.simulation import Simulation
+from cosim.results.files import load
 
 SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
 SHORT += ["--no-figure"]
@@ -73,7 +73,7 @@ def test_a_figure_that_cannot_be_drawn_costs_nothing_else(
     def fails(*_: object) -> None:
         raise RuntimeError("no ink")
 
-    monkeypatch.setattr("cosim.figure.draw", fails)
+    monkeypatch.setattr("cosim.results.figure.draw", fails)
     printed = failed(capsys, 1, "run", line, "--out", str(tmp_path), *SHORT[:-1])
     assert "warning: the figure could not be drawn: RuntimeError: no ink" in printed
     assert (tmp_path / "clmr_line" / "summary.json").exists()
@@ -90,7 +90,7 @@ def test_a_signal_to_the_process(line: str, tmp_path: Path, number: signal.Signa
     program = f"""
 import pathlib, sys
 from cosim.cli import main
-from cosim.simulation import Simulation
+from cosim.master.simulation import Simulation
 original = Simulation.step
 def step(self):
     original(self)
@@ -114,7 +114,7 @@ sys.exit(main(["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulati
     assert list(tmp_path.glob("formation-*")) == []
 
 
-@pytest.mark.parametrize("place", ["cosim.simulation.dataset", "cosim.cli.run.save", "cosim.cli.run.summarise"])
+@pytest.mark.parametrize("place", ["cosim.master.simulation.dataset", "cosim.cli.run.save", "cosim.cli.run.summarise"])
 def test_a_signal_while_the_result_is_made_or_written(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
 ) -> None:

@@ -11,8 +11,8 @@ import pytest
 import plants
 from cosim.cli import main
 from cosim.errors import InputError
-from cosim.fmu import open_package
-from cosim.reference_experiments import MANIFEST, read_experiments
+from cosim.fmu.package import open_package
+from cosim.fmu.reference_experiments import MANIFEST, read_experiments
 
 from .stub.stub import make_fmu
 
@@ -286,8 +286,8 @@ def test_what_is_broken_is_told(stub: Path, tmp_path: Path, kind: str) -> None:
 
 
 def test_too_much_is_refused(stub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cosim.reference_series.MAX_CELLS", 10)
-    monkeypatch.setattr("cosim.reference_experiments.MAX_EXPERIMENTS", 2)
+    monkeypatch.setattr("cosim.fmu.reference_series.MAX_CELLS", 10)
+    monkeypatch.setattr("cosim.fmu.reference_experiments.MAX_EXPERIMENTS", 2)
     many = experiments("")
     many["tests.exp"] = f"<Experiments>{f'<Experiment {TIMES}/>' * 3}</Experiments>"
     long = experiments(REFERENCES) | {"out.csv": "time,x\n" + "0,0\n" * 10}

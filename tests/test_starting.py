@@ -13,9 +13,9 @@ import cosim
 from cosim.cli import main
 from cosim.cli.completing import SHELLS
 from cosim.cli.helping import _EXAMPLES
-from cosim.examples import examples
-from cosim.reader import read_scenario
-from cosim.template import VEHICLES
+from cosim.scenario.examples import examples
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.template import VEHICLES
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,7 +51,7 @@ def test_a_wheel_has_types_and_scenarios(tmp_path: Path, scenarios: Path) -> Non
 def test_an_installed_package_finds_the_scenarios_within_itself(
     tmp_path: Path, scenarios: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cosim.examples._PACKAGE", tmp_path / "cosim")
+    monkeypatch.setattr("cosim.scenario.examples._PACKAGE", tmp_path / "cosim")
     assert examples() == ()
     shutil.copytree(scenarios, tmp_path / "cosim" / "scenarios", ignore=shutil.ignore_patterns("__pycache__"))
     assert tmp_path / "cosim" / "scenarios" / "clmr_line.xml" in examples()

@@ -9,7 +9,7 @@ import pytest
 import cosim
 import plants
 from cosim.cli import main
-from cosim.reader import read_binding, read_scenario
+from cosim.scenario.reader import read_binding, read_scenario
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu

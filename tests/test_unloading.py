@@ -14,7 +14,7 @@ import pytest
 from lxml import etree
 
 from cosim.plant.unloading import threads
-from cosim.result import load
+from cosim.results.files import load
 from cosim.tests.driving import fleet, scenario
 
 from .stub.stub import make_fmu

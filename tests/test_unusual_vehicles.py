@@ -16,7 +16,7 @@ import pytest
 
 import cosim
 from cosim.cli import main
-from cosim.scenario import OPEN
+from cosim.scenario.scenario import OPEN
 
 from .stub.stub import make_fmu
 

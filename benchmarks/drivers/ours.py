@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from serve import OUTPUTS, Floats, Job, Master, serve
 
-from cosim.connect import plant
 from cosim.errors import Location
-from cosim.fmu import open_fmu
+from cosim.fmu.package import open_fmu
+from cosim.master.members import plant
 from cosim.plant.fleet import STATE, Fleet
-from cosim.scenario import PlantSource
+from cosim.scenario.scenario import PlantSource
 
 
 class Ours:

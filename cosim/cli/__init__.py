@@ -20,7 +20,7 @@ from cosim.cli.console import err, report
 from cosim.cli.helping import explain
 from cosim.cli.options import Parser
 from cosim.errors import FormationError
-from cosim.template import VEHICLES
+from cosim.scenario.template import VEHICLES
 
 INTERRUPTED = 130
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from cosim.cli.console import warn
 from cosim.errors import InputError
-from cosim.fmu import Package
-from cosim.fmu_description import summed_up
+from cosim.fmu.description import summed_up
+from cosim.fmu.package import Package
 
 SHOWN = 10
 """How many warnings there are about an FMU, unless all are asked for."""

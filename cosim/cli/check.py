@@ -10,7 +10,7 @@ from cosim.cli.console import out, report, verbatim, warn
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError
-from cosim.setup import set_up
+from cosim.master.setup import set_up
 
 
 def check(options: argparse.Namespace) -> int:

@@ -15,12 +15,12 @@ from rich.table import Table
 
 from cosim.cli.console import out, safe, table, warn
 from cosim.cli.reading import pairs
-from cosim.compare import PlantComparison, PlantFile, compare_plants
-from cosim.compare_figure import SHOWN, save_comparison_figure
-from cosim.contract import CONTRACTS
+from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
+from cosim.compare.figure import SHOWN, save_comparison_figure
 from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
-from cosim.result import writable_folder, write
+from cosim.results.files import writable_folder, write
+from cosim.vehicle.contract import CONTRACTS
 
 BEYOND = 1
 

@@ -9,19 +9,19 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.binding import match, shape_of
 from cosim.cli.breaches import rules_kept
 from cosim.cli.console import broken, out, safe, table, warn
 from cosim.errors import printable
-from cosim.fmu import Package, has_sources, interfaces, machines, open_package, this_machine
-from cosim.fmu_archive import size
-from cosim.fmu_description import without_collection
-from cosim.fmu_facts import NAMES, obstacle
-from cosim.fmu_units import unit_name
+from cosim.fmu.archive import size
+from cosim.fmu.binding import match, shape_of
+from cosim.fmu.description import without_collection
+from cosim.fmu.facts import NAMES, obstacle
+from cosim.fmu.package import Package, has_sources, interfaces, machines, open_package, this_machine
+from cosim.fmu.reference_experiments import carries_experiments
+from cosim.fmu.units import unit_name
 from cosim.plant.spec import CO_SIMULATION
-from cosim.proposal import Proposal, attributes, proposals
-from cosim.reference_experiments import carries_experiments
-from cosim.scenario import OPEN, RoleSource
+from cosim.scenario.scenario import OPEN, RoleSource
+from cosim.swap.proposal import Proposal, attributes, proposals
 
 NARROW = 120
 """Columns of a terminal below which a variable's causality, variability and type share a column."""

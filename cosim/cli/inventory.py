@@ -11,10 +11,10 @@ from rich.markup import escape
 import plants
 from cosim.cli.console import out, table
 from cosim.errors import InputError
-from cosim.examples import examples
-from cosim.grammar import schema_path
-from cosim.reader import read_scenario
-from cosim.swap import BINDING_SUFFIX
+from cosim.scenario.examples import examples
+from cosim.scenario.grammar import schema_path
+from cosim.scenario.reader import read_scenario
+from cosim.swap.replacement import BINDING_SUFFIX
 
 _FOLDER = Path("scenarios")
 

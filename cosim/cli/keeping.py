@@ -9,7 +9,7 @@ from pathlib import Path
 
 import h5netcdf
 
-from cosim.provenance import Provenance
+from cosim.results.provenance import Provenance
 
 RESULT, FILES = "result.nc", ("summary.json", "figure.png", "result.nc")
 """The files of a run; that of the result is the last to be moved, as it tells what the others are of."""

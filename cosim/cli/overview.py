@@ -10,11 +10,13 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import broken, safe, table
-from cosim.connect import in_own_process, tolerance_of, why_own_process
-from cosim.fmu_facts import NAMES
+from cosim.fmu.facts import NAMES
+from cosim.fmu.solver import usual_step
+from cosim.master.members import in_own_process, tolerance_of, why_own_process
+from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
-from cosim.scenario import (
+from cosim.scenario.scenario import (
     DEFAULT_SOLVER,
     DEFAULT_TOLERANCE,
     Effect,
@@ -28,8 +30,6 @@ from cosim.scenario import (
     Setting,
     Trajectory,
 )
-from cosim.setup import Setup
-from cosim.solver import usual_step
 
 NARROW = 100
 """Columns of a terminal below which names of plants and controllers are broken."""

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import plants
-from cosim.changes import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed, split_setting
 from cosim.cli.console import warn
+from cosim.control.team import installed
 from cosim.errors import InputError
-from cosim.paths import absent
-from cosim.reader import read_scenario
-from cosim.scenario import Scenario
-from cosim.team import installed
+from cosim.missing_file import absent
+from cosim.scenario.edits import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed, split_setting
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
 
 
 def read(path: Path, options: argparse.Namespace) -> Scenario:

@@ -19,16 +19,16 @@ from cosim.cli.keeping import set_aside
 from cosim.cli.reading import read
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
-from cosim.interrupt import HeldSignals
-from cosim.junit import Outcome, junit_xml
-from cosim.pacing import Pacer
-from cosim.provenance import Provenance
-from cosim.result import annotate, save, writable_folder, write
-from cosim.scenario import Scenario
-from cosim.setup import set_up
-from cosim.simulation import Simulation
-from cosim.summary import summarise
-from cosim.timing import timed
+from cosim.master.interrupt import HeldSignals
+from cosim.master.pacing import Pacer
+from cosim.master.setup import set_up
+from cosim.master.simulation import Simulation
+from cosim.master.timing import timed
+from cosim.results.files import annotate, save, writable_folder, write
+from cosim.results.junit import Outcome, junit_xml
+from cosim.results.provenance import Provenance
+from cosim.results.summary import summarise
+from cosim.scenario.scenario import Scenario
 
 EXPECTATION_FAILED = 1
 
@@ -151,7 +151,7 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 
 def _draw(result: xr.Dataset, folder: Path) -> None:
     """Draw the figure; what is already saved does not depend on whether that succeeds."""
-    from cosim.figure import save_figure
+    from cosim.results.figure import save_figure
 
     try:
         save_figure(result, folder / "figure.png")

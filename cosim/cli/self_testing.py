@@ -9,9 +9,9 @@ from rich.table import Table
 
 from cosim.cli.console import broken, out, safe, table, taking_a_while, warn
 from cosim.errors import InputError
-from cosim.fmu import open_package
-from cosim.reference_experiments import read_experiments
-from cosim.self_test import Replay, replay
+from cosim.fmu.package import open_package
+from cosim.fmu.reference_experiments import read_experiments
+from cosim.fmu.self_test import Replay, replay
 
 
 def self_test(fmu: Path, time_limit: float) -> int:

@@ -10,8 +10,8 @@ import xarray as xr
 from cosim.cli.console import out, report, safe, warn
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
-from cosim.result import load_result
-from cosim.summary import Summary, summary_of
+from cosim.results.files import load_result
+from cosim.results.summary import Summary, summary_of
 
 EXPECTATION_FAILED, NOT_TO_THE_END, INTERRUPTED = 1, SimulationError.exit_status, 130
 
@@ -33,7 +33,7 @@ def _shown(path: Path, figure: Path | None) -> int:
         summary = _summary(path, result)
         print_summary(out(), summary)
         if figure is not None:
-            from cosim.figure import save_figure
+            from cosim.results.figure import save_figure
 
             save_figure(result, figure)
             out().print(safe(f"figure in {figure}"), soft_wrap=True)

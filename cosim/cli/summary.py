@@ -9,8 +9,8 @@ from itertools import groupby
 from rich.console import Console
 
 from cosim.cli.console import safe, table
-from cosim.summary import FollowerFigures, Summary
-from cosim.verdict import Verdict
+from cosim.results.summary import FollowerFigures, Summary
+from cosim.results.verdict import Verdict
 
 NARROW = 72
 """Columns of a terminal below which headings have a word a line."""

@@ -11,12 +11,12 @@ from cosim.cli.console import out, safe, table, warn
 from cosim.cli.overview import doubtful_plants
 from cosim.cli.reading import pairs
 from cosim.errors import InputError
-from cosim.fmu_facts import obstacle
-from cosim.probe import DURATION, Probe
-from cosim.reader import read_scenario
-from cosim.result import write
-from cosim.setup import set_up
-from cosim.swap import Replacement, Swap, swap
+from cosim.fmu.facts import obstacle
+from cosim.master.setup import set_up
+from cosim.results.files import write
+from cosim.scenario.reader import read_scenario
+from cosim.swap.probe import DURATION, Probe
+from cosim.swap.replacement import Replacement, Swap, swap
 
 
 def swap_plants(options: argparse.Namespace) -> int:

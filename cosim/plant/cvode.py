@@ -18,8 +18,8 @@ from fmpy.sundials.nvector_serial import NV_DATA_S
 from numpy.typing import NDArray
 
 from cosim.plant.exchange import give, take
+from cosim.plant.failures import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.spec import PlantSpec
 
 _CLOSE = 1e-9

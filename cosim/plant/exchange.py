@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cosim.plant.outcome import PlantError
+from cosim.plant.failures import PlantError
 from cosim.plant.spec import REAL_TYPES, Block
 
 _LARGEST_SINGLE = 3.4028234663852886e38

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, SimulationError
 from cosim.plant.calls import compiled
 from cosim.plant.constant_step import misfit
+from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
-from cosim.plant.outcome import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
-from cosim.plant.start import SHOWN_LATE, check_pose, moved_too_far, not_started
+from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
 from cosim.plant.stepwise import StepwisePlant, stepper
 

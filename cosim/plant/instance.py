@@ -12,9 +12,7 @@ from fmpy.fmi1 import FMICallException
 
 from cosim.plant.arithmetic import kept_arithmetic
 from cosim.plant.exchange import give, take
-from cosim.plant.log import Log
-from cosim.plant.missing import why_not_loaded
-from cosim.plant.outcome import (
+from cosim.plant.failures import (
     ACCEPT,
     COMPLETE,
     DISCARD,
@@ -28,6 +26,8 @@ from cosim.plant.outcome import (
     PlantError,
     failure,
 )
+from cosim.plant.log import Log
+from cosim.plant.missing_library import why_not_loaded
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.unloading import keep, threads, unload
 
@@ -186,7 +186,7 @@ class Instance:
             raise PlantError(self.failure(EVENT, error.status)) from None
 
     def failure(self, what: int, status: int) -> str:
-        """Return in words what failed, a number of `cosim.plant.outcome`, with the status of the FMI call."""
+        """Return in words what failed, a number of `cosim.plant.failures`, with the status of the FMI call."""
         self.status = max(self.status, status)
         said = self.log.take()
         if what == COMPLETE and status == DISCARD and self._version == 2 and self._co_simulation:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.plant.calls import c_function, compiled
-from cosim.plant.outcome import COMPLETE, DERIVE, END, EVENT, FINE, ITERATE, WARNING
+from cosim.plant.failures import COMPLETE, DERIVE, END, EVENT, FINE, ITERATE, WARNING
 
 FUNCTIONS = {
     "set_time": ("SetTime", "SetTime", "SetTime"),

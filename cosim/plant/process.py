@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.plant.calls import PLAIN
-from cosim.plant.outcome import PlantError
+from cosim.plant.failures import PlantError
 from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.plant.calls import c_function, compiled
+from cosim.plant.failures import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
 from cosim.plant.instance import Instance
 from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, enter_event_mode, integrate, leave_event_mode, work_size
-from cosim.plant.outcome import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
 from cosim.plant.spec import CO_SIMULATION, SOLVERS, Block
 
 EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
@@ -155,7 +155,7 @@ def advance(
     Returns
     -------
     tuple of int
-        What failed, of `cosim.plant.outcome`, and the status of the FMI call.
+        What failed, of `cosim.plant.failures`, and the status of the FMI call.
     """
     what, status = FINE, 0
     jump = row["kind"] == MODEL and row["in_count"] > 0 and row["in_changed"] != 0

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.plant.failures import FINE, PlantError
 from cosim.plant.instance import Instance
-from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.stepping import Rows, advance
 

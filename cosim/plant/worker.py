@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.plant.failures import FINE, PlantError
 from cosim.plant.foreign_modules import make_room
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
-from cosim.plant.outcome import FINE, PlantError
 from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cosim.connect import plant
 from cosim.errors import Location
-from cosim.fmu import open_fmu
-from cosim.grammar import NAMESPACE
+from cosim.fmu.package import open_fmu
+from cosim.master.members import plant
 from cosim.plant.fleet import Fleet, Member
-from cosim.scenario import BindingSource, PlantSource
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.scenario import BindingSource, PlantSource
 
 HERE = Location("scenario.xml", 3, 5)
 STEP = 0.02

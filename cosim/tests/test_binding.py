@@ -10,12 +10,12 @@ from typing import Any
 import fmpy
 import pytest
 
-from cosim.binding import Binding, bind
-from cosim.connect import _initial_values
 from cosim.errors import InputError, Location
-from cosim.grammar import NAMESPACE
-from cosim.parameters import geometry
-from cosim.reader import read_binding, read_scenario
+from cosim.fmu.binding import Binding, bind
+from cosim.fmu.parameters import geometry
+from cosim.master.members import _initial_values
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.reader import read_binding, read_scenario
 from tests.stub.stub import Options, description
 
 HERE = Location("scenario.xml", 3, 5)

@@ -12,7 +12,7 @@ import cosim
 from cosim.cli import console as module
 from cosim.cli.console import broken, taking_a_while
 from cosim.cli.summary import print_summary
-from cosim.summary import summary_of
+from cosim.results.summary import summary_of
 
 SHORT = ("//settled/@by=0.5 s", "//rms/@from=0 s")
 

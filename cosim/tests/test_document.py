@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from cosim.changes import set_value
-from cosim.document import MAX_BYTES, read_binding_document, read_document
 from cosim.errors import InputError
+from cosim.scenario.document import MAX_BYTES, read_binding_document, read_document
+from cosim.scenario.edits import set_value
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 COMPARE = '<compare measure="mean" signal="range_error" factor="1" scenario="other.xml"/>'

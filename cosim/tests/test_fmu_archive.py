@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError
-from cosim.fmu import open_fmu, open_package
-from cosim.fmu_archive import has_document_type, size
+from cosim.fmu.archive import has_document_type, size
+from cosim.fmu.package import open_fmu, open_package
 from tests.stub.stub import make_fmu
 
 

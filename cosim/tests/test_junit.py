@@ -7,10 +7,10 @@ from lxml import etree
 
 from cosim.cli import main
 from cosim.errors import InputError, Location
-from cosim.expectation import Verdict
-from cosim.junit import Outcome, junit_xml
-from cosim.simulation import Simulation
-from cosim.summary import Summary
+from cosim.master.simulation import Simulation
+from cosim.results.expectations import Verdict
+from cosim.results.junit import Outcome, junit_xml
+from cosim.results.summary import Summary
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.contract import CONTRACTS
-from cosim.naming import RECOGNITIONS, SERIES, doubtful, without_start, words_of
+from cosim.swap.naming import RECOGNITIONS, SERIES, doubtful, without_start, words_of
+from cosim.vehicle.contract import CONTRACTS
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from cosim.pacing import Pacer
-from cosim.reader import read_scenario
-from cosim.simulation import Simulation
+from cosim.master.pacing import Pacer
+from cosim.master.simulation import Simulation
+from cosim.scenario.reader import read_scenario
 
 
 class Clock:

@@ -21,15 +21,15 @@ from scipy.integrate import solve_ivp
 
 import cosim
 import plants
-from cosim.connect import in_own_process
 from cosim.errors import InputError, SimulationError
-from cosim.fmu import open_fmu
-from cosim.grammar import NAMESPACE
+from cosim.fmu.package import open_fmu
+from cosim.master.members import in_own_process
+from cosim.master.simulation import Simulation
 from cosim.plant.calls import COMPILED, c_function, compiled
 from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
-from cosim.reader import read_binding, read_scenario
-from cosim.scenario import BindingSource
-from cosim.simulation import Simulation
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.reader import read_binding, read_scenario
+from cosim.scenario.scenario import BindingSource
 from tests.stub.stub import make_fmu
 
 from .driving import STEP, drive, fleet, scenario

@@ -7,14 +7,14 @@ import fmpy
 import pytest
 from lxml import etree
 
-from cosim import players
-from cosim.binding import bind
-from cosim.contract import CAR_LIKE, TRACTOR_TRAILER
 from cosim.errors import InputError
-from cosim.fmu_units import unit_of
-from cosim.proposal import Proposal, Suggestion, binding_xml, proposals, propose
-from cosim.reader import read_binding
-from cosim.scenario import OPEN
+from cosim.fmu.binding import bind
+from cosim.fmu.units import unit_of
+from cosim.scenario.reader import read_binding
+from cosim.scenario.scenario import OPEN
+from cosim.swap import candidates
+from cosim.swap.proposal import Proposal, Suggestion, binding_xml, proposals, propose
+from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER
 
 UNITS = """<UnitDefinitions>
   <Unit name="m"><BaseUnit m="1"/></Unit> <Unit name="mm"><BaseUnit m="1" factor="0.001"/></Unit>
@@ -465,7 +465,7 @@ def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypa
         looked.append(variable.name)
         return unit_of(description, variable)
 
-    monkeypatch.setattr(players, "unit_of", counted)
+    monkeypatch.setattr(candidates, "unit_of", counted)
     numbers = []
     for count in (10, 500):
         proposals(describe(tmp_path, {f"part_{i}.force": "parameter N" for i in range(count)}))

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from cosim.changes import Change, set_controller, set_fmu, set_seed
 from cosim.errors import InputError
 from cosim.quantity import quantity
-from cosim.reader import read_scenario
+from cosim.scenario.edits import Change, set_controller, set_fmu, set_seed
+from cosim.scenario.reader import read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError, SimulationError
-from cosim.reader import read_scenario
-from cosim.simulation import Simulation
+from cosim.master.simulation import Simulation
+from cosim.scenario.reader import read_scenario
 
 CHANGES = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
 

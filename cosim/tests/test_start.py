@@ -12,10 +12,10 @@ import pytest
 
 import cosim
 from cosim.cli import main
-from cosim.compare import PlantFile, compare_plants
+from cosim.compare.comparison import PlantFile, compare_plants
 from cosim.errors import InputError, SimulationError
-from cosim.grammar import NAMESPACE
-from cosim.reader import read_binding
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.reader import read_binding
 from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import host
 from tests.stub.stub import Options, binary_path, description, make_fmu, write

@@ -9,10 +9,10 @@ import pytest
 import xarray as xr
 
 from cosim.errors import OutputError
-from cosim.reader import read_scenario
-from cosim.result import load, save
-from cosim.scenario import Scenario
-from cosim.summary import summarise
+from cosim.results.files import load, save
+from cosim.results.summary import summarise
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 SINGULAR = {"units": "1", "singular_at_zero": "the formation model is singular"}

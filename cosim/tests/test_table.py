@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import table
 from cosim.errors import InputError, Location
-from cosim.table import Table, read_table
+from cosim.scenario import table
+from cosim.scenario.table import Table, read_table
 from plants import units
 
 WHERE = Location("scenario.xml", 12, 5)

@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from cosim.errors import InputError, Location
-from cosim.scenario import Trajectory
-from cosim.trajectory import leader_motion
+from cosim.scenario.scenario import Trajectory
+from cosim.signals.trajectory import leader_motion
 
 WHERE = Location("scenario.xml", 9, 5)
 CAR = fc.CarLike(1.2)

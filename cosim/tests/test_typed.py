@@ -9,11 +9,11 @@ import pytest
 
 import cosim
 from cosim.errors import InputError, SimulationError
-from cosim.fmu import open_fmu
+from cosim.fmu.package import open_fmu
 from cosim.plant.exchange import _as_type
-from cosim.plant.outcome import PlantError
-from cosim.proposal import proposals
-from cosim.reader import read_binding
+from cosim.plant.failures import PlantError
+from cosim.scenario.reader import read_binding
+from cosim.swap.proposal import proposals
 from cosim.tests.driving import STEP, drive, fleet, scenario
 from tests.stub.stub import make_fmu
 

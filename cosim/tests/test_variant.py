@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-import cosim.document
-from cosim.document import MAX_BYTES, read_document
+import cosim.scenario.document
 from cosim.errors import InputError
-from cosim.grammar import NAMESPACE, local_name
-from cosim.reader import read_scenario
+from cosim.scenario.document import MAX_BYTES, read_document
+from cosim.scenario.grammar import NAMESPACE, local_name
+from cosim.scenario.reader import read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
@@ -341,7 +341,7 @@ def test_a_circle_through_a_link(tmp_path: Path) -> None:
 
 
 def test_a_chain_without_end(base: Path, tmp_path: Path) -> None:
-    for i in range(cosim.document.MAX_VARIANTS + 1):
+    for i in range(cosim.scenario.document.MAX_VARIANTS + 1):
         last = write(tmp_path / f"{i}.xml", "", of=f"{i - 1}.xml" if i else "base.xml")
     assert read_scenario(tmp_path / "19.xml").name == "19"
     assert "there are more than 20 variants of variants: " in refused(last)
@@ -349,7 +349,7 @@ def test_a_chain_without_end(base: Path, tmp_path: Path) -> None:
 
 def test_many_elements_into_many(base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two lists of a file multiply: what fits into the file does not bound what comes of it."""
-    monkeypatch.setattr("cosim.variant.MAX_ELEMENTS", 2000)
+    monkeypatch.setattr("cosim.scenario.variant.MAX_ELEMENTS", 2000)
     gains = "".join(f'<gain name="g_{i}" value="1"/>' for i in range(600))
     error = refused(write(tmp_path / "v.xml", f'<insert into="follower">{gains}</insert>'))
     assert "v.xml:3:" in error

@@ -1,0 +1,462 @@
+"""Two plants under the same torques from the same pose: how far apart they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import plants
+from cosim.compare.excitation import excitation, given
+from cosim.compare.lateness import one_step_late
+from cosim.errors import InputError, Location, SimulationError, nearest
+from cosim.fmu.package import Fmu, open_fmu
+from cosim.fmu.parameters import ParameterValue, geometry, understand
+from cosim.fmu.solver import check_solver, check_step
+from cosim.master.members import plant, tolerance_of
+from cosim.plant.fleet import STATE, Fleet
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
+from cosim.quantity import split, whole_steps
+from cosim.scenario.reader import read_binding
+from cosim.scenario.scenario import FIRST_STEP, PlantSource, Setting
+from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER, Contract, Role
+from plants import UnitError, units
+
+TOLERANCE = 1e-6
+"""Difference, in the role's unit, from which on two plants are said to differ where nothing else is said."""
+
+MAX_STEPS = 1_000_000
+
+_POSES: Mapping[str, Mapping[str, float]] = {
+    CAR_LIKE.vehicle: {"x": 1.0, "y": -2.0, "psi": math.radians(30), "gamma": math.radians(10)},
+    TRACTOR_TRAILER.vehicle: {"x": 1.0, "y": -2.0, "theta_1": math.radians(30), "theta_0": math.radians(40)},
+}
+"""Initial poses in which every entry counts, so that a wrong sign or offset shows at once."""
+
+
+@dataclass(frozen=True)
+class PlantFile:
+    """A plant to be compared.
+
+    Attributes
+    ----------
+    fmu : str or Path
+        The FMU's file, or the name of a built-in model.
+    binding : str, Path or None
+        The file with the binding; None if its variables have the names of the roles.
+    interface, solver, start : str
+        As in a scenario; empty for the default.
+    parameters : dict
+        Values of parameters as in a scenario, by the parameter's name or the role that it plays.
+    """
+
+    fmu: str | Path
+    binding: str | Path | None = None
+    interface: str = ""
+    solver: str = ""
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    start: str = ""
+
+    def __post_init__(self) -> None:
+        for what, said, known in (
+            ("interface", self.interface, (CO_SIMULATION, MODEL_EXCHANGE)),
+            ("solver", self.solver, SOLVERS),
+            ("start", self.start, (FIRST_STEP,)),
+        ):
+            if said and said not in known:
+                raise InputError(f"there is no {what} {said!r}: {nearest(said, list(known))}")
+
+
+@dataclass(frozen=True)
+class RoleDifference:
+    """How far apart two plants are in a role, in its unit; an angle by less than half a turn.
+
+    Attributes
+    ----------
+    role : Role
+        The role.
+    largest, at, rms : float
+        The largest magnitude of the difference, when that is [s], and its root mean square.
+    span : float
+        Between the smallest and the largest value of the first plant, to compare with.
+    tolerance : float
+        What the difference may be; infinity for anything.
+    first_beyond : float or None
+        When it is first more than that [s]; None if never.
+    """
+
+    role: Role
+    largest: float
+    at: float
+    rms: float
+    span: float
+    tolerance: float
+    first_beyond: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class PlantComparison:
+    """What two plants did.
+
+    Attributes
+    ----------
+    contract : Contract
+        Which vehicle both are.
+    plants : tuple of dict
+        Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
+    geometry : dict
+        What controllers are told of each: the field's value for the first and the second plant.
+    step : float
+        Communication step [s].
+    torque_from : str
+        Where the torques come from, in words.
+    torque : ndarray (T, 2)
+        The torques of each step [N.m].
+    states : tuple of ndarray (T + 1, 6)
+        Pose and pseudo-velocities of each at the communication points, in the roles' units; NaN where a plant does not
+        offer one, and after it has failed.
+    difference : ndarray (T + 1, 6)
+        Of the second from the first.
+    roles : tuple of RoleDifference
+        Those that both offer.
+    failures : tuple of SimulationError
+        Why a plant did not reach the end.
+    messages : tuple of str
+        What the FMUs have logged.
+    """
+
+    contract: Contract
+    plants: tuple[dict[str, Any], dict[str, Any]]
+    geometry: Mapping[str, tuple[Any, Any]]
+    step: float
+    torque_from: str
+    torque: NDArray[np.float64]
+    states: tuple[NDArray[np.float64], NDArray[np.float64]]
+    difference: NDArray[np.float64]
+    roles: tuple[RoleDifference, ...]
+    failures: tuple[SimulationError, ...]
+    messages: tuple[str, ...]
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """The communication points [s]."""
+        time: NDArray[np.float64] = self.step * np.arange(len(self.torque) + 1, dtype=np.float64)
+        return time
+
+    @property
+    def within(self) -> bool:
+        """Whether both reached the end and no difference is beyond its tolerance."""
+        return not self.failures and all(role.first_beyond is None for role in self.roles)
+
+    @property
+    def late(self) -> str:
+        """Which plant, "A" or "B", shows at each communication point what the other showed one before; else empty."""
+        pose = len(self.contract.pose)
+        first, second = (states[:, :pose] for states in self.states)
+        return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.contract.pose])
+
+    @property
+    def reached(self) -> float:
+        """Until when both plants went [s]."""
+        rows = np.flatnonzero(np.isfinite(self.difference[:, 0]))
+        return round(float(self.time[rows[-1]]), 9) if len(rows) else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures as data for JSON; trajectories are left out."""
+        states = (*self.contract.pose, *self.contract.velocity)
+        return {
+            "vehicle": self.contract.vehicle,
+            "plants": list(self.plants),
+            "geometry": {name: list(values) for name, values in self.geometry.items()},
+            "step": self.step,
+            "duration": float(self.time[-1]),
+            "reached": self.reached,
+            "pose": {role.name: float(self.states[0][0, i]) for i, role in enumerate(self.contract.pose)},
+            "torque": {
+                "from": self.torque_from,
+                "largest": {
+                    role.name: float(np.abs(self.torque[:, i]).max()) for i, role in enumerate(self.contract.torque)
+                },
+            },
+            "differences": {
+                found.role.name: {
+                    "unit": found.role.unit,
+                    "largest": found.largest,
+                    "at": found.at,
+                    "rms": found.rms,
+                    "span": found.span,
+                    "tolerance": found.tolerance if math.isfinite(found.tolerance) else None,
+                    "first_beyond": found.first_beyond,
+                }
+                for found in self.roles
+            },
+            "not_offered": [role.name for role in states if role.name not in [found.role.name for found in self.roles]],
+            "within": self.within,
+            "one_step_late": self.late or None,
+            "failures": [str(failure) for failure in self.failures],
+            "messages": list(self.messages),
+        }
+
+
+def compare_plants(
+    a: str | Path | PlantFile,
+    b: str | Path | PlantFile,
+    *,
+    duration: float = 20.0,
+    step: float = 0.02,
+    pose: Mapping[str, float] | None = None,
+    torque: str | Path | NDArray[np.float64] | None = None,
+    seed: int = 1,
+    within: Iterable[str] = (),
+    isolated: bool = True,
+) -> PlantComparison:
+    """Drive two plants with the same torques from the same pose.
+
+    Parameters
+    ----------
+    a, b
+        The plants: FMU files, or names of built-in models.
+    duration, step
+        How long, and the communication step [s].
+    pose
+        Entries of the initial pose by their roles, in the roles' units; those left out are as they are for this.
+    torque
+        A CSV file with the columns ``time [s]`` and the torques by their roles, or an array (steps, 2) [N.m]. Without
+        it, steps and sines in both, so large that the first plant moves well but steers far from 90 degrees.
+    seed
+        Of the phases of the sines.
+    within
+        What the differences may be, such as ``1 mm`` (of all lengths) or ``psi=0.1 deg``, each at most once. Without
+        any, `TOLERANCE` of all.
+    isolated
+        Whether FMU files run in processes of their own. Built-in models do not.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, or the plants are different kinds of vehicles.
+    SimulationError
+        A plant gives no outputs at the start.
+    """
+    ticks = round(duration / step) if step > 0 and math.isfinite(duration) else 0
+    if not 1 <= ticks <= MAX_STEPS or abs(ticks * step - duration) > 1e-6 * step:
+        such = f", such as {whole_steps(duration / step, step, 1)}" if 1 <= ticks < MAX_STEPS else ""
+        raise InputError(
+            f"{duration:g} s are not a whole number of steps of {step:g} s, from 1 to {MAX_STEPS} of them{such}"
+        )
+    if seed < 0:
+        raise InputError(f"the seed {seed} is not a whole number from 0 on")
+    first, second = (plant if isinstance(plant, PlantFile) else PlantFile(plant) for plant in (a, b))
+    with ExitStack() as cleanup:
+        runs = [_Run(name, file, step, ticks, isolated, cleanup) for name, file in (("A", first), ("B", second))]
+        contract = runs[0].contract
+        if runs[1].contract is not contract:
+            raise InputError(
+                f"{runs[0].fmu.path.name} is a {contract.vehicle} vehicle, but {runs[1].fmu.path.name} is a "
+                f"{runs[1].contract.vehicle}: only vehicles of a kind can be compared"
+            )
+        start = _pose(contract, pose or {})
+        if torque is None:
+            torques, said = excitation(contract, lambda torques: runs[0](start, torques).completed, step, ticks, seed)
+        else:
+            torques, said = given(contract, torque, step, ticks)
+        results = [run(start, torques) for run in runs]
+        difference = results[1].states - results[0].states
+        for column, role in enumerate((*contract.pose, *contract.velocity)):
+            if role.unit == "rad":
+                difference[:, column] = np.remainder(difference[:, column] + math.pi, 2 * math.pi) - math.pi
+        return PlantComparison(
+            contract=contract,
+            plants=(runs[0].about, runs[1].about),
+            geometry={name: (value, runs[1].geometry[name]) for name, value in runs[0].geometry.items()},
+            step=step,
+            torque_from=said,
+            torque=torques,
+            states=(results[0].states, results[1].states),
+            difference=difference,
+            roles=_differences(contract, difference, results[0].states, step, _tolerances(contract, within)),
+            failures=tuple(result.failure for result in results if result.failure is not None),
+            messages=tuple(message for result in results for message in result.messages),
+        )
+
+
+# The plants -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Result:
+    states: NDArray[np.float64]
+    failure: SimulationError | None
+    messages: tuple[str, ...]
+
+    @property
+    def completed(self) -> NDArray[np.float64] | None:
+        """The states, if the plant has not failed."""
+        return self.states if self.failure is None else None
+
+
+class _Run:
+    """A plant that can be run from the start, again and again."""
+
+    def __init__(self, name: str, file: PlantFile, step: float, ticks: int, isolated: bool, cleanup: ExitStack) -> None:
+        models, asked, exists = plants.models(), str(file.fmu), Path(file.fmu).exists()
+        self.built_in = built_in = asked in models and not exists
+        if asked.isidentifier() and not (built_in or exists):  # not the name of a file
+            raise InputError(
+                f"there is no built-in model {asked!r}, and no FMU of that name: {nearest(asked, [*models])}"
+            )
+        try:
+            path = plants.build(str(file.fmu)) if built_in else Path(file.fmu)
+        except plants.PlantError as error:
+            raise InputError(str(error)) from None
+        self.name, self.step, self.ticks = name, step, ticks
+        self.source = PlantSource(
+            id=name,
+            fmu=path,
+            binding=None if file.binding is None else read_binding(file.binding),
+            interface=file.interface,
+            solver=file.solver,
+            late_outputs=bool(file.start),
+            isolated=isolated and not built_in,
+            parameters=tuple(
+                Setting(key, value, Location(f"--parameter {key}={value}")) for key, value in file.parameters.items()
+            ),
+            where=Location(f"plant {name}"),
+        )
+        self.fmu: Fmu = open_fmu(path, None, self.source.binding, self.source.interface)
+        cleanup.callback(self.fmu.close)
+        check_solver(self.fmu, self.source)
+        check_step(self.fmu, self.source, step)
+        self.parameters: tuple[ParameterValue, ...] = understand(self.fmu, self.source.parameters)
+        self.geometry = geometry(self.fmu, self.parameters, self.source.where)
+
+    @property
+    def contract(self) -> Contract:
+        return self.fmu.binding.contract
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What is to be known of the plant, for JSON."""
+        return {
+            "file": str(self.fmu.path),
+            "built_in": self.built_in,
+            "sha256": self.fmu.sha256,
+            "fmi_version": self.fmu.description.fmiVersion,
+            "interface": self.fmu.interface,
+            "tolerance": tolerance_of(self.fmu, self.source),
+            "generation_tool": self.fmu.description.generationTool,
+            "binding": self.fmu.binding.described(),
+            "parameters": {setting.name: setting.value for setting in self.source.parameters},
+        }
+
+    def __call__(self, pose: Sequence[float], torques: NDArray[np.float64]) -> _Result:
+        """Run from a pose with torques (T, 2); what is not reached is NaN."""
+        member = plant(
+            self.fmu,
+            self.source,
+            name=self.name,
+            parameters=self.parameters,
+            pose=pose,
+            given=torques[0].tolist(),
+            stop_time=self.ticks * self.step,
+        )
+        state = np.empty((1, STATE))
+        out = np.full((len(torques) + 1, 1, STATE), np.nan)
+        fleet = Fleet([member], state)
+        failure = None
+        try:
+            out[0] = state
+            fleet.run(0, self.step, torques, out[1:])
+        except SimulationError as error:
+            failure = error
+        finally:
+            fleet.close()
+        return _Result(out[:, 0], failure, tuple(fleet.messages))
+
+
+def _pose(contract: Contract, entries: Mapping[str, float]) -> tuple[float, ...]:
+    known = [role.name for role in contract.pose]
+    for name in entries:
+        if name not in known:
+            raise InputError(f"a {contract.vehicle} vehicle has no pose entry {name!r}: {nearest(name, known)}")
+    return tuple(entries.get(name, _POSES[contract.vehicle][name]) for name in known)
+
+
+# The differences --------------------------------------------------------------------------------------------
+
+
+def _tolerances(contract: Contract, within: Iterable[str]) -> dict[str, float]:
+    """Return what the difference may be in each role; where there are tolerances, anything in those without one."""
+    roles = {role.name: role for role in (*contract.pose, *contract.velocity)}
+    general: dict[str, float] = {}
+    own: dict[str, float] = {}
+    for text in within:
+        name, equals, value = text.rpartition("=")
+        name = name.strip()
+        if equals and name not in roles:
+            known = nearest(name, list(roles))
+            raise InputError(f"within {text}: a {contract.vehicle} vehicle has no role {name!r} to compare: {known}")
+        given = own if equals else general
+        fitting = _fitting(text, value, [roles[name]] if equals else list(roles.values()))
+        if fitting.keys() & given.keys():
+            raise InputError(f"within {text}: a tolerance of {', '.join(fitting)} is given already: give it once")
+        given |= fitting
+    found = general | own
+    return dict.fromkeys(roles, math.inf) | found if found else dict.fromkeys(roles, TOLERANCE)
+
+
+def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
+    """Return a tolerance for each of the roles whose unit it fits; zero needs no unit."""
+    try:
+        number, name = split(value)
+        given = units.parse(name)
+    except (ValueError, UnitError) as error:
+        raise InputError(f"within {text}: {error}") from None
+    if name == "1" and number != 0:
+        examples = " and ".join(f"'{value.strip()} {unit}'" for unit in dict.fromkeys(role.unit for role in roles))
+        raise InputError(f"within {text}: has no unit; what is meant may be {examples}")
+    found = {}
+    for role in roles:
+        own = units.parse(role.unit)
+        if number == 0 and name == "1":
+            found[role.name] = 0.0
+        elif own.exponents == given.exponents:
+            found[role.name] = number * given.factor / own.factor
+    if not found or not 0 <= number < math.inf:
+        fitting = ", ".join(dict.fromkeys(role.unit for role in roles))
+        raise InputError(f"within {text}: expected is a number that is not negative, in a unit such as {fitting}")
+    return found
+
+
+def _differences(
+    contract: Contract,
+    difference: NDArray[np.float64],
+    first: NDArray[np.float64],
+    step: float,
+    tolerances: Mapping[str, float],
+) -> tuple[RoleDifference, ...]:
+    found = []
+    for column, role in enumerate((*contract.pose, *contract.velocity)):
+        reached = np.isfinite(difference[:, column])
+        if not reached.any():
+            continue
+        course, tolerance = np.abs(difference[reached, column]), tolerances[role.name]
+        beyond = np.flatnonzero(course > tolerance)
+        found.append(
+            RoleDifference(
+                role=role,
+                largest=float(course.max()),
+                at=round(step * int(course.argmax()), 9),
+                rms=float(np.sqrt(np.mean(course**2))),
+                span=float(np.ptp(first[reached, column])),
+                tolerance=tolerance,
+                first_beyond=round(step * int(beyond[0]), 9) if len(beyond) else None,
+            )
+        )
+    return tuple(found)

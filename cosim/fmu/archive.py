@@ -1,0 +1,197 @@
+"""An FMU as it lies on the disk, an archive or the folder of an unpacked one: checked, and unpacked into a folder.
+
+Nothing gets out of that folder, and nothing gets in from elsewhere: entries that point outside and links are refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
+
+from lxml import etree
+
+from cosim.errors import InputError, Location
+from cosim.missing_file import absent
+
+DESCRIPTION = "modelDescription.xml"
+READ = (DESCRIPTION, "sources/buildDescription.xml")
+"""The files of an FMU that FMPy reads as XML."""
+_BLOCK = 2**16
+_DESCRIPTION = PurePosixPath(DESCRIPTION)
+MAX_UNPACKED_BYTES = 2 * 1024**3
+MAX_DESCRIPTION_BYTES = 64 * 1024**2
+
+
+def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
+    """Unpack an FMU into an empty folder and return its SHA-256.
+
+    That of a folder is the one of its files' relative paths and checksums, in the order of the paths.
+
+    Raises
+    ------
+    InputError
+        It is no FMU, leads outside, has a file in two versions, or is larger than any FMU; `where` asks for it.
+    """
+    try:
+        if path.is_dir():
+            sha256 = _copy(path, directory, where)
+        elif path.exists() and not path.is_file():  # a pipe or a device may never end
+            raise InputError(f"the FMU {path} is not a regular file", where)
+        else:
+            with path.open("rb") as file:
+                sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+            _extract(path, directory, where)
+    except FileNotFoundError:
+        raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
+    except OSError as error:
+        raise InputError(f"the FMU {path} cannot be read: {error.strerror or error}", where) from None
+    for name in READ:
+        if (part := directory / name).is_file() and has_document_type(part.read_bytes()):
+            raise InputError(f"the FMU {path} declares a document type in its {name}", where)
+    return sha256
+
+
+def size(path: Path) -> int:
+    """Return how many bytes an FMU has on the disk."""
+    return sum(file.stat().st_size for _, file in _files(path)) if path.is_dir() else path.stat().st_size
+
+
+def has_document_type(xml: bytes) -> bool:
+    """Return whether an XML document declares a document type; what is not XML does not.
+
+    It is asked of the parser that reads the document later: another one may not know its encoding.
+    """
+    parser = etree.XMLParser(target=_Beginning(), resolve_entities=False, no_network=True, huge_tree=True)
+    try:
+        for begin in range(0, len(xml), _BLOCK):
+            parser.feed(xml[begin : begin + _BLOCK])
+    except _DocumentType:
+        return True
+    except (_RootElement, etree.XMLSyntaxError):
+        return False
+    return False
+
+
+class _DocumentType(Exception):
+    """A document declares its type."""
+
+
+class _RootElement(Exception):
+    """A document's root element begins, after which it cannot declare its type."""
+
+
+class _Beginning:
+    """Follows a document up to its root element."""
+
+    def doctype(self, *_: object) -> None:
+        raise _DocumentType
+
+    def start(self, *_: object) -> None:
+        raise _RootElement
+
+    def close(self) -> None:
+        """Nothing is built."""
+
+
+# Archives ---------------------------------------------------------------------------------------------------
+
+
+_ENCRYPTED = 1
+_DAMAGED = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, ValueError)
+
+
+def _extract(path: Path, directory: Path, where: Location | None) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            places = _places(path, archive, where)
+            _check_sizes(path, {place: entry.file_size for place, entry in places.items()}, where)
+            _write(archive, places.pop(_DESCRIPTION), directory / DESCRIPTION)
+            try:
+                for place, entry in places.items():
+                    _write(archive, entry, directory.joinpath(*place.parts))
+            except _DAMAGED as error:
+                raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
+    except _DAMAGED as error:
+        raise InputError(f"{path} is not an FMU: {error}", where) from None
+
+
+def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with archive.open(entry) as source, target.open("xb") as file:
+        shutil.copyfileobj(source, file)
+
+
+def _places(path: Path, archive: zipfile.ZipFile, where: Location | None) -> dict[PurePosixPath, zipfile.ZipInfo]:
+    """Return the files of an archive by where they belong."""
+    places: dict[PurePosixPath, zipfile.ZipInfo] = {}
+    for entry in archive.infolist():
+        name = entry.filename.replace("\\", "/")  # as some tools write it on Windows
+        place = PurePosixPath(name)
+        if ".." in place.parts or place.is_absolute() or ":" in name:
+            raise InputError(f"the FMU {path} has the entry {entry.filename!r}, outside of itself", where)
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
+        if entry.flag_bits & _ENCRYPTED:
+            raise InputError(f"{path} is not an FMU: File {entry.filename!r} is encrypted", where)
+        if name.endswith("/"):  # a folder
+            continue
+        first = places.setdefault(place, entry)
+        if (first.file_size, first.CRC) != (entry.file_size, entry.CRC):  # some tools add the same file again
+            raise InputError(f"the FMU {path} has the entry {str(place)!r} twice, with different content", where)
+    return places
+
+
+def _check_sizes(path: Path, sizes: dict[PurePosixPath, int], where: Location | None) -> None:
+    if _DESCRIPTION not in sizes:
+        deeper = next((place for place in sizes if place.name == DESCRIPTION), None)
+        hint = "" if deeper is None else f", but {deeper}: an FMU has it at the top, so zip what is in {deeper.parent}/"
+        raise InputError(f"{path} is not an FMU: it holds no {DESCRIPTION}{hint}", where)
+    if (unpacked := sum(sizes.values())) > MAX_UNPACKED_BYTES:
+        raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
+    if sizes[_DESCRIPTION] > MAX_DESCRIPTION_BYTES:
+        raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
+
+
+# Folders ----------------------------------------------------------------------------------------------------
+
+
+def _copy(path: Path, directory: Path, where: Location | None) -> str:
+    """Copy an unpacked FMU, which is then the same whatever becomes of the folder; return its checksum."""
+    if not (path / DESCRIPTION).exists():
+        raise InputError(f"the folder {path} is no unpacked FMU: it holds no {DESCRIPTION}", where)
+    files = dict(_files(path))
+    for place, file in files.items():
+        if not stat.S_ISREG(file.lstat().st_mode):
+            raise InputError(f"the FMU {path} has {str(place)!r}, which is no regular file", where)
+    _check_sizes(path, {place: file.stat().st_size for place, file in files.items()}, where)
+    total = hashlib.sha256()
+    for place, file in files.items():
+        target = directory.joinpath(*place.parts)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with file.open("rb") as source, target.open("xb") as copy:
+            total.update(f"{place}\0{_copied(source, copy)}\n".encode("utf-8", "surrogateescape"))
+    return total.hexdigest()
+
+
+def _files(folder: Path) -> Iterator[tuple[PurePosixPath, Path]]:
+    """Return all files of a folder by their relative paths, in the order of these; links are not followed."""
+    found = []
+    for root, folders, names in os.walk(folder):
+        links = [name for name in folders if os.path.islink(os.path.join(root, name))]
+        found += [Path(root, name) for name in (*names, *links)]
+    yield from sorted((PurePosixPath(file.relative_to(folder).as_posix()), file) for file in found)
+
+
+def _copied(source: BinaryIO, target: BinaryIO) -> str:
+    digest = hashlib.sha256()
+    while block := source.read(_BLOCK):
+        digest.update(block)
+        target.write(block)
+    return digest.hexdigest()

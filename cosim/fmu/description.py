@@ -1,0 +1,203 @@
+"""What an FMU says of itself, as FMPy reads it, and what is wrong with that.
+
+Many FMUs in use break a rule of their standard and run all the same: what can be read is read, and the rest is told.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import fmpy
+from fmpy import validation
+from lxml import etree
+
+from cosim.errors import printable
+from cosim.fmu.archive import DESCRIPTION
+from cosim.fmu.binding import NEGATED
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+
+PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+
+SCHEDULED_EXECUTION = "scheduled_execution"
+_INTERFACES = {
+    "CoSimulation": CO_SIMULATION,
+    "ModelExchange": MODEL_EXCHANGE,
+    "ScheduledExecution": SCHEDULED_EXECUTION,
+}
+_LONGEST = 300
+"""Characters of a problem: some of FMPy's name every variable there is."""
+_B_NAME = r"(?:[A-Za-z_][A-Za-z0-9_]*|'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+')"
+_INDICES = r"(?:\[[0-9]+(?:,[0-9]+)*\])?"
+_IDENTIFIER = rf"{_B_NAME}{_INDICES}(?:\.{_B_NAME}{_INDICES})*"
+_STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
+"""A name by the convention "structured": FMI 2.0, section 2.2.9; FMI 3.0, section 2.4.7.5.1."""
+
+
+class Reading(NamedTuple):
+    """What an FMU says of itself.
+
+    Attributes
+    ----------
+    description : fmpy.model_description.ModelDescription
+        As FMPy reads it.
+    problems : tuple of str
+        Breaches of the schema and of the rules that FMPy checks beyond it, each in a line.
+    capabilities : dict of dict of str
+        The attributes of each interface that it offers, by the interface's name, also of those unusable here. FMPy does
+        not read all of them: none of FMI 1.0, and not ``providesDirectionalDerivatives`` of FMI 3.0.
+    """
+
+    description: Any
+    problems: tuple[str, ...]
+    capabilities: dict[str, dict[str, str]]
+
+
+def read(directory: Path) -> Reading:
+    """Return what an unpacked FMU says of itself.
+
+    Raises
+    ------
+    Exception
+        FMPy cannot read it: why.
+    """
+    with without_collection():
+        root = _root(directory / DESCRIPTION)
+        problems = list(_breaches(root))
+        try:
+            description = fmpy.read_model_description(str(directory), validate=False)
+        except Exception as error:  # what is known of the file is nearer to the cause
+            raise ValueError(_cause(root, problems, error)) from None
+        if description.fmiVersion == "1.0":
+            _complete(description, root)
+        problems += _complaints(description)
+        return Reading(description, tuple(" ".join(problem.split()) for problem in problems), _capabilities(root))
+
+
+def summed_up(problems: Iterable[str]) -> list[str]:
+    """Return problems that differ only in what they name as one line with their number, and none too long to read."""
+    alike: dict[str, list[str]] = {}
+    for problem in problems:
+        alike.setdefault(re.sub(r'"[^"]*"|\'[^\']*\'|\(?\bline \d+\)?:?|\d+', "", problem), []).append(problem)
+    return [shortened(first) + (f" ({len(more)} more like it)" if more else "") for first, *more in alike.values()]
+
+
+def shortened(problem: str) -> str:
+    """Return a problem that is not too long to read."""
+    text = printable(problem)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Keep Python from looking for garbage in all that is read, which takes as long as reading it."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _root(path: Path) -> etree._Element:
+    """Return the root element; refuse another one than that of FMI, which FMPy stumbles over."""
+    root = etree.parse(path, PARSER).getroot()
+    if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
+        raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
+    return root
+
+
+def _cause(root: etree._Element, problems: list[str], error: Exception) -> str:
+    """Return why FMPy cannot read a description."""
+    if found := next(chain(_dangling(root), problems), ""):
+        return found
+    if isinstance(error, (LookupError, TypeError, AttributeError)):
+        return f"an attribute or a reference in it is missing or wrong ({type(error).__name__}: {error})"
+    return str(error)
+
+
+def _dangling(root: etree._Element) -> Iterator[str]:
+    """Return which references to variables lead nowhere: by number in FMI 2.0, by value reference in FMI 3.0."""
+    three = root.get("fmiVersion", "").startswith("3")
+    variables = list(root.iterfind("ModelVariables/*"))
+    known = {v.get("valueReference", "") for v in variables} if three else {str(i + 1) for i in range(len(variables))}
+    what = "value reference" if three else "variable number"
+    there = "but no variable has it" if three else f"but there are {len(variables)} variables"
+    attributes = ("valueReference" if three else "index", "dependencies", "derivative", "clocks")
+    for element in chain(root.iterfind("ModelStructure//*"), root.iterfind("ModelVariables//*")):
+        for attribute in attributes:
+            for reference in element.get(attribute, "").split():
+                if reference not in known:
+                    yield (
+                        f"line {element.sourceline}: the attribute {attribute} of <{element.tag}> refers to the {what} "
+                        f"{reference}, {there}"
+                    )
+
+
+def _breaches(root: etree._Element) -> Iterator[str]:
+    """Return where a description breaks the schema of its version."""
+    schema = _schema(root.get("fmiVersion", "")[:1])
+    if schema is not None and not schema.validate(root):
+        for entry in schema.error_log:
+            yield f"line {entry.line}: {entry.message}"
+
+
+def _capabilities(root: etree._Element) -> dict[str, dict[str, str]]:
+    if root.get("fmiVersion") != "1.0":
+        return {
+            name: dict(element.attrib) for tag, name in _INTERFACES.items() if (element := root.find(tag)) is not None
+        }
+    implementation = root.find("Implementation")
+    if implementation is None:
+        return {MODEL_EXCHANGE: {}}
+    said = implementation.find(".//Capabilities")
+    attributes = {} if said is None else dict(said.attrib)
+    if implementation.find("CoSimulation_Tool") is not None:
+        attributes["needsExecutionTool"] = "true"
+    return {CO_SIMULATION: attributes}
+
+
+@cache
+def _schema(version: str) -> etree.XMLSchema | None:
+    name = "fmiModelDescription.xsd" if version == "1" else f"fmi{version}ModelDescription.xsd"
+    path = Path(fmpy.__file__).parent / "schema" / f"fmi{version}" / name
+    return etree.XMLSchema(file=os.fspath(path)) if version and path.is_file() else None
+
+
+def _complaints(description: Any) -> Iterator[str]:
+    """Return which rules beyond the schema a description breaks."""
+    try:
+        yield from map(str, validation.validate_model_description(description, validate_model_structure=True))
+    except Exception as error:  # FMPy stumbles over what it validates
+        yield f"what follows could not be validated: {type(error).__name__}: {error}"
+    if description.variableNamingConvention == "structured":
+        for variable in description.modelVariables:
+            if not _STRUCTURED.fullmatch(variable.name):
+                yield (
+                    f'"{variable.name}" (line {variable.sourceline}) is not a legal variable name for naming '
+                    'convention "structured"'
+                )
+
+
+def _complete(description: Any, root: etree._Element) -> None:
+    """Add what FMPy does not read of an FMI 1.0 model description: negated aliases, and the capabilities."""
+    elements = root.iterfind("ModelVariables/ScalarVariable")
+    negated = {element.get("name") for element in elements if element.get("alias") == NEGATED}
+    for variable in description.modelVariables:
+        if variable.name in negated:
+            variable.causality = NEGATED
+    if (about := description.coSimulation) is None:
+        return
+    [implementation] = root.iterfind("Implementation")
+    about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
+    for capabilities in implementation.iterfind("*/Capabilities"):
+        for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):
+            setattr(about, name, capabilities.get(name) in ("true", "1"))

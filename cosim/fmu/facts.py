@@ -1,0 +1,25 @@
+"""What can be told of an FMU to people: what it can, what stands in its way."""
+
+from __future__ import annotations
+
+from cosim.errors import InputError
+from cosim.fmu.description import SCHEDULED_EXECUTION
+from cosim.fmu.package import Package, check_binary, choose_interface, interfaces
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+
+NAMES = {
+    CO_SIMULATION: "Co-Simulation",
+    MODEL_EXCHANGE: "Model Exchange",
+    SCHEDULED_EXECUTION: "Scheduled Execution",
+}
+"""What people call the interfaces."""
+
+
+def obstacle(package: Package) -> str:
+    """Return why an FMU cannot be run on this machine; empty if it can, as far as its file tells."""
+    try:
+        chosen = choose_interface(package, "", None)
+        check_binary(package, interfaces(package.description)[chosen].modelIdentifier, None)
+    except InputError as error:
+        return error.message
+    return ""

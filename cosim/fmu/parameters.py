@@ -1,0 +1,214 @@
+"""What a scenario says of a plant's parameters, understood by what the FMU says of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.errors import InputError, Location, nearest
+from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.discrete_values import DISCRETE, check_bounds, check_whole, discrete_value, items
+from cosim.fmu.package import Fmu
+from cosim.fmu.units import unit_of, unit_of_values
+from cosim.plant.spec import FLOAT_TYPES, Value
+from cosim.quantity import quantity, split
+from cosim.scenario.scenario import Setting
+from cosim.vehicle.contract import Role
+from plants import UnitError
+
+_WHOLE_TOLERANCE = 1e-9
+"""By how much a computed number may differ, relative to it, from the whole one that is meant."""
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A parameter or an input of an FMU and the value that it gets, in the FMU's own unit."""
+
+    variable: Any
+    value: float | int | bool | str
+    where: Location
+
+    @property
+    def is_input(self) -> bool:
+        """Whether it is an input, which has its value from the start of the run on."""
+        return bool(self.variable.causality == "input")
+
+    @property
+    def as_value(self) -> Value:
+        """The same as plants know it."""
+        return Value(self.variable.name, self.variable.type, self.variable.valueReference, (self.value,))
+
+
+def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tuple[ParameterValue, ...]:
+    """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
+
+    An input that does not drive or disturb the vehicle may be set likewise, to a value that it keeps. A role that has a
+    constant value in the binding may be set to this value, which then sets nothing.
+
+    Parameters
+    ----------
+    fmu, settings
+        The FMU, and what is set.
+    way_out
+        What can be done if the FMU has no such parameter, for the message.
+
+    Raises
+    ------
+    InputError
+        The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
+    """
+    parameters = {
+        v.name: v
+        for v in fmu.description.modelVariables
+        if v.causality == "parameter" or (v.causality == "input" and not _drives(fmu, v))
+    }
+    values = []
+    for setting in settings:
+        variable = parameters.get(setting.name)
+        bound = _geometry_role(fmu, setting.name)
+        player = _player(bound)
+        plays = player is not None and player.variable is variable
+        if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
+            bound = player = None  # it is meant by its own name
+        if variable is None and player is None and (bound is None or bound.played_by is not None):
+            known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
+            raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
+        try:
+            if bound is not None and bound.played_by is None:
+                check_constant(bound.role, bound.constant, setting.value)
+                continue
+            if player is not None:
+                value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
+            else:
+                value = ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
+        except (ValueError, UnitError) as error:
+            raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
+        values.append(value)
+    return tuple(values)
+
+
+def check_constant(role: Role, constant: float | str | None, text: str) -> None:
+    """Refuse a value of a role that is not the constant one.
+
+    Raises
+    ------
+    ValueError
+        It is another one, or does not fit.
+    """
+    same = (
+        math.isclose(quantity(text, role.unit), float(constant or 0), rel_tol=1e-12) if role.unit else text == constant
+    )
+    if not same:
+        said = f"{constant:g} {role.unit}" if isinstance(constant, float) else constant
+        raise ValueError(f"{text!r} contradicts the binding, which says {said}")
+
+
+def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
+    """Return a role of the geometry with what plays it."""
+    roles = {role.name for role in fmu.binding.contract.geometry.values()}
+    return fmu.binding.bound.get(name) if name in roles else None
+
+
+def needs_a_role(description: Any, variable: Any, text: str) -> bool:
+    """Return whether a value has a unit, but the FMU does not say clearly in which unit the parameter is.
+
+    Then the binding says it, of a parameter that plays a role.
+    """
+    try:
+        unit_of(description, variable)
+    except UnitError:
+        with suppress(ValueError):
+            return split(text)[1] != "1"
+    return False
+
+
+def _drives(fmu: Fmu, variable: Any) -> bool:
+    """Return whether an input plays the role of a torque or a disturbance."""
+    contract = fmu.binding.contract
+    driven = fmu.binding.of((*contract.torque, *contract.disturbance))
+    return any(b is not None and b.played_by is not None and b.played_by.variable is variable for b in driven)
+
+
+def _player(bound: BoundRole | None) -> BoundVariable | None:
+    """Return what plays a role, if it is a parameter or an input of the FMU."""
+    if bound is None or bound.played_by is None or bound.played_by.variable.causality not in ("parameter", "input"):
+        return None
+    return bound.played_by
+
+
+def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float | int | bool | str:
+    """Return the number that a parameter gets for a value of the role that it plays."""
+    role = fmu.binding.bound[setting.name].role
+    if not role.unit:
+        return value_of(fmu.description, player.variable, setting.value)
+    if player.variable.dimensions:
+        raise ValueError("it is an array, which a scenario cannot set")
+    value = quantity(setting.value, role.unit)
+    number = (value - player.offset) / player.scale
+    if player.variable.type in FLOAT_TYPES:
+        check_bounds(player.variable, number, setting.value)
+        return number
+    if abs(number - round(number)) > _WHOLE_TOLERANCE * max(1.0, abs(number)):
+        raise ValueError(f"{setting.value} would be {number:g} of {player.variable.name!r}, which is a whole number")
+    check_whole(player.variable, round(number), setting.value)
+    return round(number)
+
+
+def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, Any]:
+    """Return the fields of the controllers' vehicle description, as the parameters of an FMU are set.
+
+    Raises
+    ------
+    InputError
+        A parameter of the geometry is neither set nor has a start value.
+    """
+    values = {parameter.variable.name: parameter.value for parameter in parameters}
+    found: dict[str, Any] = {}
+    for field, role in fmu.binding.contract.geometry.items():
+        bound = fmu.binding.bound[role.name]
+        if bound.played_by is None:
+            found[field] = bound.constant
+            continue
+        variable = bound.played_by.variable
+        if variable.type == "Enumeration":
+            value = values.get(variable.name, variable.start)
+            try:
+                found[field] = None if value is None else items(variable).get(int(value))
+            except ValueError:
+                raise InputError(
+                    f"the FMU {fmu.path.name} has the start value {value!r} of {variable.name!r}, which is no number",
+                    where,
+                ) from None
+            continue
+        if variable.name in values:
+            number = float(values[variable.name])
+        elif variable.start is not None:
+            number = start_of(fmu.description, variable)[bound.played_by.element]
+        else:
+            raise InputError(f"the parameter {variable.name!r} of {fmu.path.name} has no value: set it", where)
+        found[field] = number * bound.played_by.scale + bound.played_by.offset
+    return found
+
+
+def value_of(description: Any, variable: Any, text: str) -> float | int | bool | str:
+    """Return the value that a text is for a variable, in its own unit.
+
+    Raises
+    ------
+    ValueError, plants.UnitError
+        It does not fit: unit, bounds, item of an enumeration.
+    """
+    if variable.dimensions:
+        raise ValueError("it is an array, which a scenario cannot set")
+    if variable.type in FLOAT_TYPES:
+        value = quantity(text, unit_of_values(description, variable, [text]))
+        check_bounds(variable, value, text)
+        return value
+    if variable.type not in DISCRETE:
+        raise ValueError(f"it is a {variable.type}, which a scenario cannot set")
+    discrete = discrete_value(variable, text)
+    check_whole(variable, discrete, text)
+    return discrete

@@ -1,0 +1,78 @@
+"""One experiment of an FMU in a process of its own: ``python -m cosim.fmu.replay FOLDER``, which `self_test` starts.
+
+FMPy drives the FMU, as any other importer might. The folder has a request in JSON, and is given the results as numbers,
+or a sentence on what failed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+REQUEST, RESULT, FAILURE = "request.json", "result.bin", "failure.txt"
+_SAID = 3
+"""How many of the last messages of an FMU are told when it fails."""
+
+
+def main() -> None:
+    """Run the experiment of the folder that the argument names.
+
+    The FMU is neither freed nor unloaded: some crash then, and the process ends anyway.
+    """
+    folder = Path(sys.argv[1])
+    said: deque[str] = deque(maxlen=_SAID)
+    try:
+        numbers = _replay(json.loads((folder / REQUEST).read_bytes()), said)
+        (folder / RESULT).write_bytes(numbers)
+    except Exception as error:  # FMPy raises what it comes across
+        why = str(error) or type(error).__name__
+        (folder / FAILURE).write_text("; it said: ".join([why, *(["; ".join(said)] if said else [])]), "utf-8")
+    os._exit(0)
+
+
+def _replay(request: dict[str, Any], said: deque[str]) -> bytes:
+    """Return time and variables, row by row, as doubles."""
+    import fmpy
+    import numpy as np
+    from fmpy.simulation import instantiate_fmu
+
+    from cosim.fmu.description import read
+
+    def say(*arguments: Any) -> None:  # the message comes last, in all versions of FMI
+        text = arguments[-1]
+        said.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
+
+    directory, interface = request["directory"], request["interface"]
+    description = read(Path(directory)).description
+    stimuli = None
+    if request["stimuli"] is not None:
+        columns = [("time", np.float64), *((name, np.float64) for name in request["stimuli"]["columns"])]
+        stimuli = np.array([tuple(row) for row in request["stimuli"]["rows"]], dtype=columns)
+    result = fmpy.simulate_fmu(
+        directory,
+        model_description=description,
+        fmu_instance=instantiate_fmu(directory, description, interface, logger=say),
+        fmi_type=interface,
+        start_time=request["start"],
+        stop_time=request["stop"],
+        output_interval=request["step"],
+        relative_tolerance=request["tolerance"],
+        start_values=request["values"],
+        input=stimuli,
+        output=list(request["outputs"]),
+    )
+    recorded = [result["time"].astype(np.float64).reshape(-1, 1)]
+    for name, size in request["outputs"].items():
+        values = np.asarray(result[name], dtype=np.float64).reshape(len(result), -1)
+        if values.shape[1] != size:
+            raise ValueError(f"{name} has {values.shape[1]} elements, but {size} in the references")
+        recorded.append(values)
+    return np.hstack(recorded).tobytes()
+
+
+if __name__ == "__main__":
+    main()

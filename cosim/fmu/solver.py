@@ -1,0 +1,72 @@
+"""Whether an FMU fits how it is to be stepped: the solver that is stated for it, and the communication step."""
+
+from __future__ import annotations
+
+import math
+
+from cosim.errors import InputError
+from cosim.fmu.package import Fmu, experiment_number, interfaces
+from cosim.plant.constant_step import divides, remedy
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+from cosim.scenario.scenario import DEFAULT_SOLVER, PlantSource
+
+
+def check_solver(fmu: Fmu, source: PlantSource) -> None:
+    """Refuse what is said of a solver that an FMU does not use."""
+    asked = {"solver": source.solver or None, "solver_step": source.solver_steps}
+    given = [name for name, value in asked.items() if value is not None]
+    if fmu.interface == CO_SIMULATION and source.tolerance is not None:
+        if source.model is not None:
+            raise InputError(
+                f'a built-in model has a parameter for it: <parameter name="tolerance" value="{source.tolerance:g}"/>',
+                source.where,
+            )
+        if fmu.description.fmiVersion == "1.0":
+            raise InputError(f"the FMU {fmu.path} is FMI 1.0 Co-Simulation, which is told no tolerance", source.where)
+    if fmu.interface == CO_SIMULATION and given:
+        other = (
+            f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
+            if len(interfaces(fmu.description)) > 1
+            else ""
+        )
+        raise InputError(
+            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver, with which no "
+            f"{' and no '.join(given)} goes{other}",
+            source.where,
+        )
+    solver = source.solver or DEFAULT_SOLVER
+    if fmu.interface == MODEL_EXCHANGE and source.tolerance is not None and solver != "cvode":
+        raise InputError(
+            f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
+            source.where,
+        )
+
+
+def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
+    """Refuse an FMU whose fixed internal step does not divide the communication step."""
+    said = getattr(fmu.about_interface, "fixedInternalStepSize", None)
+    if said and not divides(internal := _number(said), step):
+        raise InputError(
+            f"the FMU {fmu.path} has a fixed internal step of {internal:g} s, which does not divide the "
+            f"communication step of {step:g} s" + (f": {remedy(internal)}" if internal > 0 else ""),
+            source.where,
+        )
+
+
+def usual_step(fmu: Fmu) -> float:
+    """Return the step [s] of an FMU's default experiment if it takes steps of constant length only, else 0.
+
+    What FMI 1.0 and 2.0 cannot say, a fixed internal step, many FMUs have all the same: they take constant steps only,
+    and the step of their default experiment is one that fits.
+    """
+    usual = experiment_number(fmu.description, "stepSize")
+    constant = not getattr(fmu.about_interface, "canHandleVariableCommunicationStepSize", True)
+    return usual if fmu.interface == CO_SIMULATION and constant and usual is not None else 0.0
+
+
+def _number(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan

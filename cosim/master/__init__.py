@@ -1,0 +1,1 @@
+"""The master: a scenario is prepared, its robots become plants of a fleet, and the loop runs."""

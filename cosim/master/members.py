@@ -1,0 +1,211 @@
+"""From a robot as a scenario has it to a plant of a fleet: which numbers are exchanged, and from where it starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.package import Fmu, experiment_number
+from cosim.fmu.parameters import ParameterValue
+from cosim.fmu.solver import usual_step
+from cosim.master.setup import RobotSetup
+from cosim.plant.member import Link, Member
+from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
+from cosim.scenario.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
+from cosim.vehicle.contract import Role
+
+DIVERGED_POSE = 1e9
+"""A pose entry beyond this magnitude [m, rad] is taken for divergence."""
+DIVERGED_VELOCITY = 1e6
+"""A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
+
+
+def member(robot: RobotSetup, stop_time: float) -> Member:
+    """Return the plant of a robot.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    stop_time
+        End of the run [s].
+    """
+    return plant(
+        robot.fmu,
+        robot.source,
+        name=robot.name,
+        parameters=robot.parameters,
+        pose=robot.pose,
+        inputs=robot.inputs,
+        given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),
+        held=robot.held,
+        stop_time=stop_time,
+    )
+
+
+def plant(
+    fmu: Fmu,
+    source: PlantSource,
+    *,
+    name: str,
+    parameters: Sequence[ParameterValue],
+    pose: Sequence[float],
+    inputs: Iterable[BoundRole] = (),
+    given: Sequence[float] = (),
+    held: Iterable[ParameterValue] = (),
+    stop_time: float,
+) -> Member:
+    """Return an FMU as a plant.
+
+    Parameters
+    ----------
+    fmu, source
+        The FMU, and how it is run.
+    name
+        In messages, and for the FMU's instance.
+    parameters
+        Those that are set.
+    pose
+        Initial pose in the contract's order and units.
+    inputs
+        Those that are given besides the torques.
+    given
+        What the torques and these inputs are at the start, in the roles' units; empty for the FMU's own start values.
+    held
+        Inputs that keep their values until they are changed, at the start.
+    stop_time
+        End of the run [s].
+    """
+    description, binding, contract = fmu.description, fmu.binding, fmu.binding.contract
+    states = (*contract.pose, *contract.velocity)
+    bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
+    driven = (*(binding.bound[role.name] for role in contract.torque), *inputs)
+    input_block, input_places = _block(description, driven, given)
+    presumed = (*pose, *[0.0] * len(contract.velocity)) if source.late_outputs else ()
+    output_block, output_places = _block(description, binding.of(states), presumed)
+    spec = PlantSpec(
+        robot=name,
+        file=fmu.path.name,
+        directory=str(fmu.directory),
+        fmi=description.fmiVersion,
+        interface=fmu.interface,
+        identifier=fmu.about_interface.modelIdentifier,
+        token=description.guid or "",
+        values=(
+            *(parameter.as_value for parameter in parameters if not parameter.is_input),
+            *_initial_values(fmu, pose),
+        ),
+        inputs=input_block,
+        outputs=output_block,
+        stop_time=stop_time,
+        states=description.numberOfContinuousStates,
+        event_indicators=description.numberOfEventIndicators,
+        completed_steps=description.fmiVersion == "1.0"
+        or bool(getattr(fmu.about_interface, "needsCompletedIntegratorStep", False)),
+        solver=source.solver or DEFAULT_SOLVER,
+        solver_steps=source.solver_steps or 1,
+        tolerance=tolerance_of(fmu, source),
+        late_outputs=source.late_outputs,
+        time_limit=_time_limit(fmu, source),
+        logging=source.logging,
+        held=tuple(value.as_value for value in (*(p for p in parameters if p.is_input), *held)),
+    )
+    return Member(
+        spec=spec,
+        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(driven, input_places, strict=True)),
+        outputs=tuple(
+            _link(role, None if bound is None else bound.played_by, place, bound_by=most)
+            for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
+        ),
+        pose=tuple(pose),
+        isolated=in_own_process(fmu, source),
+        needs_tool=bool(fmu.about_interface.needsExecutionTool),
+        usual_step=usual_step(fmu),
+        where=source.where,
+    )
+
+
+def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
+    """Return the relative tolerance of CVODE, or the one that a Co-Simulation FMU is told for its own solver.
+
+    Without one in the scenario, an FMU is told that of its default experiment, if it has one that can be meant; so does
+    FMPy. A built-in model has a parameter for it. None if nobody is told any.
+    """
+    if fmu.interface == MODEL_EXCHANGE:
+        return (source.tolerance or DEFAULT_TOLERANCE) if source.solver == "cvode" else None
+    if source.model is not None or fmu.description.fmiVersion == "1.0":
+        return None
+    return source.tolerance or experiment_number(fmu.description, "tolerance")
+
+
+def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
+    """Return whether each robot's FMU runs in a process of its own, as asked for or as it must."""
+    return source.isolated or bool(why_own_process(fmu))
+
+
+def why_own_process(fmu: Fmu) -> str:
+    """Return why an FMU must run in processes of its own, with the FMU as the subject; empty if it need not."""
+    if fmu.about_interface.canBeInstantiatedOnlyOncePerProcess:
+        return "can be there only once in a process"
+    return f"brings {fmu.brought_code}" if fmu.brought_code else ""
+
+
+def _time_limit(fmu: Fmu, source: PlantSource) -> float:
+    """Return the time limit as stated; else the default where a process of its own is asked for, or declared."""
+    if source.time_limit is not None:
+        return source.time_limit
+    declared = source.isolated or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
+    return TIME_LIMIT if declared else math.inf
+
+
+def _block(
+    description: Any, roles: Sequence[BoundRole | None], values: Sequence[float] = ()
+) -> tuple[Block, list[int]]:
+    """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it.
+
+    The block starts with the roles' values, in the roles' units; where there are none, with the FMU's start values.
+    """
+    first: dict[tuple[str, int], int] = {}  # by type and value reference
+    variables: list[Exchanged] = []
+    start: list[float] = []
+    places = []
+    for bound in roles:
+        if bound is None or bound.played_by is None:
+            places.append(-1)
+            continue
+        variable = bound.played_by.variable
+        key = (variable.type, variable.valueReference)
+        if key not in first:
+            first[key] = len(start)
+            start += start_of(description, variable)
+            variables.append(Exchanged(variable.name, variable.type, len(start) - first[key]))
+        places.append(first[key] + bound.played_by.element)
+    for bound, place, value in zip(roles, places, values, strict=False):
+        if bound is not None and bound.played_by is not None:
+            start[place] = (value - bound.played_by.offset) / bound.played_by.scale
+    return Block(tuple(reference for _, reference in first), tuple(start), tuple(variables)), places
+
+
+def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: float = np.inf) -> Link:
+    scale, offset = (1.0, 0.0) if bound is None else (bound.scale, bound.offset)
+    resolution = 0.5 * abs(scale) if bound is not None and bound.variable.type in WHOLE else 0.0
+    return Link(role.name, role.unit, place, scale, offset, bound_by, resolution)
+
+
+def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
+    """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
+    values: dict[tuple[str, int], tuple[Any, list[float]]] = {}
+    for bound, entry in zip(fmu.binding.of(fmu.binding.contract.pose), pose, strict=True):
+        assert bound is not None
+        assert bound.initial is not None
+        variable = bound.initial.variable
+        start = list(start_of(fmu.description, variable))
+        _, elements = values.setdefault((variable.type, variable.valueReference), (variable, start))
+        elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
+    for variable, elements in values.values():
+        numbers = map(round, elements) if variable.type in WHOLE else elements
+        yield Value(variable.name, variable.type, variable.valueReference, tuple(numbers))

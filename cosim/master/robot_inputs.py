@@ -1,0 +1,211 @@
+"""What a scenario gives the inputs of a robot's FMU besides its controller: signals, and values from events on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import InputError, nearest
+from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value, input_course
+from cosim.fmu.package import Fmu
+from cosim.fmu.parameters import ParameterValue
+from cosim.fmu.units import unit_of_values
+from cosim.plant.spec import FLOAT_TYPES
+from cosim.quantity import quantity
+from cosim.scenario.scenario import InputSource, Scenario, Setting, Wave
+from cosim.signals.effects import tick_at
+from cosim.signals.waves import input_samples
+from cosim.vehicle.contract import Role
+from plants import UnitError, units
+
+INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
+"""Types of inputs that a scenario can give values to."""
+
+
+@dataclass
+class RobotInputs:
+    """What the inputs of a robot are given.
+
+    Attributes
+    ----------
+    torque : dict
+        What is added to a torque, (ticks + 1,) [N.m], by its place among the torques.
+    samples : dict
+        Other real inputs by name: the role that stands for it and its values (ticks + 1,) in the role's unit.
+    discrete : dict
+        Values of inputs that are no real numbers, by tick; those of tick 0 hold from the start.
+    """
+
+    torque: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    samples: dict[str, tuple[BoundRole, NDArray[np.float64]]] = field(default_factory=dict)
+    discrete: dict[int, tuple[ParameterValue, ...]] = field(default_factory=dict)
+
+    def check_free(self, values: Iterable[ParameterValue]) -> None:
+        """Refuse values of inputs that are given signals.
+
+        Raises
+        ------
+        InputError
+            An input has both.
+        """
+        names = {*self.samples, *(value.variable.name for given in self.discrete.values() for value in given)}
+        for value in values:
+            if value.is_input and value.variable.name in names:
+                raise InputError(
+                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: one must do",
+                    value.where,
+                )
+
+
+def robot_inputs(
+    scenario: Scenario, fmu: Fmu, robot: str, sources: Sequence[InputSource], times: NDArray[np.float64]
+) -> RobotInputs:
+    """Return what the inputs of a robot are given.
+
+    Parameters
+    ----------
+    scenario, fmu, robot
+        The scenario, and one of its robots.
+    sources
+        The signals that the scenario gives it.
+    times
+        The communication points (ticks + 1,) [s].
+
+    Raises
+    ------
+    InputError
+        The FMU has no such input, or a value makes no sense for it, with the place in the scenario.
+    """
+    found = RobotInputs()
+    torques = [role.name for role in fmu.binding.contract.torque]
+    later: dict[str, list[tuple[int, Setting]]] = {}
+    for event in scenario.events:
+        for setting in event.inputs if event.robot == robot else ():
+            later.setdefault(setting.name, []).append((tick_at(event.time, scenario.step), setting))
+    for source in _joined([*sources, *(InputSource(name, (), given[0][1].where) for name, given in later.items())]):
+        events = later.get(source.name, [])
+        role, variable = _player(fmu, source)
+        if role is None and variable.type in DISCRETE:
+            for tick, value in _course(fmu, source, events, variable, times).items():
+                found.discrete[tick] = (*found.discrete.get(tick, ()), ParameterValue(variable, value, source.where))
+            continue
+        bound, unit = _as_role(fmu, source, role, variable, events)
+        if source.name in torques and events:
+            raise InputError(
+                f"an event cannot set {source.name!r}, which a controller or the <torque> of the leader commands; "
+                "<step> and <pulse> of an <input> add to it",
+                events[0][1].where,
+            )
+        samples = input_samples(source, unit, times, scenario.step, scenario.seed, robot)
+        if not source.waves:
+            samples[:] = _at_rest(fmu, bound)
+        for tick, setting in events:
+            samples[tick:] = _number(setting, unit)
+        if source.name in torques:
+            found.torque[torques.index(source.name)] = samples
+        else:
+            found.samples[source.name] = (bound, samples)
+    return found
+
+
+def _joined(sources: Iterable[InputSource]) -> Iterable[InputSource]:
+    """Return one source for each name, with the signals of all: each of them then has random numbers of its own."""
+    joined: dict[str, InputSource] = {}
+    for source in sources:
+        before = joined.get(source.name)
+        waves: tuple[Wave, ...] = (*before.waves, *source.waves) if before else source.waves
+        joined[source.name] = InputSource(source.name, waves, before.where if before else source.where)
+    return joined.values()
+
+
+def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
+    """Return the role of an FMU that a source names, or else the input of this name."""
+    contract = fmu.binding.contract
+    roles = [fmu.binding.bound.get(role.name) for role in (*contract.torque, *contract.disturbance)]
+    for bound in roles:
+        if bound is not None and bound.role.name == source.name:
+            return bound, None
+    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type in INPUT_TYPES}
+    if source.name not in known:
+        raise InputError(
+            f"the FMU {fmu.path.name} has no input {source.name!r}: {nearest(source.name, list(known))}", source.where
+        )
+    variable = known[source.name]
+    for bound in roles:
+        if bound is not None and bound.played_by is not None and bound.played_by.variable is variable:
+            raise InputError(
+                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: name that",
+                source.where,
+            )
+    if variable.dimensions:
+        raise InputError(
+            f"the input {source.name!r} of {fmu.path.name} cannot be used: it is an array: a binding gives one of its "
+            "elements a role",
+            source.where,
+        )
+    return None, variable
+
+
+# Real inputs ------------------------------------------------------------------------------------------------
+
+
+def _as_role(
+    fmu: Fmu, source: InputSource, role: BoundRole | None, variable: Any, events: Sequence[tuple[int, Setting]]
+) -> tuple[BoundRole, units.Unit]:
+    """Return the role that stands for an input, which may be one that it plays, and the unit of its samples."""
+    if role is not None:
+        return role, units.parse(role.role.unit)
+    values = [wave.value for wave in source.waves if wave.kind != "table"]
+    try:
+        unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
+        start_of(fmu.description, variable)  # which must be such that it can be exchanged
+    except (ValueError, UnitError) as error:
+        raise InputError(
+            f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
+        ) from None
+    return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(variable, 0, 1.0, 0.0)), unit
+
+
+def _at_rest(fmu: Fmu, bound: BoundRole) -> float:
+    """Return the FMU's own start value of an input, in the unit of the role that stands for it."""
+    assert bound.played_by is not None
+    number = start_of(fmu.description, bound.played_by.variable)[bound.played_by.element]
+    return bound.played_by.scale * number + bound.played_by.offset
+
+
+def _number(setting: Setting, unit: units.Unit) -> float:
+    try:
+        return quantity(setting.value, unit)
+    except ValueError as error:
+        raise _refused(setting, error) from None
+
+
+def _refused(setting: Setting, error: ValueError) -> InputError:
+    return InputError(f'value="{setting.value}" of the input {setting.name!r}: {error}', setting.where)
+
+
+# Others -----------------------------------------------------------------------------------------------------
+
+
+def _course(
+    fmu: Fmu,
+    source: InputSource,
+    events: Sequence[tuple[int, Setting]],
+    variable: Any,
+    times: NDArray[np.float64],
+) -> dict[int, Discrete]:
+    """Return the values of an input that is no real number, by the ticks at which it changes."""
+    course = input_course(source, variable, times) if source.waves else {}
+    for tick, setting in events:
+        try:
+            value = discrete_value(variable, setting.value)
+            check_whole(variable, value, setting.value)
+        except ValueError as error:
+            raise _refused(setting, error) from None
+        course = {k: before for k, before in course.items() if k < tick} | {tick: value}
+    return course

@@ -1,0 +1,332 @@
+"""The master: every communication step it senses, controls, actuates, records and steps the plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, nullcontext
+from types import TracebackType
+from typing import Self
+
+import formation_controllers as fc
+import numpy as np
+import xarray as xr
+from formation_controllers.vehicles import Vehicle
+from numpy.typing import NDArray
+
+from cosim.control.team import Team
+from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
+from cosim.master.interrupt import HeldSignals
+from cosim.master.members import member
+from cosim.master.pacing import Pacer
+from cosim.master.recorder import Recorder
+from cosim.master.setup import RobotSetup, set_up
+from cosim.master.timing import timed
+from cosim.plant.fleet import Fleet, returning
+from cosim.results.files import dataset
+from cosim.scenario.scenario import LEADER, Scenario
+from cosim.signals.actuators import Actuators
+from cosim.signals.sensors import PoseSensor
+
+
+class Simulation:
+    """A scenario in the course of being run.
+
+    Legal call order: `step` until `finished`, or `run`; `result` at any time; `close` at the end (or use ``with``).
+
+    Parameters
+    ----------
+    scenario
+        What to run. Built-in plants are built into FMUs here if they are not in the cache.
+
+    Attributes
+    ----------
+    tick : int
+        The number of the next tick.
+    poses, velocities : dict
+        Of every robot, by name: pose (4,) and pseudo-velocities (2,) at the communication point of the next tick, in
+        the order and units of its kind of vehicle; read only. A velocity that its plant does not offer is NaN.
+
+    Raises
+    ------
+    InputError
+        The scenario asks for something that does not exist or does not fit.
+    SimulationError
+        A plant returns no finite pose at the start.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.tick = 0
+        self.timing: dict[str, float] = {}
+        n = len(scenario.followers)
+        robots = [LEADER, *(follower.id for follower in scenario.followers)]
+        self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
+        self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
+        self._command = np.zeros((n, 2))
+        self._torque = np.zeros((1 + n, 2))
+        self._ended = ""  # why there are no more steps
+        self._failure: Failure | None = None
+        visible = self._state.view()
+        visible.flags.writeable = False
+        self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
+        self.velocities = {robot: visible[row, 4:] for row, robot in enumerate(robots)}
+        with ExitStack() as cleanup:
+            self.setup = set_up(scenario, cleanup, self.timing)
+            driven = self._driven
+            self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
+            with timed(self.timing, "load"):
+                members = [member(robot, scenario.horizon) for robot in driven]
+                self._fleet = Fleet(members, self._state[-len(driven) :])
+            cleanup.callback(self._fleet.close)
+            self._samples = np.concatenate([robot.samples for robot in driven], axis=1)
+            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in driven])
+            driving_torque = self._torque[-len(driven) :].reshape(-1)
+            self._given = np.zeros(len(self._is_torque)) if self._samples.size else driving_torque
+            self._driving_torque = driving_torque
+            self._changes: dict[int, list[int]] = {}
+            for row, robot in enumerate(driven):
+                for tick in robot.changes:
+                    self._changes.setdefault(tick, []).append(row)
+            self._followers = (self._measured[1:], self._state[1:, 4:])
+            self._desired = [
+                [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
+            ]
+            setups = (self.setup.leader, *self.setup.followers)
+            poses = [[role.name for role in robot.contract.pose] for robot in setups]
+            torques = [[role.name for role in robot.contract.torque] for robot in self.setup.followers]
+            self._sensor = PoseSensor(scenario.seed, robots, poses, [robot.sensor for robot in setups], scenario.step)
+            self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
+            self._external = np.stack([robot.torque for robot in setups], axis=1)
+            self._disturbed = bool(self._external[:, 1:].any())
+            self._recorder = self._start_recorder()
+            self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
+            self._move_leader()
+            self._cleanup = cleanup.pop_all()
+
+    # The five steps of a tick ------------------------------------------------------------------------------
+
+    def step(self, torques: Mapping[str, Sequence[float]] | None = None) -> None:
+        """Run one tick: sense, control, actuate, record, and step the plants (but at the horizon, the end).
+
+        Parameters
+        ----------
+        torques
+            For robots by name, the two torques [N.m] that are commanded in this tick in place of their controller's,
+            or of what the scenario gives the leader. A follower's still pass through its actuators.
+
+        Raises
+        ------
+        InputError
+            There is no such robot, its motion is given, or these are not two finite numbers; or the run has ended,
+            failed or been closed.
+        SimulationError
+            A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
+        """
+        if self.finished:
+            raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
+        if self._ended:
+            raise InputError(f"the run cannot go on: {self._ended}")
+        override = self._understood(torques) if torques else {}
+        try:
+            self._sense()
+            self._control()
+            self._actuate(override)
+            self._record()
+            if self.tick < self.scenario.ticks:
+                self._step_plants()
+        except SimulationError as error:
+            self._fail(error)
+            raise
+        except Exception as error:  # a fault of ours must not lose what was computed either
+            failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
+            self._fail(failure)
+            raise failure from error
+        self.tick += 1
+        self._move_leader()
+
+    def _fail(self, error: SimulationError) -> None:
+        self._ended, self._failure = str(error), error.failure
+        error.result = self.result()
+
+    def _sense(self) -> None:
+        self._sensor.measure(self.tick, self._state[:, :4], self._measured)
+
+    def _control(self) -> None:
+        if self.tick % self.scenario.period:
+            return  # the commands are held
+        motion = self.setup.motion
+        acceleration = None if motion is None else motion.acceleration[self.tick]
+        told = np.empty(6)
+        told[:4] = self._measured[0]
+        told[4:] = self._state[0, 4:]
+        pose, velocity = self._followers
+        for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
+            desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
+            first = self.tick == 0
+            self._command[team.place] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
+
+    def _actuate(self, override: Mapping[int, NDArray[np.float64]]) -> None:
+        command = self._command
+        self._torque[0] = override.get(0, self._external[self.tick, 0])
+        if override:  # of this tick alone: what the controllers have commanded may be held longer
+            command = command.copy()
+            for row in override.keys() - {0}:
+                command[row - 1] = override[row]
+        self._actuators.apply(self.tick, command, self._torque[1:])
+        if self._disturbed:
+            self._torque[1:] += self._external[self.tick, 1:]
+
+    def _record(self) -> None:
+        k = self.tick
+        for place, values in self._recorded:
+            place[k] = values
+        for team, store in self._telemetry:
+            store[k] = team.telemetry(self.time)
+        self._recorder.recorded = k + 1
+
+    def _step_plants(self) -> None:
+        for row in self._changes.get(self.tick, ()):
+            values = [parameter.as_value for parameter in self._driven[row].changes[self.tick]]
+            self._fleet.change(row, values, self.time)
+        if self._samples.size:
+            self._given[self._is_torque] = self._driving_torque
+            self._given[~self._is_torque] = self._samples[self.tick]
+        self._fleet.step(self.tick, self.scenario.step, self._given)
+
+    def _move_leader(self) -> None:
+        """Put a leader whose motion is given where it is at the next tick."""
+        if self.setup.motion is not None and not self.finished:
+            self._state[0] = self.setup.motion.state[self.tick]
+
+    def _understood(self, torques: Mapping[str, Sequence[float]]) -> dict[int, NDArray[np.float64]]:
+        """Return torques by the row of the robot."""
+        robots = list(self.poses)
+        override = {}
+        for robot, torque in torques.items():
+            if robot not in robots:
+                raise InputError(f"the scenario has no robot {robot!r}: {nearest(robot, robots)}")
+            if robot == LEADER and self.setup.motion is not None:
+                raise InputError("the leader's motion is given by its <trajectory>: no torque drives it")
+            try:
+                values = np.asarray(torque, dtype=np.float64)
+            except (TypeError, ValueError):
+                values = np.empty(0)
+            if values.shape != (2,) or not np.isfinite(values).all():
+                raise InputError(f"the torque of {robot} is {torque!r}; expected are two finite numbers [N.m]")
+            override[robots.index(robot)] = values
+        return override
+
+    # The whole run -----------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """The communication point [s] of the next tick: the tick's number times the step, never a running sum."""
+        return self.tick * self.scenario.step
+
+    @property
+    def finished(self) -> bool:
+        """Whether the sample at the horizon is recorded."""
+        return self.tick > self.scenario.ticks
+
+    def run(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> xr.Dataset:
+        """Run to the horizon and return the result.
+
+        Parameters
+        ----------
+        progress
+            Called with the tick before each tick.
+        pacer
+            Waits before each tick, so that the run keeps pace with a clock.
+
+        Raises
+        ------
+        SimulationError
+            See `step`.
+        RunInterrupted
+            The user pressed Ctrl-C.
+        """
+        with HeldSignals(patience=1) as signals, timed(self.timing, "loop"), returning():
+            try:
+                while not self.finished and not signals.received:
+                    if progress:
+                        progress(self.tick)
+                    if pacer:
+                        pacer.wait(self.tick, lambda: signals.received > 0)
+                    with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
+                        self.step()
+            except KeyboardInterrupt:
+                signals.received += 1
+            stopped = interruption(self.time) if signals.received and not self.finished else None
+            result = self._result(stopped)
+        if signals.received:
+            raise RunInterrupted(self.time, result)
+        return result
+
+    def result(self) -> xr.Dataset:
+        """Return everything recorded so far; see `cosim.results.files.dataset`."""
+        return self._result(self._failure)
+
+    def _result(self, failure: Failure | None) -> xr.Dataset:
+        return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages, failure)
+
+    def close(self) -> None:
+        """End all plant instances and remove what was unpacked; `result` stays."""
+        self._ended = self._ended or "it is closed"
+        self._cleanup.close()
+
+    def __enter__(self) -> Self:
+        """Return the simulation; it is closed at the end of the block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # Setting up --------------------------------------------------------------------------------------------
+
+    def _start_recorder(self) -> Recorder:
+        """Return a recorder that has what is known before the run, and keep where the rest is recorded."""
+        recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
+        recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
+        recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
+        samples, robots = self.scenario.ticks + 1, len(self._state)
+        state, measured, torque = (np.full((samples, robots, width), np.nan) for width in (6, 4, 2))
+        self._recorded = [(state, self._state), (measured, self._measured), (torque, self._torque)]
+        for name, place in {
+            "leader_pose": state[:, 0, :4],
+            "leader_velocity": state[:, 0, 4:],
+            "leader_torque": torque[:, 0],
+            "pose": state[:, 1:, :4],
+            "velocity": state[:, 1:, 4:],
+            "measured_pose": measured[:, 1:],
+            "measured_leader_pose": measured[:, 0],
+            "torque": torque[:, 1:],
+        }.items():
+            if name in recorder.channels:
+                recorder.keep(name, place)
+        return recorder
+
+    @property
+    def _driven(self) -> tuple[RobotSetup, ...]:
+        """The robots that are plants: all, but for a leader whose motion is given."""
+        return self.setup.followers if self.setup.motion is not None else (self.setup.leader, *self.setup.followers)
+
+    def _gather_teams(self) -> list[Team]:
+        scenario, setup = self.scenario, self.setup
+        groups: dict[tuple[str, Vehicle], list[int]] = {}
+        for row, (follower, robot) in enumerate(zip(scenario.followers, setup.followers, strict=True)):
+            groups.setdefault((follower.controller, robot.vehicle), []).append(row)
+        with timed(self.timing, "controllers"):
+            return [
+                Team(
+                    setup.laws[controller],
+                    [setup.gains[row] for row in rows],
+                    [setup.followers[row].name for row in rows],
+                    rows,
+                    vehicle,
+                    setup.leader.vehicle,
+                    scenario.step * scenario.period,
+                )
+                for (controller, vehicle), rows in groups.items()
+            ]

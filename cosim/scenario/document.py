@@ -1,0 +1,299 @@
+"""From the text of a scenario file to a checked XML tree in which every element knows its place.
+
+The text is parsed with expat, which reports line and column of each element and lets a document type
+declaration be refused at its first character: no entity is ever declared, so none is expanded and nothing
+outside the file is read but the files that a variant is of. The tree is lxml's, which checks it against the schema and
+answers XPath.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from xml.parsers import expat
+
+from lxml import etree
+
+from cosim.errors import InputError, Location
+from cosim.missing_file import absent
+from cosim.scenario.edits import Change
+from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
+from cosim.scenario.malformed_xml import reason
+from cosim.scenario.variant import vary
+
+MAX_BYTES = 4 * 1024 * 1024
+MAX_DEPTH = 50
+MAX_VARIANTS = 20
+_ARCHIVE = b"PK\x03\x04"
+"""How a zip archive begins."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """A scenario document that satisfies the schema.
+
+    Attributes
+    ----------
+    path : Path
+        The file that it was read from; paths in the document are relative to its folder.
+    text : str
+        The resolved text: what was read, as a scenario, with every change.
+    root : lxml.etree._Element
+        The tree; tags carry the namespace.
+    """
+
+    path: Path
+    text: str
+    root: etree._Element
+    _places: dict[etree._Element, Location]
+
+    def where(self, element: etree._Element) -> Location:
+        """Return the place of an element in the file where it was written, or of the rule that changed it."""
+        return self._places[element]
+
+
+def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
+    """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
+
+    White space around the values of attributes is removed. Within them it is collapsed, as the schema reads it, but in
+    paths and in names of variables it is kept. The paths in a document are relative to the folder of the file that is
+    read: those of a base in another folder are rewritten.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not XML, declares a document type, breaks the schema, or a change does not apply;
+        with file, line and column.
+    """
+    document = _resolve(path, ())
+    root, places = document.root, document._places
+    if changes:
+        _strip_namespace(root)
+        try:
+            for change in changes:
+                change(root)
+        finally:
+            _add_namespace(root)
+        _collapse(root)
+    _validate(root, places, changed_by="the command line" if changes else "")
+    return Document(path, _serialised(root), root, places) if changes else document
+
+
+def parse_document(text: str, path: Path) -> Document:
+    """Return the document of a scenario's resolved text, checked against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    root, places = _parse(text.encode(), path)
+    _check_names(root, places, "scenario")
+    _collapse(root)
+    _validate(root, places)
+    return Document(path, text, root, places)
+
+
+def read_binding_document(path: Path) -> Document:
+    """Read a file whose root element is a binding, and check it against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    data = _read_bytes(path)
+    root, places = _parse(data, path)
+    _check_names(root, places, "binding")
+    _collapse(root)
+    _validate(root, places)
+    return Document(path, _decode(data, root), root, places)
+
+
+def _check_names(root: etree._Element, places: Mapping[etree._Element, Location], *roots: str) -> None:
+    """Refuse a tree with another root element, or with elements of another namespace."""
+    for element, place in places.items():
+        name = etree.QName(element)
+        if element is root and name.text not in [f"{{{NAMESPACE}}}{expected}" for expected in roots]:
+            raise InputError(f"the root element is {name.text}; expected is <{roots[0]} xmlns={NAMESPACE!r}>", place)
+        if name.namespace != NAMESPACE:
+            raise InputError(f"the element {name.text} is not part of the scenario language", place)
+
+
+def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
+    """Read a file; a variant is applied to what it is of. A variant is checked against the schema, a scenario not yet.
+
+    Parameters
+    ----------
+    path
+        The file.
+    chain
+        The variants that have led here.
+    """
+    data = _read_bytes(path)
+    root, places = _parse(data, path)
+    _check_names(root, places, "scenario", "variant")
+    _collapse(root)
+    if local_name(root) == "scenario":
+        return Document(path, _decode(data, root), root, places)
+
+    _validate(root, places)
+    base = _base(path, root, places[root], chain)
+    _strip_namespace(root)
+    _strip_namespace(base.root)
+    _relocate(base.root, PurePath(root.get("of", "")).parent)
+    places |= base._places
+    vary(base.root, root, places)
+    _add_namespace(base.root)
+    _validate(base.root, places, changed_by=str(path))
+    return Document(path, _serialised(base.root), base.root, places)
+
+
+def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Path, ...]) -> Document:
+    """Return the valid scenario that a variant is of."""
+    of = variant.get("of", "")
+    base, chain = path.parent / of, (*chain, path)
+    shown = " -> ".join(str(file) for file in (*chain, base))
+    if os.path.realpath(base) in map(os.path.realpath, chain):
+        raise InputError(f"the variant is in the end one of itself: {shown}", place)
+    if len(chain) > MAX_VARIANTS:
+        raise InputError(f"there are more than {MAX_VARIANTS} variants of variants: {shown}", place)
+    try:
+        document = _resolve(base, chain)
+    except InputError as error:
+        if error.where == Location(str(base)):  # it cannot even be read
+            raise InputError(f'of="{of}" of <variant>: {error.message}', place) from None
+        raise
+    _validate(document.root, document._places)
+    return document
+
+
+def _relocate(root: etree._Element, folder: PurePath) -> None:
+    """Prefix the relative paths in a tree without namespace."""
+    if folder == PurePath():
+        return
+    for element in root.iter("*"):
+        for name, kind in attributes_of(element.tag).items():
+            if kind == "path" and name in element.attrib:
+                element.set(name, (folder / element.get(name, "")).as_posix())
+
+
+def _strip_namespace(root: etree._Element) -> None:
+    for element in root.iter("*"):
+        element.tag = local_name(element)
+
+
+def _add_namespace(root: etree._Element) -> None:
+    for element in root.iter("*"):
+        element.tag = f"{{{NAMESPACE}}}{local_name(element)}"
+
+
+def _collapse(root: etree._Element) -> None:
+    kept = attributes_of_types("path", "variable")  # a file or a variable of an FMU may be named so
+    for element in root.iter("*"):
+        own = kept.get(local_name(element), ())
+        for name, value in element.attrib.items():
+            element.set(name, value.strip() if name in own else " ".join(value.split()))
+
+
+def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:
+    found = violation(root)
+    if found is not None:
+        element, sentence = found
+        place = places[element]
+        suffix = f" (as changed by {changed_by})" if changed_by not in ("", place.file) else ""
+        raise InputError(sentence + suffix, place)
+
+
+# Files ------------------------------------------------------------------------------------------------------
+
+
+def _read_bytes(path: Path) -> bytes:
+    place = Location(str(path))
+    too_large = InputError(f"is larger than {MAX_BYTES // 1024**2} MiB, so it is no scenario file", place)
+    archive = InputError(
+        'is an archive (zip), perhaps an FMU; expected is XML. "formation inspect" shows an FMU, which a <plant> '
+        "or --plant names",
+        place,
+    )
+    try:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):  # a pipe or a device may never end
+            raise InputError("is not a regular file", place)
+        with path.open("rb") as file:
+            data = file.read(len(_ARCHIVE))
+            if data == _ARCHIVE:
+                raise archive
+            if stat.S_ISREG(status.st_mode) and status.st_size > MAX_BYTES:
+                raise too_large
+            data += file.read(MAX_BYTES + 1 - len(data))
+    except FileNotFoundError:
+        raise InputError(absent(path), place) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", place) from None
+    if len(data) > MAX_BYTES:  # it has grown
+        raise too_large
+    return data
+
+
+def _decode(data: bytes, root: etree._Element) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:  # a declared encoding other than UTF-8, which expat has understood
+        return _serialised(root)
+
+
+def _serialised(root: etree._Element) -> str:
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
+
+
+def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
+    builder = etree.TreeBuilder()
+    places: dict[etree._Element, Location] = {}
+    opened: list[tuple[str, int]] = []
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.buffer_text = True
+
+    def here() -> Location:
+        return Location(str(path), parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
+
+    def qualified(name: str) -> str:
+        return "{" + name if "}" in name else name
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        opened.append((name.rpartition("}")[2], parser.CurrentLineNumber))
+        if len(opened) > MAX_DEPTH:
+            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
+        element = builder.start(
+            qualified(name),
+            {qualified(key): value for key, value in attributes.items()},
+            {None: NAMESPACE} if not places else None,
+        )
+        places[element] = here()
+
+    def end(name: str) -> None:
+        opened.pop()
+        builder.end(qualified(name))
+
+    def refuse_doctype(*_: object) -> None:
+        raise InputError("a scenario has no document type declaration (<!DOCTYPE ...>): remove it", here())
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = builder.data
+    parser.CommentHandler = lambda text: builder.comment(text) if places else None
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        where = Location(str(path), error.lineno, error.offset + 1)
+        why = reason(data, parser.ErrorByteIndex, error.code, opened)
+        raise InputError(f"is not well-formed XML: {why}", where) from None
+    except (LookupError, UnicodeDecodeError) as error:
+        raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
+    except ValueError as error:  # what expat takes for a name or a namespace, and lxml does not
+        raise InputError(f"is not well-formed XML: {error}", here()) from None
+    return builder.close(), places

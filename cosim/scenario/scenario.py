@@ -1,0 +1,356 @@
+"""What a scenario file says, as plain data in SI units; `cosim.scenario.reader` reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosim.errors import Location
+
+LEADER = "leader"
+
+FIRST_STEP = "first_step"
+"""From when on the outputs of a plant count, where that is not the start."""
+
+DEFAULT_SOLVER = "runge_kutta_4"
+"""What integrates a Model Exchange FMU."""
+DEFAULT_TOLERANCE = 1e-6
+"""Relative tolerance of solvers with variable steps."""
+TIME_LIMIT = 10.0
+"""What a plant in a process of its own may take for the start, for a step and for the end [s]."""
+
+OPEN = "..."
+"""What stands in a binding for something that the user must fill in."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A named value as it is written, to be understood by whom it is for (a plant, a controller)."""
+
+    name: str
+    value: str
+    where: Location
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Values [SI] by the names of a vehicle's pose entries or torques; which ones it has is known from its plant."""
+
+    values: Mapping[str, float]
+    where: Location
+
+
+@dataclass(frozen=True)
+class RoleSource:
+    """What a binding says of a role.
+
+    Attributes
+    ----------
+    name : str
+        The role.
+    variable : str
+        The FMU's variable that plays it; empty if `value` is given.
+    unit : str
+        The variable's unit, where the FMU states none.
+    factor, offset : str
+        Quantities: the value is the factor times the variable, plus the offset. Empty for 1 and 0.
+    initial : str
+        The parameter by which the initial value is given; empty if the variable has a start value.
+    value : str
+        A constant value instead of a variable.
+    where : Location or None
+        Its place; None if no binding says it.
+    """
+
+    name: str
+    variable: str = ""
+    unit: str = ""
+    factor: str = ""
+    offset: str = ""
+    initial: str = ""
+    value: str = ""
+    where: Location | None = None
+
+
+@dataclass(frozen=True)
+class BindingSource:
+    """Which variables of an FMU play the roles of a vehicle."""
+
+    vehicle: str
+    roles: tuple[RoleSource, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
+class PlantSource:
+    """A kind of vehicle: a built-in model or an FMU file, with parameters.
+
+    Attributes
+    ----------
+    binding : BindingSource or None
+        Which variables of the FMU play which role; None if they have the roles' names.
+    interface : str
+        ``co_simulation`` or ``model_exchange``; empty for what the FMU offers, Co-Simulation first.
+    solver : str
+        Of a Model Exchange FMU; empty for the default.
+    solver_steps : int or None
+        How many of the solver's steps make a communication step; None if nothing is said, for one.
+    tolerance : float or None
+        Relative tolerance of cvode, or of the solver that a Co-Simulation FMU brings; None if nothing is said.
+    late_outputs : bool
+        Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
+    isolated : bool
+        Whether each robot's FMU runs in a process of its own.
+    logging : bool
+        Whether the FMU logs all that it can.
+    time_limit : float or None
+        Of such a process [s], for the start, a step and the end; None if nothing is said.
+    """
+
+    id: str
+    where: Location
+    model: str | None = None
+    fmu: Path | None = None
+    binding: BindingSource | None = None
+    interface: str = ""
+    solver: str = ""
+    solver_steps: int | None = None
+    tolerance: float | None = None
+    late_outputs: bool = False
+    isolated: bool = False
+    time_limit: float | None = None
+    logging: bool = False
+    parameters: tuple[Setting, ...] = ()
+
+
+@dataclass(frozen=True)
+class ControllerSource:
+    """A control law by name, package and version range, with gains."""
+
+    id: str
+    name: str
+    package: str
+    version: str
+    gains: tuple[Setting, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One thing that a sensor or an actuator does to some of its channels, in a window of time.
+
+    Attributes
+    ----------
+    kind : str
+        ``noise``, ``bias``, ``quantisation``, ``delay``, ``dropout``; ``saturation``, ``rate``, ``effectiveness``.
+    amount : float
+        Standard deviation, bias, step, limit [m, rad, N.m]; rate [N.m/s]; delay [s]; probability, factor.
+    channels : tuple of str
+        Names of pose entries or torques; empty for all.
+    start, stop : float
+        The window [s], the second excluded.
+    """
+
+    kind: str
+    amount: float
+    channels: tuple[str, ...]
+    start: float
+    stop: float
+    where: Location
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One signal of a sum.
+
+    Attributes
+    ----------
+    kind : str
+        ``constant``, ``step``, ``ramp``, ``pulse``, ``sine``, ``random`` or ``table``.
+    value : str
+        How large, as it is written: which unit fits is known from the plant. Empty for a table.
+    start, stop : float
+        When it begins and ends [s]; of a step, when; of a ramp, between which it rises.
+    period, phase, cutoff : float
+        Of a sine [s], [rad]; of a random signal [Hz].
+    file : Path or None
+        Of a table.
+    column : str
+        Of a table.
+    """
+
+    kind: str
+    value: str
+    start: float
+    stop: float
+    period: float
+    phase: float
+    cutoff: float
+    file: Path | None
+    column: str
+    where: Location
+
+
+@dataclass(frozen=True)
+class InputSource:
+    """What is added to an input of a plant: a sum of signals."""
+
+    name: str
+    waves: tuple[Wave, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A given path: waypoints (time [s], x [m], y [m]) or a file, and by how much [m] the path may miss the points."""
+
+    waypoints: tuple[tuple[float, float, float], ...]
+    file: Path | None
+    smoothing: float
+    where: Location
+
+
+@dataclass(frozen=True)
+class Leader:
+    """The virtual leader: where it starts and what drives it, or the path that it takes."""
+
+    plant: str
+    pose: Entries
+    torque: Entries
+    trajectory: Trajectory | None
+    parameters: tuple[Setting, ...]
+    sensor: tuple[Effect, ...]
+    inputs: tuple[InputSource, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
+class PlaceChange:
+    """A change of a follower's place from one time to another [s], to a range [m] and bearing [rad]."""
+
+    start: float
+    stop: float
+    range: float
+    bearing: float
+    where: Location
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A follower: initial pose, desired range [m] and bearing [rad] with their changes, and what is its own."""
+
+    id: str
+    plant: str
+    controller: str
+    pose: Entries
+    desired: tuple[float, float]
+    changes: tuple[PlaceChange, ...]
+    parameters: tuple[Setting, ...]
+    gains: tuple[Setting, ...]
+    sensor: tuple[Effect, ...]
+    actuator: tuple[Effect, ...]
+    inputs: tuple[InputSource, ...]
+    where: Location
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens to a robot at a time [s]: parameters or inputs change, the leader's torque changes, or it stops."""
+
+    time: float
+    robot: str
+    parameters: tuple[Setting, ...]
+    inputs: tuple[Setting, ...]
+    torque: Entries | None
+    stops: bool
+    where: Location
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Something that must hold for the run to pass.
+
+    Attributes
+    ----------
+    kind : str
+        ``settled``, ``rms``, ``peak``, ``final``, ``itae``, ``least``, ``distance``, ``regular`` or ``compare``.
+    signal, component : str
+        What it is about; empty where the kind tells.
+    bound : float
+        The number as it is written, in `unit`: below it, or above it for ``least`` and ``distance``; for ``settled``
+        the latest time; for ``compare`` the factor.
+    unit : str
+        The unit of the bound as it is written; "1" for a pure number.
+    start, stop : float
+        The window [s], both ends included.
+    range_band, bearing_band : float
+        Of ``settled`` [m], [rad].
+    measure, scenario
+        Of ``compare``: which figure (a kind), of which other scenario file.
+    robots : tuple of str
+        The followers of whom it is expected; empty for all.
+    fails : str
+        Why it is known not to hold; empty if it should.
+    untrusted : tuple of Path
+        Of ``compare``: folders whose FMUs run in processes of their own.
+    """
+
+    kind: str
+    signal: str
+    component: str
+    bound: float
+    unit: str
+    start: float
+    stop: float
+    range_band: float
+    bearing_band: float
+    measure: str
+    scenario: Path | None
+    robots: tuple[str, ...]
+    fails: str
+    where: Location
+    untrusted: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One experiment.
+
+    Attributes
+    ----------
+    step : float
+        Communication step [s].
+    ticks : int
+        Communication steps of the run; the horizon is ``ticks * step``.
+    period : int
+        Communication steps from one tick of the controllers to the next.
+    inputs : tuple of InputSource
+        Those of every follower.
+    text : str
+        The resolved document.
+    changes : tuple of str
+        What was changed in it after it was read, as options of the command line.
+    """
+
+    path: Path
+    text: str
+    name: str
+    title: str
+    step: float
+    ticks: int
+    period: int
+    seed: int
+    plants: Mapping[str, PlantSource]
+    controllers: Mapping[str, ControllerSource]
+    inputs: tuple[InputSource, ...]
+    leader: Leader
+    followers: tuple[Follower, ...]
+    events: tuple[Event, ...]
+    expectations: tuple[Expectation, ...]
+    changes: tuple[str, ...] = ()
+
+    @property
+    def horizon(self) -> float:
+        """The end of the run [s]."""
+        return self.ticks * self.step

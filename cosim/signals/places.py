@@ -1,0 +1,46 @@
+"""Where in the formation a follower is to be, over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.scenario.scenario import Follower
+from cosim.signals.waves import TIME_TOLERANCE
+
+
+def desired_samples(
+    follower: Follower, times: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return a follower's desired range and bearing with their first two derivatives.
+
+    From the start of a change to its end, both follow the quintic 10 s^3 - 15 s^4 + 6 s^5 in the part s of the time
+    that has passed, so that velocity and acceleration are zero at both ends; at all other times they are constant,
+    exactly as given.
+
+    Parameters
+    ----------
+    follower
+        The follower, with its changes one after the other.
+    times
+        Points in time (T,) [s].
+
+    Returns
+    -------
+    tuple of ndarray
+        q_d, its first and its second derivative, each (T, 2): [m, rad], [m/s, rad/s], [m/s2, rad/s2].
+    """
+    q = np.tile(np.array(follower.desired, dtype=float), (len(times), 1))
+    q_dot, q_ddot = np.zeros_like(q), np.zeros_like(q)
+    before = np.array(follower.desired, dtype=float)
+    for change in follower.changes:
+        after = np.array([change.range, change.bearing])
+        duration = change.stop - change.start
+        during = (times > change.start + TIME_TOLERANCE) & (times < change.stop - TIME_TOLERANCE)
+        s = ((times[during] - change.start) / duration)[:, np.newaxis]
+        q[during] = before + (after - before) * (s**3 * (10 - 15 * s + 6 * s**2))
+        q_dot[during] = (after - before) / duration * (30 * s**2 * (1 - s) ** 2)
+        q_ddot[during] = (after - before) / duration**2 * (60 * s * (1 - s) * (1 - 2 * s))
+        q[times >= change.stop - TIME_TOLERANCE] = after
+        before = after
+    return q, q_dot, q_ddot

@@ -1,0 +1,160 @@
+"""The motion of a leader that moves along a given path: by differential flatness from x(t) and y(t)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import formation_controllers as fc
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import InputError
+from cosim.scenario.scenario import Trajectory
+from cosim.scenario.table import read_table
+from cosim.signals.waves import TIME_TOLERANCE
+
+MIN_POINTS = 6
+MAX_SMOOTHED = 10_000
+"""Points through which a smoothing spline is led: the time that it takes can grow with their square."""
+MIN_SPEED = 1e-3  # m/s
+MAX_STEERING = math.radians(80)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A vehicle's motion over time.
+
+    Attributes
+    ----------
+    state : ndarray (T, 6)
+        Pose (4) [m, m, rad, rad], angles without jumps, and pseudo-velocities (v, omega) [m/s, rad/s].
+    acceleration : ndarray (T, 2)
+        Time derivatives of the pseudo-velocities [m/s2, rad/s2].
+    """
+
+    state: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+
+
+def leader_motion(
+    trajectory: Trajectory, vehicle: fc.CarLike | fc.TractorTrailer, times: NDArray[np.float64]
+) -> Motion:
+    """Return the motion in which a vehicle's reference point follows a path exactly, driving forwards.
+
+    The path is a quintic spline through the points, or near them if the trajectory is smoothed. Reference point is the
+    midpoint of the rear axle, of a tractor-trailer that of the trailer's axle: heading and steering angle, that is the
+    hitch angle theta_0 - theta_1, follow from its first two derivatives, the velocities from the third and the
+    accelerations from the fourth, all computed from the spline's own.
+
+    Parameters
+    ----------
+    trajectory
+        The points.
+    vehicle
+        The vehicle's geometry.
+    times
+        Points in time (T,) [s], increasing from 0 to the horizon.
+
+    Raises
+    ------
+    InputError
+        The table cannot be used, there are fewer than six points or they do not reach from 0 to the horizon, or the
+        vehicle cannot follow the path: it stands still, or has to steer by more than 80 degrees.
+    """
+    path = _spline(trajectory, float(times[-1]))
+    with np.errstate(all="ignore"):
+        motion = _flat_motion(trajectory, path, vehicle, times)
+    beyond = np.asarray(~np.isfinite(np.hstack([motion.state, motion.acceleration])).all(axis=1))
+    _refuse(trajectory, times, beyond, "is too fast to compute with", "no vehicle moves like this")
+    return motion
+
+
+def _flat_motion(
+    trajectory: Trajectory, path: Any, vehicle: fc.CarLike | fc.TractorTrailer, times: NDArray[np.float64]
+) -> Motion:
+    (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
+    v = np.hypot(x_1, y_1)
+    _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")
+    heading = np.unwrap(np.arctan2(y_1, x_1))
+    turned = np.abs(np.diff(heading, prepend=heading[0])) > math.pi / 2
+    _refuse(trajectory, times, turned, "turns by more than 90 degrees in a communication step", "it is no smooth path")
+
+    v_dot = (x_1 * x_2 + y_1 * y_2) / v
+    v_ddot = (x_2**2 + y_2**2 + x_1 * x_3 + y_1 * y_3 - v_dot**2) / v
+    # The curvature n / v^3 and its derivatives
+    n = x_1 * y_2 - y_1 * x_2
+    n_dot = x_1 * y_3 - y_1 * x_3
+    n_ddot = x_2 * y_3 + x_1 * y_4 - y_2 * x_3 - y_1 * x_4
+    kappa = n / v**3
+    kappa_dot = (n_dot - 3 * n * v_dot / v) / v**3
+    kappa_ddot = (n_ddot - (6 * n_dot * v_dot + 3 * n * v_ddot) / v + 12 * n * (v_dot / v) ** 2) / v**3
+
+    length = vehicle.wheelbase if isinstance(vehicle, fc.CarLike) else vehicle.hitch_length
+    steering = np.arctan(length * kappa)
+    _refuse(
+        trajectory,
+        times,
+        np.abs(steering) > MAX_STEERING,
+        f"turns so tightly that the leader, {length:g} m long, would have to steer by more than 80 degrees",
+        "give it a wider turn",
+    )
+    cos_2 = np.cos(steering) ** 2
+    steering_dot = length * kappa_dot * cos_2
+    steering_ddot = length * kappa_ddot * cos_2 - 2 * np.tan(steering) * steering_dot**2
+    if isinstance(vehicle, fc.CarLike):
+        last, omega, omega_dot = steering, steering_dot, steering_ddot
+    else:
+        last = heading + steering
+        omega = v * kappa + steering_dot
+        omega_dot = v_dot * kappa + v * kappa_dot + steering_ddot
+    x, y = path(times).T
+    return Motion(np.column_stack([x, y, heading, last, v, omega]), np.column_stack([v_dot, omega_dot]))
+
+
+def _spline(trajectory: Trajectory, horizon: float) -> Any:
+    """Return the path as a function of the time [s] and the order of the derivative, with values (T, 2) [m]."""
+    from scipy import interpolate  # slow to import, and few scenarios need it
+
+    time, points = _points(trajectory)
+    if len(time) < MIN_POINTS:
+        raise InputError(f"the trajectory has {len(time)} points; at least {MIN_POINTS} are needed", trajectory.where)
+    if time[0] > TIME_TOLERANCE or time[-1] < horizon - TIME_TOLERANCE:
+        raise InputError(
+            f"the trajectory's points are from {time[0]:g} s to {time[-1]:g} s; they must reach from 0 s to the "
+            f"horizon, {horizon:g} s",
+            trajectory.where,
+        )
+    if trajectory.smoothing > 0 and len(time) > MAX_SMOOTHED:
+        raise InputError(
+            f"the trajectory has {len(time)} points; at most {MAX_SMOOTHED} can be smoothed", trajectory.where
+        )
+    try:
+        if trajectory.smoothing == 0:
+            return interpolate.make_interp_spline(time, points, k=5)
+        allowed = len(time) * trajectory.smoothing * trajectory.smoothing
+        (spline, _), _, flag, _ = interpolate.splprep(points.T, u=time, k=5, s=allowed, full_output=1, quiet=1)
+        if flag > 0:
+            raise ValueError(f"allow more smoothing than {trajectory.smoothing:g} m")
+    except ValueError as error:
+        raise InputError(f"no spline leads through the trajectory's points: {error}", trajectory.where) from None
+    knots, coefficients, degree = spline
+    return interpolate.BSpline(knots, np.column_stack(coefficients), degree)
+
+
+def _points(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the times (n,) [s] and the points (n, 2) [m]."""
+    if trajectory.file is None:
+        waypoints = np.array(trajectory.waypoints)
+        return waypoints[:, 0], waypoints[:, 1:]
+    table = read_table(trajectory.file, trajectory.where)
+    return table.time, np.column_stack([table.column(name, "m", trajectory.where) for name in ("x", "y")])
+
+
+def _refuse(
+    trajectory: Trajectory, times: NDArray[np.float64], where: NDArray[np.bool_], problem: str, advice: str
+) -> None:
+    if where.any():
+        time = times[np.argmax(where)]
+        raise InputError(f"the trajectory {problem} at t = {time:.6g} s: {advice}", trajectory.where)

@@ -1,0 +1,54 @@
+"""Arrays that may hold roles one after the other: which role an element plays, and whether the FMU tells so."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from cosim.fmu.units import unit_name
+from cosim.swap.candidates import Number, Numbers, reading
+from cosim.swap.naming import ORDER, SERIES, words_of
+from cosim.vehicle.contract import Contract, Role
+
+
+class Told(Enum):
+    """How it is known that an element plays a role."""
+
+    BY_THE_FMU = "by the FMU"
+    """The name of the array and all units up to the element fit, or a description gives the order."""
+    BY_PLACE = "by place"
+    """Nothing speaks for it but its place in the array, so that it is to be asked for."""
+
+
+def told(role: Role, contract: Contract, number: Number, numbers: Numbers, description: Any) -> Told | None:
+    """Return how it is known that an element of an array plays a role; None if it does not."""
+    found = next((s for s in SERIES[contract.vehicle] if s.role(number.words, number.size, number.place)), None)
+    if found is None or role.name not in found.roles:
+        return None
+    if (described := _described(contract, number)) is not None:
+        return Told.BY_THE_FMU if described == role.name else None
+    if found.role(number.words, number.size, number.place) != role.name:
+        return None
+    if not found.telling:
+        return Told.BY_PLACE
+    roles = {role.name: role for role in contract.roles}
+    before = numbers.array_of(number)[: number.place + 1]
+    for name, element in zip(found.roles, before, strict=False):
+        if not unit_name(element.variable) or reading(description, element, roles[name]) is None:
+            return Told.BY_PLACE
+    return Told.BY_THE_FMU
+
+
+def _described(contract: Contract, number: Number) -> str | None:
+    """Return the role of an element by its description, or by the order in which that of the whole array names them."""
+    words = words_of(number.variable.description or "")
+    order = ORDER[contract.vehicle]
+    places = {
+        role: min(place for place, word in enumerate(words) if word in own)
+        for role, own in order.items()
+        if own & set(words)
+    }
+    named = sorted(places, key=lambda role: places[role])
+    if number.name == number.variable.name:  # an element with a description of its own
+        return named[0] if len(named) == 1 else None
+    return named[number.place] if len(named) == len(order) == number.size else None

@@ -1,0 +1,184 @@
+"""The numbers of an FMU that could play a role: what their names say, and how their units fit."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from cosim.fmu.binding import NUMBER_TYPES, shape_of
+from cosim.fmu.units import UnitContradiction, unit_name, unit_of
+from cosim.scenario.scenario import OPEN
+from cosim.swap.naming import RECOGNITIONS, SERIES, in_english, parts_of, words_of
+from cosim.swap.translations import unit_at_the_end
+from cosim.vehicle.contract import Contract, Role
+from plants import UnitError, units
+
+ALLOWED: Mapping[str, tuple[str, ...]] = {
+    "input": ("input",),
+    "output": ("output", "local"),
+    "parameter": ("parameter",),
+}
+"""Causalities of what can play a role, the better ones first."""
+
+
+class Number(NamedTuple):
+    """A number of an FMU that could play a role.
+
+    Attributes
+    ----------
+    variable : fmpy.model_description.ModelVariable
+        The variable that holds it.
+    element : int
+        Which of its elements it is, from 0; 0 of a scalar.
+    name : str
+        As a binding writes it.
+    words : tuple of str
+        Those of its variable's name, without a unit at the end.
+    hint : str
+        This unit; empty if there is none.
+    array : str
+        The name of the array of which it is an element; empty of a scalar.
+    place : int
+        In this array, from 0; -1 of a scalar.
+    size : int
+        Of this array.
+    """
+
+    variable: Any
+    element: int
+    name: str
+    words: tuple[str, ...]
+    hint: str = ""
+    array: str = ""
+    place: int = -1
+    size: int = 1
+
+
+_INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
+_LARGEST_ARRAY = 16
+
+
+def _numbers(description: Any) -> Iterator[Number]:
+    """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
+    wanted = {causality for causalities in ALLOWED.values() for causality in causalities}
+    names = Counter(variable.name for variable in description.modelVariables)
+    arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
+    for variable in description.modelVariables:
+        name = variable.name
+        if variable.type not in NUMBER_TYPES or variable.causality not in wanted or names[name] > 1:
+            continue
+        if name.startswith(("der(", "__")):
+            continue
+        try:
+            shape = shape_of(description, variable) if variable.dimensions else ()
+        except ValueError:
+            continue
+        if name.endswith("]") and (indexed := _INDEXED.fullmatch(name)):
+            arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
+        elif not shape:
+            yield Number(variable, 0, name, *_named(description, variable, name))
+        elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
+            named, size = _named(description, variable, name), shape[0]
+            yield from (Number(variable, i, f"{name}[{i + 1}]", *named, name, i, size) for i in range(size))
+    for name, elements in arrays.items():
+        for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
+            named = _named(description, variable, name)
+            yield Number(variable, 0, variable.name, *named, name, place, len(elements))
+
+
+def _named(description: Any, variable: Any, name: str) -> tuple[tuple[str, ...], str]:
+    """Return the words of a name, and the unit that it ends with, if the variable is in no other."""
+    parts = parts_of(name)
+    count, hint = unit_at_the_end(parts)
+    if count and unit_name(variable):
+        try:
+            fits = unit_of(description, variable).exponents == units.parse(hint).exponents
+        except UnitError:
+            fits = True
+        count, hint = (count, hint) if fits else (0, "")
+    return in_english(parts[: len(parts) - count]), hint
+
+
+class Numbers:
+    """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
+
+    An FMU may have a hundred thousand of them: each role looks only at those whose names have a word that tells of it.
+    """
+
+    def __init__(self, description: Any) -> None:
+        self._all = list(_numbers(description))
+        self._of_name = {number.name: place for place, number in enumerate(self._all)}
+        self._of_word: dict[str, list[int]] = defaultdict(list)
+        self._of_causality: dict[str, list[int]] = defaultdict(list)
+        self._of_array: dict[str, list[Number]] = defaultdict(list)
+        for place, number in enumerate(self._all):
+            self._of_causality[number.variable.causality].append(place)
+            if number.array:
+                self._of_array[number.array].append(number)
+            for word in number.words:
+                self._of_word[word].append(place)
+
+    def of(self, causality: str) -> list[Number]:
+        """Return those of a causality."""
+        return [self._all[place] for place in self._of_causality.get(causality, ())]
+
+    def having(self, words: Iterable[str]) -> list[Number]:
+        """Return those whose names have any of some words, or are one of them."""
+        return [self._all[place] for place in sorted(self._places(words))]
+
+    def array_of(self, number: Number) -> list[Number]:
+        """Return all elements of the array that a number is in, in their order."""
+        return self._of_array[number.array]
+
+    def telling(self, role: Role, contract: Contract) -> list[Number]:
+        """Return those whose names may tell of a role."""
+        groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
+        groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
+        recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+        for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
+            groups.append(min(clue.groups, key=self._frequency))
+        return self.having({word for group in groups for word in group})
+
+    def _places(self, words: Iterable[str]) -> set[int]:
+        names = {self._of_name[word] for word in words if word in self._of_name}
+        return names.union(*(self._of_word.get(word, ()) for word in words))
+
+    def _frequency(self, words: Iterable[str]) -> int:
+        return sum(len(self._of_word.get(word, ())) for word in words)
+
+
+class Reading(NamedTuple):
+    """How the unit of a number fits a role: what a binding states of it, and what is open."""
+
+    unit: str = ""
+    factor: str = ""
+    open: str = ""
+
+
+def reading(description: Any, number: Number, role: Role) -> Reading | None:
+    """Return how a number can be read in the unit of a role; None if it measures something else."""
+    variable = number.variable
+    name = unit_name(variable)
+    wanted = units.parse(role.unit)
+    if not name:
+        if number.hint and units.parse(number.hint).exponents != wanted.exponents:
+            return None
+        like = f"{role.unit} or the like" if not number.hint else f"{number.hint}, as its name ends, or the like"
+        return Reading(unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({like})")
+    try:
+        own = unit_of(description, variable)
+    except UnitContradiction as error:
+        if error.unit.exponents != wanted.exponents:
+            return None
+        return Reading(unit=OPEN, open=f"{error.question}: state {error.choice}")
+    except UnitError:
+        return Reading(unit=OPEN, open=f"the unit {name!r} of {variable.name!r} is not known: state it")
+    if own.exponents == wanted.exponents:
+        return Reading()
+    if (own * units.parse("rad")).exponents == wanted.exponents:  # some tools take radians for pure numbers
+        return Reading(
+            factor=OPEN, open=f'{variable.name!r} is in {name}, a pure number: if this is in rad, state factor="1 rad"'
+        )
+    return None

@@ -1,0 +1,446 @@
+"""Proposals: which variables of an FMU play the roles of a vehicle, where their names and units make it obvious.
+
+Nothing is guessed that only the FMU's author knows: a unit that is not stated, a sign, a length. It stays open: `OPEN`
+stands for it in the binding, which is refused until the user has filled it in.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
+
+from lxml import etree
+
+from cosim.errors import Location, printable
+from cosim.fmu.binding import match, may_be_started
+from cosim.fmu.units import unit_name
+from cosim.plant.spec import WHOLE
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.scenario import OPEN, BindingSource, RoleSource
+from cosim.swap.array_roles import Told, told
+from cosim.swap.candidates import ALLOWED, Number, Numbers, Reading, reading
+from cosim.swap.naming import NEUTRAL, RECOGNITIONS, STARTING, doubtful, without_start, words_of
+from cosim.swap.wrong_kind import no_vehicle, other_kind
+from cosim.vehicle.contract import CONTRACTS, Contract, Role
+
+_HERE = Location("the proposed binding")
+_MOST_NAMED = 8
+"""How many variables a sentence names."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """What plays a role.
+
+    Attributes
+    ----------
+    role : Role
+        The role.
+    source : RoleSource or None
+        As a binding says it; None of an optional role for which there is nothing.
+    open : tuple of str
+        What the user must fill in, each a sentence.
+    doubts : tuple of str
+        What the user should look at, each a sentence.
+    candidates : tuple of str
+        Where nothing plays it, the numbers that may do so, and among which the user must choose.
+    """
+
+    role: Role
+    source: RoleSource | None = None
+    open: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    candidates: tuple[str, ...] = ()
+
+    @property
+    def needs_no_binding(self) -> bool:
+        """Whether a binding need not mention the role."""
+        return not self.doubts and (self.source is None or self.source == _by_name(self.role))
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What plays the roles of a contract.
+
+    Attributes
+    ----------
+    contract : Contract
+        The contract.
+    suggestions : tuple of Suggestion
+        One for each role, in the order of the contract.
+    refusal : str
+        Why the FMU is clearly no such vehicle; empty if it may be one.
+    """
+
+    contract: Contract
+    suggestions: tuple[Suggestion, ...]
+    refusal: str = ""
+
+    @property
+    def open(self) -> tuple[Suggestion, ...]:
+        """Those in which something is to be filled in."""
+        return tuple(suggestion for suggestion in self.suggestions if suggestion.open)
+
+    @property
+    def doubts(self) -> tuple[Suggestion, ...]:
+        """Those at which the user should look."""
+        return tuple(suggestion for suggestion in self.suggestions if suggestion.doubts)
+
+    @property
+    def needs_no_binding(self) -> bool:
+        """Whether the FMU can be driven as it is."""
+        return not self.open and all(suggestion.needs_no_binding for suggestion in self.suggestions)
+
+    @property
+    def missing(self) -> tuple[Role, ...]:
+        """The roles of pose and torque for which no variable was found, nor any that may be it."""
+        wanted = (*self.contract.pose, *self.contract.torque)
+        nothing = {
+            s.role for s in self.suggestions if not s.candidates and (s.source is None or s.source.variable == OPEN)
+        }
+        return tuple(role for role in wanted if role in nothing)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether the FMU seems to be such a vehicle: at least half of pose and torque are there, of each something."""
+        found = [
+            [role for role in roles if role not in self.missing] for roles in (self.contract.pose, self.contract.torque)
+        ]
+        return not self.refusal and all(found) and sum(map(len, found)) > len(self.missing)
+
+    @property
+    def binding(self) -> BindingSource:
+        """The binding, in which `OPEN` stands for what is to be filled in."""
+        roles = tuple(s.source for s in self.suggestions if s.source is not None and not s.needs_no_binding)
+        return BindingSource(self.contract.vehicle, roles, _HERE)
+
+
+def proposals(description: Any) -> list[Proposal]:
+    """Return a proposal for each contract, that of the likeliest kind of vehicle first."""
+    numbers = Numbers(description)
+    return sorted(
+        (_proposed(description, contract, numbers) for contract in CONTRACTS),
+        key=lambda proposal: (bool(proposal.refusal), len(proposal.missing), len(proposal.open)),
+    )
+
+
+def propose(description: Any, contract: Contract) -> Proposal:
+    """Propose what plays the roles of a contract.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+        What the FMU says of itself.
+    contract
+        The contract.
+    """
+    return _proposed(description, contract, Numbers(description))
+
+
+def _proposed(description: Any, contract: Contract, numbers: Numbers) -> Proposal:
+    suggestions = [_suggest(role, description, contract, numbers) for role in contract.roles]
+    played = Counter(s.source.variable for s in suggestions if s.source is not None and s.source.variable != OPEN)
+    suggestions = [
+        _open(s.role, (f"{s.source.variable!r} would play more than one role",))
+        if s.source is not None and s.source.variable and played[s.source.variable] > 1
+        else s
+        for s in suggestions
+    ]
+    suggestions = [
+        _sought(s, description, numbers, played) if s.role in contract.velocity and s.source is None else s
+        for s in suggestions
+    ]
+    settled = [s.source for s in suggestions if s.source is not None and not s.open]
+    _, problems = match(contract, description, settled)
+    unfit = {problem.role: problem.sentence() for problem in problems}
+    proposal = Proposal(
+        contract,
+        tuple(
+            _open(s.role, (unfit[s.role],)) if not s.open and s.source is not None and s.role in unfit else s
+            for s in suggestions
+        ),
+    )
+    missing = {role.name for role in proposal.missing}
+    said = f"{description.modelName} {description.description or ''}"
+    refusal = other_kind(contract, numbers, missing, said) or no_vehicle(description, numbers)
+    return replace(proposal, refusal=refusal)
+
+
+def velocity_hints(description: Any, contract: Contract, roles: Collection[str], played: Collection[str]) -> list[str]:
+    """Return which outputs of an FMU could be velocities that its binding does not name, a sentence for each role.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+        What the FMU says of itself.
+    contract
+        The contract.
+    roles
+        The velocities that are not bound.
+    played
+        The names of what plays a role already.
+    """
+    numbers = Numbers(description)
+    sought = (
+        _sought(Suggestion(role), description, numbers, played) for role in contract.velocity if role.name in roles
+    )
+    return [
+        f"{_listed(map(repr, s.candidates))} could be {s.role.name}, which the binding says with "
+        f"{_element(s.role, s.candidates[0], description, numbers)}"
+        for s in sought
+        if s.candidates
+    ]
+
+
+def binding_xml(proposal: Proposal, file: str) -> str:
+    """Return a proposal as the text of a file with a binding, with a comment at each place that is open or in doubt.
+
+    Parameters
+    ----------
+    proposal
+        The proposal.
+    file
+        The FMU, for people.
+    """
+    contract = proposal.contract
+    root = etree.Element(f"{{{NAMESPACE}}}binding", {"vehicle": contract.vehicle}, {None: NAMESPACE})
+    about = (
+        f"Which variables of {file} play the roles of a {contract.vehicle} vehicle, proposed by their names and units. "
+        "Look through it: names tell no signs. A role that is not mentioned is played by the variable of its name."
+    )
+    if proposal.open:
+        about += f' Where it says "{OPEN}", fill in what the comment asks for.'
+    root.addprevious(_comment(textwrap.fill(about, 110, subsequent_indent=" " * 5)))
+    for suggestion in proposal.suggestions:
+        for sentence in (*suggestion.open, *suggestion.doubts):
+            root.append(_comment(f"{suggestion.role.name}: {sentence}"))
+        if (source := suggestion.source) is not None and not suggestion.needs_no_binding:
+            root.append(etree.Element(f"{{{NAMESPACE}}}role", attributes(source)))
+    etree.indent(root)
+    text = etree.tostring(root.getroottree(), encoding="unicode", pretty_print=True)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
+
+
+def attributes(source: RoleSource) -> dict[str, str]:
+    """Return the attributes of a role as a binding has them."""
+    values = {field.name: getattr(source, field.name) for field in fields(source) if field.name != "where"}
+    return {name: value for name, value in values.items() if value}
+
+
+def _comment(text: str) -> etree._Element:
+    """Return a comment with a text of unknown origin."""
+    return etree.Comment(f" {re.sub('-(?=-)', '- ', printable(text))} ")
+
+
+# The roles --------------------------------------------------------------------------------------------------
+
+
+class _Fit(NamedTuple):
+    """A number that may play a role: how well, the smaller the better, and how it can be read."""
+
+    rank: tuple[int, int, int, int]
+    number: Number
+    reading: Reading
+
+
+def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers) -> Suggestion:
+    if not role.unit:
+        return _suggest_enumeration(role, description)
+    fitting: list[_Fit] = []
+    by_place: list[_Fit] = []
+    unfit = []
+    for number in numbers.telling(role, contract):
+        causality = number.variable.causality
+        if causality not in ALLOWED[role.causality]:
+            continue
+        how = _told(role, contract, number, numbers, description)
+        rank = _rank(role, contract, number, number.words) if how is None else (0, 0)
+        if rank is None:
+            continue
+        read = reading(description, number, role)
+        if read is None:
+            if how is not Told.BY_PLACE:
+                unfit.append(f"{number.name!r} is in {unit_name(number.variable) or number.hint}")
+            continue
+        preference = ALLOWED[role.causality].index(causality)
+        tier = 2 * preference + 1 if how is not None else 2 if preference and rank[1] else 0
+        fit = _Fit((tier, rank[0], preference, rank[1]), number, read)
+        (by_place if how is Told.BY_PLACE else fitting).append(fit)
+    best = _best([fit for fit in fitting if fit.number.variable.type not in WHOLE] or fitting)
+    if len(best) == 1:
+        played = _played(role, description, contract, best[0], numbers)
+        if role in contract.pose[2:] and _told(role, contract, best[0].number, numbers, description):
+            number = best[0].number
+            place = f"{number.name!r} is taken by its place in {number.array!r}: look whether it is {role.meaning}"
+            return replace(played, doubts=(*played.doubts, place))
+        return played
+    reasons = []
+    if best:
+        reasons.append(f"could be played by {_listed(repr(fit.number.name) for fit in best)}")
+    elif by_place := _best(by_place):
+        reasons += [_asked(_played(role, description, contract, fit, numbers), fit) for fit in by_place]
+    elif unfit:
+        reasons.append(f"needs a unit that fits {role.unit}: {_listed(unfit)}")
+    candidates = tuple(
+        fit.number.name for fit in best or by_place if best or fit.number.variable.causality == role.causality
+    )
+    if role.optional:
+        return Suggestion(role, candidates=candidates)
+    if role.causality == "parameter" and not best:
+        lengths = _could_be(role, description, numbers)
+        which = f": {_listed(map(repr, lengths))} could be it" if lengths else ""
+        return Suggestion(
+            role,
+            RoleSource(name=role.name, value=OPEN, where=_HERE),
+            (f"no parameter is obviously {role.meaning}: state its value, or name the variable{which}", *reasons),
+        )
+    return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
+
+
+def _told(role: Role, contract: Contract, number: Number, numbers: Numbers, description: Any) -> Told | None:
+    """Return how it is known that an element of an array plays a role by its place; None of all others."""
+    if number.size == 1 or number.name == role.name:
+        return None
+    return told(role, contract, number, numbers, description)
+
+
+def _asked(suggestion: Suggestion, fit: _Fit) -> str:
+    """Return the question whether a number plays a role for which nothing speaks but its place in an array."""
+    assert suggestion.source is not None
+    said = attributes(suggestion.source)
+    del said["name"]
+    state = " ".join(f'{name}="{value}"' for name, value in said.items())
+    return (
+        f"{fit.number.name!r} could be it by its place in {fit.number.array!r}, which tells too little: "
+        f"if it is {suggestion.role.meaning}, state {state}"
+    )
+
+
+def _suggest_enumeration(role: Role, description: Any) -> Suggestion:
+    for variable in description.modelVariables:
+        if variable.name == role.name and variable.causality == role.causality and variable.type == "Enumeration":
+            return Suggestion(role, _by_name(role))
+    source = RoleSource(name=role.name, value=OPEN, where=_HERE)
+    return Suggestion(role, source, (f"state {role.meaning}; nothing in the FMU says it",))
+
+
+def _rank(role: Role, contract: Contract, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
+    """Return how well a name fits a role, the smaller the better; None if it does not."""
+    if number.name == role.name:
+        return -2, 0
+    if number.size > 1:
+        return None
+    if tuple(word for word in words if word not in NEUTRAL) == words_of(role.name):
+        return -1, 0
+    recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+    if recognition is None:
+        return None
+    rank = recognition.rank(words, has_unit=bool(unit_name(number.variable)))
+    return None if rank is None else (rank[0] + 1, rank[1])
+
+
+def _best(found: list[_Fit]) -> list[_Fit]:
+    """Return those that fit best, one of each number: variables with the same value reference are the same number."""
+    least = min((fit.rank for fit in found), default=None)
+    best = {(f.number.variable.valueReference, f.number.element): f for f in reversed(found) if f.rank == least}
+    return list(reversed(best.values()))
+
+
+def _played(role: Role, description: Any, contract: Contract, fit: _Fit, numbers: Numbers) -> Suggestion:
+    number, read = fit.number, fit.reading
+    source = RoleSource(name=role.name, variable=number.name, unit=read.unit, factor=read.factor, where=_HERE)
+    text = printable(" ".join((number.variable.description or "").split()))[:200]
+    says = f". The FMU describes it as {text!r}" if text else ""
+    open_ = [read.open + says] if read.open else []
+    doubts = []
+    if text and doubtful(role.name, text):
+        doubts.append(f"here it is {role.meaning}; the FMU describes {number.name!r} as {text!r}")
+    if role in contract.pose and not may_be_started(description, number.variable):
+        initial = _initial(role, description, contract, number, numbers)
+        source = replace(source, initial=initial or OPEN)
+        if not initial:
+            open_.append(
+                f"{number.name!r} has no start value that can be set: name the parameter that gives the initial value"
+            )
+    return Suggestion(role, source, tuple(open_), tuple(doubts))
+
+
+def _initial(role: Role, description: Any, contract: Contract, played_by: Number, numbers: Numbers) -> str | None:
+    """Return the parameter that obviously gives the initial value of what plays a role."""
+    fitting: list[_Fit] = []
+    own = [word for word in played_by.words if word not in NEUTRAL]
+    for number in numbers.having({*STARTING, "0"}):
+        rest = without_start(number.words)
+        if number.variable.causality != "parameter" or rest is None or number.size != played_by.size:
+            continue
+        if (read := reading(description, number, role)) is None:
+            continue
+        if [word for word in rest if word not in NEUTRAL] == own and number.place == played_by.place:
+            fitting.append(_Fit((0, -3, 0, 0), number, read))
+        elif (rank := _rank(role, contract, number, rest)) is not None:
+            fitting.append(_Fit((0, rank[0], 0, rank[1]), number, read))
+    best = _best(fitting)
+    return best[0].number.name if len(best) == 1 else None
+
+
+def _by_name(role: Role) -> RoleSource:
+    return RoleSource(name=role.name, variable=role.name, where=_HERE)
+
+
+def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = ()) -> Suggestion:
+    """Return a role of which the user must say what plays it."""
+    if role.optional:
+        return Suggestion(role)
+    return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, (), candidates)
+
+
+def _sought(suggestion: Suggestion, description: Any, numbers: Numbers, played: Collection[str]) -> Suggestion:
+    """Return a velocity for which nothing is proposed with the outputs that could be it, as many tasks need it."""
+    role = suggestion.role
+    found = suggestion.candidates or tuple(n for n in _could_be(role, description, numbers) if n not in played)
+    if not found:
+        return suggestion
+    doubt = (
+        f"no {role.causality} is obviously {role.meaning}, without which the vehicle cannot lead: "
+        f"{_listed(map(repr, found))} could be it; if so, add {_element(role, found[0], description, numbers)}"
+    )
+    return replace(suggestion, candidates=found, doubts=(doubt,))
+
+
+def _element(role: Role, name: str, description: Any, numbers: Numbers) -> str:
+    """Return the element of a binding in which a number plays a role."""
+    number = next(n for causality in ALLOWED[role.causality] for n in numbers.of(causality) if n.name == name)
+    read = reading(description, number, role) or Reading()
+    source = RoleSource(name=role.name, variable=name, unit=read.unit, factor=read.factor, where=_HERE)
+    return "<role " + " ".join(f'{key}="{value}"' for key, value in attributes(source).items()) + "/>"
+
+
+def _could_be(role: Role, description: Any, numbers: Numbers) -> list[str]:
+    """Return the names of what could play a role by its unit: of those that state one, or else of those that do not."""
+    fitting: dict[bool, list[str]] = {True: [], False: []}
+    fits: dict[tuple[str, str], bool] = {}  # by unit, of which there are few
+    for number in numbers.of(role.causality):
+        unit = (unit_name(number.variable), number.hint)
+        if unit not in fits:
+            fits[unit] = reading(description, number, role) is not None
+        if fits[unit] and without_start(number.words) is None:
+            fitting[any(unit)].append(number.name)
+    return fitting[True] or fitting[False]
+
+
+def _nothing_found(role: Role, description: Any, numbers: Numbers) -> str:
+    found = _could_be(role, description, numbers)
+    return (
+        f"no {role.causality} is obviously {role.meaning}; "
+        f"{role.causality}s that could be: {_listed(map(repr, found)) if found else 'none'}"
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    more = len(names) - _MOST_NAMED
+    return ", ".join(names[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,525 @@
+"""Expectations, against results made by hand whose figures are known, and against runs."""
+
+import json
+import math
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import cosim
+from cosim.cli import main
+from cosim.errors import InputError, Location, SimulationError
+from cosim.master.recorder import Channel
+from cosim.master.simulation import Simulation
+from cosim.results.expectations import Recorded, check, judge, recorded
+from cosim.results.files import load
+from cosim.results.metrics import figure_of, smallest_distance
+from cosim.results.verdict import Verdict
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Expectation, Scenario
+from plants import units
+
+EXAMPLE = Path(__file__).with_name("example.xml")
+HERE = Location("scenario.xml", 3, 5)
+TIME = np.arange(5001) * 0.02
+ZERO = np.zeros(5001)
+
+
+def expecting(kind: str, bound: str = "0", **given: Any) -> Expectation:
+    number, _, unit = bound.partition(" ")
+    blank: dict[str, Any] = {
+        "signal": "",
+        "component": "",
+        "unit": unit or "1",
+        "start": 0.0,
+        "stop": 100.0,
+        "range_band": math.inf,
+        "bearing_band": math.inf,
+        "measure": "",
+        "scenario": None,
+        "robots": (),
+        "fails": "",
+        "where": HERE,
+    }
+    return Expectation(kind=kind, bound=float(number), **{**blank, **given})
+
+
+def made_up(**signals: np.ndarray) -> xr.Dataset:
+    """Return a result of the followers a, b and c at y = 0, 3 and 10; a signal (T, 3), or (T,) of a alone."""
+    pose = np.zeros((5001, 3, 4))
+    pose[:, :, 1] = [0.0, 3.0, 10.0]
+    result = xr.Dataset(
+        {
+            "pose": (("time", "robot", "pose_component"), pose, {"units": "m, m, rad, rad"}),
+            "leader_pose": (("time", "pose_component"), pose[:, 2], {"units": "m, m, rad, rad"}),
+            "range_error": (("time", "robot"), np.zeros((5001, 3)), {"units": "m"}),
+            "bearing_error": (("time", "robot"), np.zeros((5001, 3)), {"units": "rad"}),
+            "torque": (("time", "robot", "torque_component"), np.zeros((5001, 3, 2)), {"units": "N.m"}),
+        },
+        {
+            "time": TIME,
+            "robot": ["a", "b", "c"],
+            "pose_component": ["x", "y", "psi", "gamma"],
+            "torque_component": ["tau_drive", "tau_steer"],
+        },
+        {"status": "completed", "plant_messages": "[]"},
+    )
+    for name, values in signals.items():
+        if values.ndim == 1:
+            values = np.stack([values, ZERO, ZERO], axis=1)
+        result[name] = (("time", "robot"), values, result[name].attrs if name in result else {"units": "1"})
+    return result
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return read_scenario(EXAMPLE)
+
+
+@pytest.fixture
+def verdicts(scenario: Scenario) -> Callable[[Expectation, xr.Dataset], dict[str, Verdict]]:
+    def judged(expectation: Expectation, result: xr.Dataset) -> dict[str, Verdict]:
+        found = judge(replace(scenario, expectations=(expectation,)), result)
+        assert len({verdict.robot for verdict in found}) == len(found)
+        return {verdict.robot: verdict for verdict in found}
+
+    return judged
+
+
+Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
+
+
+# Figures ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "figure"), [("rms", math.sqrt(29 / 3)), ("peak", 5.0), ("final", 2.0), ("itae", 7.0), ("least", -5.0)]
+)
+def test_figures_of_a_signal(kind: str, figure: float) -> None:
+    """The integrand of itae is 0, 1 * 5, 2 * 2: trapezoids of 2.5 and 4.5."""
+    values, time = np.array([0.0, -5.0, 2.0]), np.array([10.0, 11.0, 12.0])
+    assert figure_of(kind, time, values, 10.0) == pytest.approx(figure)
+    assert math.isnan(figure_of(kind, time[:0], values[:0]))
+    assert math.isnan(figure_of(kind, time, np.array([0.0, -5.0, math.nan])))
+
+
+def test_an_unknown_figure() -> None:
+    with pytest.raises(ValueError, match="'mean' is no figure"):
+        figure_of("mean", TIME, ZERO)
+
+
+def test_itae_is_the_integral() -> None:
+    assert figure_of("itae", TIME, np.exp(-TIME)) == pytest.approx(1.0, abs=1e-4)
+
+
+# Verdicts ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("bound", "passed"), [("2 deg", True), ("0.9 deg", False), ("0.02 rad", True)])
+def test_figure_and_margin_are_in_the_unit_of_the_bound(verdicts: Judged, bound: str, passed: bool) -> None:
+    result = made_up(bearing_error=ZERO + math.radians(1.0))
+    found = verdicts(expecting("rms", bound, signal="bearing_error", start=80.0), result)
+    assert [verdict.passed for verdict in found.values()] == [passed, True, True]
+    one = found["a"]
+    number, unit = bound.split()
+    assert one.unit == unit
+    assert one.figure == pytest.approx(units.convert(math.radians(1.0), "rad", unit))
+    assert one.margin == pytest.approx(float(number) - one.figure)
+    assert one.where == HERE
+
+
+@pytest.mark.parametrize(
+    ("kind", "bound", "figure", "passed"),
+    [
+        ("rms", "1.5 m", math.sqrt(2), True),
+        ("peak", "10 m", math.sqrt(51), True),
+        ("peak", "700 cm", math.sqrt(51) * 100, False),
+        ("final", "1 m", math.sqrt(51), False),
+        ("least", "-1 mm", 0.0, True),
+        ("least", "0 m", 0.0, False),
+    ],
+)
+def test_a_window_includes_both_its_ends(verdicts: Judged, kind: str, bound: str, figure: float, passed: bool) -> None:
+    errors = ZERO.copy()
+    errors[[100, 150]] = math.sqrt(51)
+    errors[[99, 151]] = 1000.0
+    found = verdicts(expecting(kind, bound, signal="range_error", start=2.0, stop=3.0), made_up(range_error=errors))
+    assert found["a"].figure == pytest.approx(figure)
+    assert found["a"].passed is passed
+    assert (found["a"].margin > 0) is passed
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m.s2", 1.0), ("km.s2", 1e-3), ("m.min2", 1 / 3600)])
+def test_itae_counts_time_from_the_start_of_its_window(verdicts: Judged, unit: str, factor: float) -> None:
+    result = made_up(range_error=ZERO - 2.0)
+    found = verdicts(expecting("itae", f"3 {unit}", signal="range_error", start=10.0, stop=12.0), result)
+    assert found["a"].figure == pytest.approx(4.0 * factor)
+    assert found["a"].passed is (factor < 1)
+
+
+def test_a_component_of_a_signal(verdicts: Judged) -> None:
+    result = made_up()
+    result["pose"][30, 1, 3] = math.radians(-50)
+    result["torque"][70, 2, 1] = 190.0
+    found = verdicts(expecting("peak", "45 deg", signal="pose", component="gamma"), result)
+    assert [verdict.passed for verdict in found.values()] == [True, False, True]
+    assert found["b"].margin == pytest.approx(-5.0)
+    assert found["b"].expectation == "peak gamma of pose below 45 deg, 0 to 100 s"
+    assert found["b"].detail == "at t = 0.60 s"
+    found = verdicts(expecting("peak", "200 N.m", signal="torque", component="tau_steer"), result)
+    assert found["c"].margin == pytest.approx(10.0)
+
+
+def test_a_signal_of_the_leader_has_one_verdict(verdicts: Judged) -> None:
+    found = verdicts(expecting("final", "9 m", signal="leader_pose", component="y"), made_up())
+    assert [(robot, verdict.figure, verdict.passed) for robot, verdict in found.items()] == [("leader", 10.0, False)]
+
+
+def test_who_has_no_such_signal_is_left_out(verdicts: Judged) -> None:
+    norm = np.stack([ZERO + 1, ZERO * math.nan, ZERO + 3], axis=1)
+    expectation = expecting("peak", "2", signal="weight_norm")
+    found = verdicts(expectation, made_up(weight_norm=norm))
+    assert {robot: verdict.passed for robot, verdict in found.items()} == {"a": True, "c": False}
+    assert found["c"].unit == ""
+    assert list(verdicts(replace(expectation, robots=("a",)), made_up(weight_norm=norm))) == ["a"]
+
+
+def test_what_is_not_a_number_does_not_hold(verdicts: Judged) -> None:
+    norm = np.where(TIME == 50.0, math.nan, ZERO)
+    for kind in ("peak", "rms", "final", "itae", "least"):
+        bound = {"least": "-2", "itae": "2 s2"}.get(kind, "2")
+        found = verdicts(expecting(kind, bound, signal="norm", stop=50.0), made_up(norm=norm))["a"]
+        assert not found.passed, kind
+        assert found.finding == "no figure (a; a sample is not a number)"
+    assert verdicts(expecting("rms", "2", signal="norm", start=50.02), made_up(norm=norm))["a"].passed
+
+
+@pytest.mark.parametrize(
+    ("last_outside", "by", "passed", "margin"),
+    [(499, "10 s", True, 0.0), (500, "10 s", False, -0.02), (499, "1 min", True, 50 / 60), (5000, "99 s", False, None)],
+)
+def test_settled(verdicts: Judged, last_outside: int, by: str, passed: bool, margin: float | None) -> None:
+    errors = ZERO.copy()
+    errors[[3, last_outside]] = 0.11
+    expectation = expecting("settled", by, range_band=0.1, bearing_band=math.radians(2))
+    found = verdicts(expectation, made_up(range_error=errors))
+    assert [verdict.passed for verdict in found.values()] == [passed, True, True]
+    assert found["b"].figure == 0.0
+    if margin is None:
+        assert math.isnan(found["a"].margin)
+        assert "outside at the end" in found["a"].finding
+    else:
+        assert found["a"].margin == pytest.approx(margin, abs=1e-9)
+    outside = np.full(5001, math.radians(2.1))
+    assert not verdicts(expectation, made_up(bearing_error=outside))["a"].passed
+
+
+def test_distance_is_about_the_team(verdicts: Judged) -> None:
+    result = made_up()
+    result["pose"][500, 2, 1] = 4.0
+    found = verdicts(expecting("distance", "150 cm"), result)
+    assert list(found) == [""]
+    assert found[""].figure == pytest.approx(100.0)
+    assert not found[""].passed
+    assert found[""].detail == "b and c at t = 10.00 s"
+    assert verdicts(expecting("distance", "1 m", robots=("a",)), result)[""].figure == 3.0
+    assert verdicts(expecting("distance", "1 m", start=20.0), result)[""].figure == 3.0
+    result["pose"][7, 0, 0] = math.nan
+    assert not verdicts(expecting("distance", "1 m"), result)[""].passed
+    assert smallest_distance(result.isel(robot=[0])) is None
+
+
+def singular(result: xr.Dataset, **below: float) -> xr.Dataset:
+    for name, threshold in below.items():
+        result[name].attrs |= {"singular_at_zero": "the law is singular", "singular_below": threshold}
+    return result
+
+
+def test_regular_is_told_by_the_signal_that_is_nearest_to_its_zero(verdicts: Judged) -> None:
+    gain = np.stack([np.where(TIME == 30, 0.15, 1.0), ZERO + 1, np.where(TIME == 40, -1.0, 1.0)], axis=1)
+    determinant = np.stack([ZERO + 5, np.where(TIME == 20, -0.3, -1.0), ZERO * math.nan], axis=1)
+    result = singular(made_up(gain=gain, determinant=determinant), gain=0.1, determinant=0.5)
+    found = verdicts(expecting("regular"), result)
+    assert [(verdict.passed, verdict.figure, verdict.bound) for verdict in found.values()] == [
+        (True, 0.15, 0.1),
+        (False, 0.3, 0.5),
+        (False, 0.0, 0.1),
+    ]
+    assert [verdict.detail for verdict in found.values()] == [
+        "gain nearest to zero at t = 30.00 s",
+        "determinant nearest to zero at t = 20.00 s",
+        "gain changes sign at t = 40.00 s",
+    ]
+    assert found["b"].margin == pytest.approx(-0.2)
+    assert all(v.passed for v in verdicts(expecting("regular", start=40.04), result).values())
+    assert list(verdicts(expecting("regular", robots=("c",)), result)) == ["c"]
+
+
+def test_a_signal_without_a_threshold_tells_by_its_sign_alone(verdicts: Judged) -> None:
+    result = singular(
+        made_up(gain=np.where(TIME > 50, -1e-9, 1e-9)[:, np.newaxis] * np.array([1, 0, 0]) + 1e-12), gain=0
+    )
+    found = verdicts(expecting("regular"), result)
+    assert [verdict.passed for verdict in found.values()] == [False, True, True]
+
+
+def test_marks(verdicts: Judged) -> None:
+    result = made_up(range_error=ZERO + 1)
+    found = verdicts(expecting("rms", "0.5 m", signal="range_error", fails="too slow"), result)
+    assert found["a"].outcome == "fails as known: too slow"
+    assert found["a"].as_marked
+    assert found["b"].outcome == "holds, though marked as failing: too slow"
+    assert not found["b"].as_marked
+    assert found["b"].passed
+
+
+# Checks before the run --------------------------------------------------------------------------------------
+
+KNOWN = {
+    "range_error": Recorded({"": "m"}, ("follower_1", "follower_2")),
+    "weight_norm": Recorded({"": "1"}, ("follower_1",)),
+    "pose": Recorded({"x": "m", "gamma": "rad"}, ("follower_1", "follower_2")),
+    "leader_pose": Recorded({"x": "m", "gamma": "rad"}, ("leader",)),
+    "speed": Recorded({"": "m/s"}, ("follower_1", "follower_2")),
+    "drive_gain": Recorded({"": "1"}, ("follower_1",), tells_singularity=True),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "bound", "given", "sentence"),
+    [
+        ("rms", "1 m", {"signal": "range_eror"}, "the result has no signal 'range_eror': did you mean 'range_error'?"),
+        (
+            "rms",
+            "2 deg",
+            {"signal": "range_error"},
+            "the bound of the rms of 'range_error', which is in m: cannot conv",
+        ),
+        ("itae", "2 m", {"signal": "range_error"}, "the bound of the itae of 'range_error', which is in m.s2: cannot"),
+        ("itae", "2 m/s", {"signal": "speed"}, "which is in m.s2/s: cannot"),
+        ("peak", "1 parsec", {"signal": "range_error"}, "'parsec' is not known"),
+        ("peak", "1e999 m", {"signal": "range_error"}, "is not a finite number"),
+        ("peak", "0 m", {"signal": "range_error"}, "is not greater than zero, so it cannot hold"),
+        ("peak", "1 m", {"signal": "pose"}, "the signal 'pose' needs component=..., one of x, gamma"),
+        ("peak", "1 m", {"signal": "pose", "component": "gama"}, "did you mean 'gamma'?"),
+        ("peak", "1 m", {"signal": "range_error", "component": "x"}, "'range_error' has no components: leave"),
+        ("peak", "1 m", {"signal": "leader_pose", "component": "x", "robots": ("follower_1",)}, "is the leader's"),
+        ("peak", "1", {"signal": "weight_norm", "robots": ("follower_2",)}, "'follower_2' has no signal 'weight_norm'"),
+        ("rms", "1 m", {"signal": "range_error", "start": 1.005, "stop": 1.015}, "holds too few of the samples"),
+        ("itae", "1 m.s2", {"signal": "range_error", "start": 1.0, "stop": 1.01}, "holds too few of the samples"),
+        ("regular", "0", {"robots": ("follower_2",)}, "'follower_2' has no controller that tells how near"),
+        ("distance", "1 s", {}, "the bound of the distance, which is in m: cannot"),
+        ("distance", "-1 m", {}, "is not greater than zero, so it would hold whatever happens"),
+        ("distance", "0 m", {}, "is not greater than zero, so it would hold whatever happens"),
+        ("compare", "1e999", {"signal": "speed", "measure": "rms"}, "the factor is not a finite number"),
+    ],
+)
+def test_bad_expectations(scenario: Scenario, kind: str, bound: str, given: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        check(replace(scenario, expectations=(expecting(kind, bound, **given),)), KNOWN)
+    assert caught.value.where == HERE
+    assert sentence in caught.value.message
+
+
+def test_good_expectations(scenario: Scenario) -> None:
+    for expectation in (
+        expecting("itae", "1 m.s", signal="speed"),
+        expecting("itae", "1 s2", signal="weight_norm"),
+        expecting("final", "1 mm", signal="leader_pose", component="x", start=1.0, stop=1.0),
+        expecting("least", "-1 km/h", signal="speed", robots=("follower_2",)),
+        expecting("regular"),
+        expecting("distance", "10 cm"),
+        expecting("settled", "1 min", range_band=1.0, bearing_band=1.0),
+    ):
+        check(replace(scenario, expectations=(expectation,)), KNOWN)
+
+
+def test_what_the_team_cannot_have(scenario: Scenario) -> None:
+    alone = replace(scenario, followers=scenario.followers[:1], expectations=(expecting("distance", "1 m"),))
+    with pytest.raises(InputError, match="a single follower has no distance"):
+        check(alone, KNOWN)
+    untold = replace(scenario, expectations=(expecting("regular"),))
+    with pytest.raises(InputError, match=r"no follower has a controller that tells .*: leave <regular> out"):
+        check(untold, {"range_error": KNOWN["range_error"]})
+
+
+def test_what_is_recorded_by_component_and_robot() -> None:
+    channels = [
+        Channel("pose", ("robot", "pose_component"), (2, 2), "m, rad", ""),
+        Channel("leader_torque", ("torque_component",), (2,), "N.m, N.m", ""),
+        Channel("weights", ("robot", "weights_component"), (2, 2), "1", ""),
+        Channel("det_R", ("robot",), (2,), "1", "", "the model is singular"),
+    ]
+    labels = {"pose_component": "xp", "torque_component": "ds", "weights_component": "vw"}
+    known = recorded(channels, labels, ["a", "b"], {"weights": ["b"], "det_R": ["a"]})
+    assert known["pose"] == Recorded({"x": "m", "p": "rad"}, ("a", "b"))
+    assert known["leader_torque"] == Recorded({"d": "N.m", "s": "N.m"}, ("leader",))
+    assert known["weights"] == Recorded({"v": "1", "w": "1"}, ("b",))
+    assert known["det_R"] == Recorded({"": "1"}, ("a",), tells_singularity=True)
+    assert known["range_error"].units == {"": "m"}
+
+
+# Runs -------------------------------------------------------------------------------------------------------
+
+
+def written(folder: Path, name: str, expectations: str, *edits: tuple[str, str]) -> Path:
+    """Write the example as a run of one second with these expectations."""
+    text = EXAMPLE.read_text(encoding="utf-8").replace("</scenario>", f"<expect>{expectations}</expect></scenario>")
+    for old, new in (('horizon="100 s"', 'horizon="1 s"'), *edits):
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+ALL = """
+  <settled by="0.9 s" range="10 cm" bearing="2 deg" fails="it takes longer"/>
+  <rms signal="range_error" below="20 m" from="500 ms"/>
+  <peak signal="torque" component="tau_drive" below="201 N.m"/>
+  <final signal="weight_norm" below="1 MN"/>
+  <itae signal="bearing_error" below="1000 deg.s2"/>
+  <least signal="pose" component="gamma" above="-180 deg" robots="follower_1 follower_2"/>
+  <distance above="1 cm"/>
+  <regular/>
+  <compare measure="rms" signal="range_error" factor="1.01" scenario="other.xml"/>
+  <compare measure="itae" signal="range_error" factor="0.99" scenario="other.xml" to="0.5 s"/>
+"""
+
+
+def test_every_kind_on_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[Path] = []
+    original = Simulation.run
+
+    def counted(self: Simulation, *arguments: Any) -> xr.Dataset:
+        runs.append(self.scenario.path)
+        return original(self, *arguments)
+
+    monkeypatch.setattr(Simulation, "run", counted)
+    path = written(tmp_path, "one.xml", ALL)
+    other = written(tmp_path, "other.xml", '<compare measure="rms" signal="range" factor="1" scenario="one.xml"/>')
+    scenario = read_scenario(path)
+    found = judge(scenario, cosim.run(scenario))
+    assert runs == [path, other], (
+        "what is compared with is run once for all, and what is expected of it is not followed"
+    )
+    assert len(found) == 4 + 4 + 4 + 4 + 4 + 2 + 1 + 4 + 1 + 1
+    by_kind = {verdict.expectation.split()[0] for verdict in found}
+    assert by_kind == {"settled", "rms", "peak", "final", "itae", "least", "distance", "regular,"}
+    same, better = found[-2:]
+    assert same.passed
+    assert same.margin == pytest.approx(0.01 * same.figure)
+    assert same.bound == pytest.approx(1.01 * same.figure)
+    assert not better.passed
+    assert better.unit == "m.s2"
+    assert "other.xml: " in better.detail
+    assert [verdict.passed for verdict in found[:4]] == [False] * 4
+    for verdict in found:
+        assert verdict.passed is not math.isnan(verdict.margin) or verdict.margin <= 0
+
+
+def test_a_comparison_with_a_run_that_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody can tell whether it holds: it does not pass, not even as marked, and the scenario's own result is kept."""
+    compare = '<compare measure="rms" signal="range" factor="9" scenario="failing.xml" fails="it is worse"/>'
+    path = written(tmp_path, "one.xml", compare)
+    failing = written(tmp_path, "failing.xml", "<regular/>")
+    original = Simulation._actuate
+
+    def breaks(self: Simulation, override: object) -> None:
+        original(self, override)
+        if self.scenario.path == failing and self.tick == 5:
+            raise SimulationError("follower_1", self.time, "out of fuel")
+
+    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 1
+    printed = capsys.readouterr().out
+    assert "FAILS  rms range at most 9 times that of failing.xml" in printed
+    assert "the run of failing.xml failed: follower_1 at t = 0.1 s: out of fuel" in printed
+    summary = json.loads((tmp_path / "example" / "summary.json").read_text())
+    assert summary["verdicts"][0]["margin"] is None
+    assert (tmp_path / "example" / "result.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("attributes", "sentence"),
+    [
+        ('signal="range" scenario="none.xml"', "the other scenario is wrong: {folder}/none.xml: there is no such file"),
+        ('signal="range" scenario="one.xml"', "a scenario cannot be compared with itself"),
+        ('signal="range" scenario="./../{name}/one.xml"', "a scenario cannot be compared with itself"),
+        ('signal="weight_norm" scenario="other.xml"', "in the other scenario, other.xml: the result has no signal"),
+        ('signal="range" scenario="short.xml"', "the window ends at 1 s, but short.xml at 0.5 s"),
+        ('signal="range" scenario="one.png"', "the other scenario is wrong: {folder}/one.png:1:1: "),
+    ],
+)
+def test_what_cannot_be_compared_with(tmp_path: Path, attributes: str, sentence: str) -> None:
+    attributes = attributes.format(name=tmp_path.name)
+    path = written(tmp_path, "one.xml", f'<compare measure="rms" factor="1" {attributes}/>')
+    law = ('name="neural-adaptive-pid"', 'name="lqg"')
+    other = written(tmp_path, "other.xml", "<regular/>", law)
+    other.write_text("\n".join(line for line in other.read_text().splitlines() if "<gain" not in line))
+    written(tmp_path, "short.xml", "<regular/>", ('horizon="1 s"', 'horizon="0.5 s"'))
+    (tmp_path / "one.png").write_bytes(b"\x89PNG")
+    with pytest.raises(InputError) as caught:
+        Simulation(read_scenario(path))
+    assert caught.value.where is not None
+    assert caught.value.where.file == str(path)
+    assert sentence.format(folder=tmp_path) in caught.value.message
+
+
+def test_ctrl_c_while_the_other_scenario_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenario's own result is safe by then, and no summary of an earlier run stays."""
+    path = written(tmp_path, "one.xml", '<compare measure="rms" signal="range" factor="9" scenario="interrupted.xml"/>')
+    other = written(tmp_path, "interrupted.xml", "<regular/>", ("<title>", "<title>Interrupted: "))
+    stale = tmp_path / "example" / "summary.json"
+    stale.parent.mkdir()
+    stale.touch()
+    original = Simulation.step
+
+    def step(self: Simulation) -> None:
+        if self.scenario.path == other and self.tick == 30:
+            signal.raise_signal(signal.SIGINT)
+        original(self)
+
+    monkeypatch.setattr(Simulation, "step", step)
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 130
+    assert load(tmp_path / "example" / "result.nc").attrs["status"] == "completed"
+    assert not stale.exists()
+
+
+def test_the_terminal_shows_the_worst_on_each_expectation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of one that is marked, the worst as marked and the worst otherwise."""
+    expectations = """
+      <final signal="range" below="7 m" fails="too far"/>
+      <final signal="range" below="99 m"/>
+      <distance above="99 m" fails="too near"/>"""
+    path = written(tmp_path, "one.xml", expectations)
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 1
+    lines = [line for line in capsys.readouterr().out.splitlines() if ", margin " in line]
+    summary = json.loads((tmp_path / "example" / "summary.json").read_text())
+    figures = {verdict["robot"]: verdict["figure"] for verdict in summary["verdicts"][:4]}
+    farthest, nearest = max(figures, key=figures.__getitem__), max((f, r) for r, f in figures.items() if f < 7)[1]
+    assert [line.split("  ")[0] for line in lines] == [
+        "holds, though marked as failing: too far",
+        "fails as known: too far",
+        "holds",
+        "fails as known: too near",
+    ]
+    assert [line.rsplit("(")[1].rstrip(")") for line in lines[:3]] == [nearest, farthest, farthest]
+
+
+def test_the_page_on_results_shows_a_verdict_as_it_is(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
+    shown = json.loads(page.split("```json")[1].split("```")[0])
+    path = written(tmp_path, "one.xml", '<distance above="99 m"/>')
+    main(["run", str(path), "--out", str(tmp_path), "--no-figure"])
+    (verdict,) = json.loads((tmp_path / "example" / "summary.json").read_text())["verdicts"]
+    assert {key: type(value) for key, value in shown.items()} == {key: type(value) for key, value in verdict.items()}
+    assert list(shown["where"]) == list(verdict["where"])

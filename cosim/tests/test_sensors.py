@@ -1,0 +1,138 @@
+"""What sensors do, and that noise is each robot's and channel's own."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cosim.errors import InputError, Location
+from cosim.scenario.scenario import Effect
+from cosim.signals.effects import check_channels, tick_at
+from cosim.signals.sensors import PoseSensor, random_stream
+
+CHANNELS = ("x", "y", "psi", "gamma")
+HERE = Location("file.xml", 1, 1)
+STEP = 0.02
+
+
+def effect(kind: str, amount: float, *channels: str, start: float = 0.0, stop: float = np.inf) -> Effect:
+    return Effect(kind, amount, channels, start, stop, HERE)
+
+
+def noise(deviation: tuple[float, ...] = (1e-3,) * 4) -> list[Effect]:
+    return [effect("noise", amount, channel) for channel, amount in zip(CHANNELS, deviation, strict=True)]
+
+
+def measure(
+    effects: dict[str, list[Effect]], ticks: int, seed: int = 1, pose: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Return what is measured (ticks, robots, 4) of poses (ticks, 4) that all robots share; at rest if left out."""
+    sensor = PoseSensor(seed, list(effects), [CHANNELS] * len(effects), list(effects.values()), STEP)
+    out = np.empty((ticks, len(effects), 4))
+    for tick in range(ticks):
+        true = np.zeros(4) if pose is None else pose[tick]
+        sensor.measure(tick, np.tile(true, (len(effects), 1)), out[tick])
+    return out
+
+
+MOVING = np.arange(40)[:, np.newaxis] + np.array([0.0, 100.0, 200.0, 300.0])
+
+
+def test_same_seed_same_noise_and_another_seed_other_noise() -> None:
+    first, again, other = (measure({"a": noise(), "b": noise()}, 1100, seed) for seed in (3, 3, 4))
+    assert np.array_equal(first, again)
+    assert not np.any(first == other)
+
+
+def test_another_robot_or_effect_leaves_the_noise_of_the_others_as_it_is() -> None:
+    two = measure({"a": noise(), "b": noise()}, 600)
+    three = measure({"new": noise(), "a": noise(), "b": noise()}, 600)
+    assert np.array_equal(two, three[:, 1:])
+    lossy = measure({"a": noise(), "b": [*noise(), effect("dropout", 0.5, "y")]}, 600)
+    assert np.array_equal(two[:, 0], lossy[:, 0])
+    assert np.array_equal(two[:, 1, [0, 2, 3]], lossy[:, 1, [0, 2, 3]])
+    only_x = measure({"a": noise()[:1]}, 600)
+    assert np.array_equal(two[:, 0, 0], only_x[:, 0, 0])
+
+
+def test_channels_are_independent_and_have_the_stated_deviation() -> None:
+    deviation = (1e-3, 2e-3, 3e-3, 4e-3)
+    measured = measure({"a": noise(deviation), "b": noise(deviation)}, 20_000, 5).reshape(20_000, 8)
+    assert measured.std(axis=0) == pytest.approx(np.tile(deviation, 2), rel=0.02)
+    correlation = np.corrcoef(measured.T) - np.eye(8)
+    assert np.abs(correlation).max() < 5 / np.sqrt(20_000)
+
+
+def test_two_noises_on_a_channel_add_their_variances() -> None:
+    both = [effect("noise", 3e-3, "x"), effect("noise", 4e-3, "x")]
+    assert np.array_equal(measure({"a": both}, 50), measure({"a": [effect("noise", 5e-3, "x")]}, 50))
+
+
+def test_a_sensor_without_effects_measures_the_pose_itself() -> None:
+    pose = np.array([[1.0, -2.0, 0.3, 1e-300]])
+    assert np.array_equal(measure({"a": []}, 1, pose=pose)[0], pose)
+
+
+def test_bias_in_a_window_and_on_a_channel() -> None:
+    measured = measure({"a": [effect("bias", 0.5, "y", start=0.1, stop=0.2)], "b": []}, 20)
+    assert np.flatnonzero(measured[:, 0, 1] == 0.5).tolist() == [5, 6, 7, 8, 9]
+    assert np.count_nonzero(measured) == 5
+
+
+def test_quantisation_rounds_to_the_nearest_step() -> None:
+    pose = np.array([[0.26, 0.24, -0.26, 0.1]])
+    measured = measure({"a": [effect("quantisation", 0.5, "x", "y", "psi")]}, 1, pose=pose)
+    assert measured[0, 0].tolist() == [0.5, 0.0, -0.5, 0.1]
+
+
+def test_delay_of_a_channel_and_the_start_before_the_start() -> None:
+    measured = measure({"a": [effect("delay", 3 * STEP, "x")], "b": [effect("delay", STEP)]}, 40, pose=MOVING)
+    assert np.array_equal(measured[3:, 0, 0], MOVING[:-3, 0])
+    assert np.array_equal(measured[:3, 0, 0], np.zeros(3))
+    assert np.array_equal(measured[:, 0, 1:], MOVING[:, 1:])
+    assert np.array_equal(measured[1:, 1], MOVING[:-1])
+    assert np.array_equal(measured[0, 1], MOVING[0])
+
+
+def test_what_is_dropped_holds_the_last_measurement() -> None:
+    measured = measure({"a": [effect("dropout", 1.0, "x", start=0.2, stop=0.4)]}, 40, pose=MOVING)
+    assert np.array_equal(measured[:10, 0], MOVING[:10])
+    assert (measured[10:20, 0, 0] == MOVING[9, 0]).all()
+    assert np.array_equal(measured[20:, 0], MOVING[20:])
+    assert np.array_equal(measured[:, 0, 1:], MOVING[:, 1:])
+
+
+def test_dropouts_are_as_frequent_as_stated_and_strike_all_channels_at_once() -> None:
+    moving = np.arange(10_000.0)[:, np.newaxis] * np.ones(4)
+    lost = measure({"a": [effect("dropout", 0.3)]}, 10_000, pose=moving)[:, 0] != moving
+    assert lost.mean() == pytest.approx(0.3, abs=0.02)
+    assert (lost.all(axis=1) == lost.any(axis=1)).all()
+    assert not lost[0].any(), "there is nothing to hold before the first measurement"
+
+
+def test_order_is_delay_bias_noise_quantisation_dropout() -> None:
+    effects = [
+        effect("dropout", 1.0, "x", start=0.1),
+        effect("quantisation", 1.0, "x"),
+        effect("bias", 0.4, "x"),
+        effect("delay", STEP, "x"),
+    ]
+    measured = measure({"a": effects}, 10, pose=MOVING * 1.2)[:, 0, 0]
+    assert measured[:5].tolist() == [0.0, 0.0, 2.0, 3.0, 4.0], "round(1.2 (k - 1) + 0.4)"
+    assert (measured[5:] == 4.0).all()
+
+
+def test_streams_are_named() -> None:
+    draws = {random_stream(1, robot, channel).random() for robot in "ab" for channel in CHANNELS}
+    assert len(draws) == 8
+
+
+@pytest.mark.parametrize(
+    ("time", "tick"), [(0.0, 0), (0.02, 1), (0.3, 15), (0.7, 35), (0.021, 2), (1e9, 50_000_000_000)]
+)
+def test_times_become_ticks_without_trouble_from_rounding(time: float, tick: int) -> None:
+    assert tick_at(time, STEP) == tick
+
+
+def test_an_unknown_channel_is_refused_at_its_place() -> None:
+    with pytest.raises(InputError, match=r"file.xml:1:1: the pose of a has no channel 'xx': did you mean 'x'"):
+        check_channels([effect("noise", 1.0, "xx")], CHANNELS, "the pose of a")
