@@ -40,11 +40,39 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
     assert wrong == []
 
 
-def test_only_the_master_knows_the_controllers_and_only_the_plant_knows_fmpy() -> None:
+@pytest.mark.parametrize(
+    ("package", "expected"),
+    [
+        (
+            "fmpy",
+            {
+                "fmu/description.py",
+                "fmu/package.py",
+                "fmu/replay.py",
+                "plant/cvode.py",
+                "plant/instance.py",
+                "plant/log.py",
+            },
+        ),
+        (
+            "formation_controllers",
+            {
+                "cli/inventory.py",
+                "control/leader_view.py",
+                "control/team.py",
+                "master/setup.py",
+                "master/simulation.py",
+                "results/files.py",
+                "signals/trajectory.py",
+                "vehicle/contract.py",
+            },
+        ),
+    ],
+)
+def test_few_modules_know_fmpy_or_the_controllers(package: str, expected: set[str]) -> None:
     room = ROOT / "cosim"
-    knows = {str(path.relative_to(room)) for path, name in imports_of(room) if name.split(".")[0] == "fmpy"}
-    plant = {"plant/instance.py", "plant/log.py", "plant/cvode.py"}
-    assert knows == plant | {"fmu/package.py", "fmu/description.py", "fmu/replay.py"}
+    knows = {path.relative_to(room).as_posix() for path, name in imports_of(room) if name.split(".")[0] == package}
+    assert knows == expected
 
 
 def test_a_cached_run_imports_no_symbolic_mathematics(scenarios: Path) -> None:
