@@ -289,6 +289,29 @@ class _Terms:
         return (*angles, *functions, *rest), used
 
 
+def disturbances(coordinates: Iterable[State]) -> tuple[Input, ...]:
+    """Return the disturbances tau_d1 of (1): ``tau_d_q`` for a coordinate q, a force if it is a length, else a torque.
+
+    Raises
+    ------
+    ModelError
+        A coordinate is neither in m nor in rad.
+    """
+    return tuple(map(_disturbance, coordinates))
+
+
+def _disturbance(coordinate: State) -> Input:
+    name = coordinate.name
+    kinds = {"m": ("N", f"force along {name.upper()}"), "rad": ("N.m", f"torque about {name}")}
+    if coordinate.unit not in kinds:
+        raise ModelError(
+            f"disturbance on {name!r}: its unit is {coordinate.unit!r}, it must be one of {', '.join(kinds)}"
+        )
+    unit, what = kinds[coordinate.unit]
+    text = f"Disturbing {what}, opposing motion: left-hand side of (1)"
+    return Input(sympy.Symbol(f"tau_d_{name}", real=True), unit, text, nominal=10.0)
+
+
 def _name(function: sympy.Expr) -> str:
     """Return a name such as cos_psi for cos(psi)."""
     text = str(function)

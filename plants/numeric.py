@@ -15,6 +15,7 @@ import sympy
 from plants.errors import ModelError
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
+from plants.runge_kutta import runge_kutta_4
 
 Array = npt.NDArray[np.float64]
 
@@ -99,12 +100,8 @@ class NumericModel:
 
     def rk4(self, t: float, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike, h: float) -> Array:
         """Return the states after one step of the classical Runge-Kutta method of order 4, inputs held."""
-        x = np.asarray(x, dtype=float)
-        k1 = self.rhs(t, x, u, p)
-        k2 = self.rhs(t + h / 2, x + h / 2 * k1, u, p)
-        k3 = self.rhs(t + h / 2, x + h / 2 * k2, u, p)
-        k4 = self.rhs(t + h, x + h * k3, u, p)
-        return x + h * (k1 / 6 + k2 / 3 + k3 / 3 + k4 / 6)
+        (result,) = runge_kutta_4(lambda t, x: [self.rhs(t, x[0], u, p)], t, [np.asarray(x, dtype=float)], h)
+        return np.asarray(result)
 
 
 def compile(model: OdeModel) -> NumericModel:

@@ -23,7 +23,8 @@ def shorten(expression: sympy.Expr) -> sympy.Expr:
     coefficients = defaultdict[sympy.Expr, sympy.Expr](lambda: sympy.S.Zero)
     for term in _summands(numerator):
         factor, coefficient = term.as_independent(*functions, as_Add=False)
-        coefficients[factor] += coefficient
+        number, factor = factor.as_coeff_Mul()  # 2 m sin^2 belongs to m cos^4
+        coefficients[factor] += number * coefficient
     # Terms over the same power of a cosine belong together.
     groups = defaultdict[sympy.Expr, sympy.Expr](lambda: sympy.S.Zero)
     for factor, coefficient in coefficients.items():

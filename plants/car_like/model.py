@@ -7,14 +7,13 @@ from sympy import cos, sin, tan
 
 from plants import car_like
 from plants.effects import SMALLEST, end_stop, friction
-from plants.nonholonomic import NonholonomicSystem
+from plants.nonholonomic import NonholonomicSystem, disturbances
 from plants.ode import Enumeration, Input, Limit, OdeModel, Parameter, State
 
 # Coordinates eta and pseudo-velocities v of (1) and (2).
 x, y, psi, gamma, v, omega = sympy.symbols("x y psi gamma v omega", real=True)
-# Inputs: torques tau and disturbances tau_d1 of (1).
+# Inputs: torques tau of (1).
 tau_drive, tau_steer = sympy.symbols("tau_drive tau_steer", real=True)
-tau_d = sympy.symbols("tau_d_x tau_d_y tau_d_psi tau_d_gamma", real=True)
 # Parameters of (56); l_c cancels in the reduction (3).
 a, m_c, l_c, I_c, I_f = sympy.symbols("a m_c l_c I_c I_f", positive=True)
 d = sympy.symbols("d_x d_y d_psi d_gamma", nonnegative=True)
@@ -79,12 +78,7 @@ SYSTEM = NonholonomicSystem(
         ),
         Input(tau_steer, "N.m", "Steering torque", nominal=10.0),
     ),
-    disturbances=(
-        Input(tau_d[0], "N", "Disturbing force along X, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[1], "N", "Disturbing force along Y, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[2], "N.m", "Disturbing torque about psi, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[3], "N.m", "Disturbing torque about gamma, opposing motion: left-hand side of (1)", nominal=10.0),
-    ),
+    disturbances=disturbances(COORDINATES),
     parameters=(
         Parameter(a, "m", "Wheelbase", start=1.2, min=SMALLEST),
         Parameter(m_c, "kg", "Mass of the body", start=30.0, min=SMALLEST, nominal=10.0),

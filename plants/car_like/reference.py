@@ -1,27 +1,16 @@
-"""The reference result of the car-like robot, from its constrained dynamics (1), not from the reduction (3).
+"""The reference result of the car-like robot: the matrices printed in (56), by hand. See `plants.reference`.
 
-``python -m plants.car_like.reference`` writes reference.csv beside this file. Solved are the accelerations and the
-Lagrange multipliers of (1) with the matrices printed in (56), integrated with SciPy's DOP853 at a tolerance of 1e-12;
-the torques and disturbances are held over communication steps of 0.1 s.
+``python -m plants.car_like.reference`` writes reference.csv beside this file.
 """
 
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from scipy.integrate import solve_ivp
 
-Array = npt.NDArray[np.float64]
-
-FILE = Path(__file__).with_name("reference.csv")
-STATES = ("x", "y", "psi", "gamma", "v", "omega")
-INPUTS = ("tau_drive", "tau_steer", "tau_d_x", "tau_d_y", "tau_d_psi", "tau_d_gamma")
-STEP = 0.1  # communication step, s
-STEPS = 60
-START = (1.0, -2.0, 0.5, -0.2, 0.3, 0.1)
+from plants.reference import Array, Reference, accelerations
 
 
-def inputs(t: float) -> Array:
+def drive(t: float) -> Array:
     """Return the inputs of a communication step that begins at time t, (6,)."""
     torques = [15.0 + 10.0 * np.sin(t), 12.0 * np.cos(1.7 * t)]
     return np.array([*torques, 3.0 * np.sin(2.0 * t), -2.0, 1.5 * np.cos(t), 0.5 * np.sin(5.0 * t)])
@@ -68,23 +57,19 @@ def rhs(
         [[c * psi_dot, s * psi_dot, 0.0, 0.0], [c_front * turn, s_front * turn, a * np.sin(gamma) * omega, 0.0]]
     )
 
-    matrix = np.block([[M1, A.T], [A, np.zeros((2, 2))]])
-    right = np.concatenate([B1 @ u[:2] - C1_eta_dot - np.array(d) * eta_dot - u[2:], -A_dot @ eta_dot])
-    eta_ddot = np.linalg.solve(matrix, right)[:4]
+    force = B1 @ u[:2] - C1_eta_dot - np.array(d) * eta_dot - u[2:]
+    eta_ddot = accelerations(M1, force, A, A_dot, eta_dot)
     return np.array([*eta_dot, c * eta_ddot[0] + s * eta_ddot[1], eta_ddot[3]])
 
 
-def simulate() -> Array:
-    """Return time, states and inputs at each communication point, (STEPS + 1, 13)."""
-    rows, x = [], np.array(START)
-    for k in range(STEPS + 1):
-        u = inputs(k * STEP)
-        rows.append(np.concatenate([[k * STEP], x, u]))
-        # The inputs are bound here: they are constant over the step.
-        step = solve_ivp(lambda _, x, u=u: rhs(x, u), (0.0, STEP), x, method="DOP853", rtol=1e-12, atol=1e-12)
-        x = step.y[:, -1]
-    return np.array(rows)
-
+REFERENCE = Reference(
+    file=Path(__file__).with_name("reference.csv"),
+    states=("x", "y", "psi", "gamma", "v", "omega"),
+    inputs=("tau_drive", "tau_steer", "tau_d_x", "tau_d_y", "tau_d_psi", "tau_d_gamma"),
+    start=(1.0, -2.0, 0.5, -0.2, 0.3, 0.1),
+    drive=drive,
+    rhs=rhs,
+)
 
 if __name__ == "__main__":
-    np.savetxt(FILE, simulate(), delimiter=",", header=",".join(("time", *STATES, *INPUTS)), comments="", fmt="%.12g")
+    REFERENCE.write()

@@ -21,6 +21,7 @@ import sympy
 
 from plants.factory.table import SOLVER, SOLVER_STEP, Entry, Table
 from plants.ode import TIME, OdeModel
+from plants.runge_kutta import runge_kutta_4
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 SOLVER_ITEM = "runge_kutta_4"
@@ -182,23 +183,13 @@ def _simulate(equations: _Equations, table: Table, inputs: Sequence[Sequence[flo
     try:
         rows.append([*x, *equations.outputs(0.0, x, inputs[0])])
         for k, u in enumerate(inputs):
-            x = _stepped(partial(equations.derivatives, u), _time(k), x)
+            x = runge_kutta_4(partial(equations.derivatives, u), _time(k), x, STEP)
             if not equations.hold(_time(k + 1), x, u):
                 break
             rows.append([*x, *equations.outputs(_time(k + 1), x, u)])
     except _BROKEN:
         pass
     return rows
-
-
-def _stepped(f: Callable[[float, list[float]], Sequence[float]], t: float, x: list[float]) -> list[float]:
-    """Return the states after a step of the classical Runge-Kutta method."""
-    h = STEP
-    k1 = f(t, x)
-    k2 = f(t + h / 2, [a + h / 2 * k for a, k in zip(x, k1, strict=True)])
-    k3 = f(t + h / 2, [a + h / 2 * k for a, k in zip(x, k2, strict=True)])
-    k4 = f(t + h, [a + h * k for a, k in zip(x, k3, strict=True)])
-    return [a + h / 6 * (p + 2 * q + 2 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4, strict=True)]
 
 
 # Tables -----------------------------------------------------------------------------------------------------

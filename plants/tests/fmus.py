@@ -36,7 +36,7 @@ def many_functions() -> OdeModel:
     )
 
 
-MODELS = {"car_like": plants.load("car_like"), "tractor_trailer": plants.load("tractor_trailer")}
+MODELS = {name: plants.load(name) for name in plants.models()}
 MODELS["many_functions"] = many_functions()
 
 

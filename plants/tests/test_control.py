@@ -20,6 +20,7 @@ POINTS = {
         {"drive": "front_wheel", "F_c_v": 2.0},
     ),
     "tractor_trailer": ([1.0, -2.0, 0.5, 0.9, 1.3, -0.4], [3.0, 2.0, 1.0, -2.0, 0.5, 0.3], {"m_0": 20.0, "F_c_v": 2.0}),
+    "differential_drive": ([1.0, -2.0, 0.5, 1.3, -0.4], [3.0, 2.0, 1.0, -2.0, 0.5], {"m_c": 20.0, "F_c_v": 2.0}),
 }
 
 
@@ -37,7 +38,7 @@ def test_simulation_agrees_with_scipy(name: str) -> None:
         system, times, np.outer(u, np.ones(31)), x, solve_ivp_method="DOP853", solve_ivp_kwargs=tight
     )
     np.testing.assert_allclose(response.states, expected.y, rtol=1e-8, atol=1e-8)
-    np.testing.assert_array_equal(response.outputs[:6], response.states)
+    np.testing.assert_array_equal(response.outputs[: len(x)], response.states)
     if name == "tractor_trailer":
         np.testing.assert_allclose(response.outputs[6], response.states[3] - response.states[2], rtol=1e-14)
 

@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 
 import plants
 from plants import numeric
-from plants.car_like import reference
+from plants.car_like.reference import REFERENCE
 
-STATES = reference.STATES
-INPUTS = reference.INPUTS
+STATES = REFERENCE.states
+INPUTS = REFERENCE.inputs
 CAR = plants.load("car_like")
 NUMPY = numeric.compile(CAR)
 REALS = [parameter.name for parameter in CAR.reals]
@@ -56,19 +56,19 @@ def test_one_step_equals_the_numpy_model(new_car: Callable, drive: int, solver: 
 
 def test_reference_result(new_car: Callable) -> None:
     """A run of 6 s against the constrained dynamics; the internal step makes Runge-Kutta's error negligible."""
-    table = np.loadtxt(reference.FILE, delimiter=",", skiprows=1)
-    car = new_car().start(**dict(zip(STATES, reference.START, strict=True)), solver=2, solver_step=0.005)
+    table = REFERENCE.read()
+    car = new_car().start(**dict(zip(STATES, REFERENCE.start, strict=True)), solver=2, solver_step=0.005)
     for row in table:
         np.testing.assert_allclose(car.get(*STATES), row[1:7], rtol=0, atol=1e-9)
         car.set(**dict(zip(INPUTS, row[7:], strict=True)))
-        car.step(row[0], reference.STEP)
+        car.step(row[0], REFERENCE.step)
 
 
 @pytest.mark.parametrize(("solver", "order", "steps"), [(1, 1, (200, 400, 800)), (2, 4, (10, 20, 40))])
 def test_convergence_order(new_car: Callable, solver: int, order: int, steps: tuple[int, ...]) -> None:
     """Against SciPy at tight tolerance, halving the step divides the error by 2 to the order."""
     horizon, u, p = 2.0, NUMPY.inputs(tau_drive=40.0, tau_steer=20.0, tau_d_y=-5.0), NUMPY.parameters()
-    start = np.array(reference.START)
+    start = np.array(REFERENCE.start)
     exact = solve_ivp(lambda t, x: NUMPY.rhs(t, x, u, p), (0, horizon), start, method="DOP853", rtol=1e-13, atol=1e-13)
     errors = []
     for n in steps:
@@ -97,7 +97,7 @@ def test_simulate_fmu_agrees_with_stepping(fmu: Path, new_car: Callable) -> None
 
 def test_communication_step_is_divided_evenly(new_car: Callable) -> None:
     """50 ms with an internal step of at most 20 ms: three steps of a third; any communication step is possible."""
-    start, u, p = np.array(reference.START), NUMPY.inputs(tau_drive=30.0, tau_steer=-10.0), NUMPY.parameters()
+    start, u, p = np.array(REFERENCE.start), NUMPY.inputs(tau_drive=30.0, tau_steer=-10.0), NUMPY.parameters()
     car = new_car().start(**dict(zip(STATES, start, strict=True)), tau_drive=30.0, tau_steer=-10.0, solver_step=0.02)
     x, t = start, 0.0
     for step, n in ((0.05, 3), (0.02, 1), (0.04, 2), (0.0401, 3), (1e-4, 1), (0.02 * (1 + 1e-9), 1)):

@@ -20,7 +20,7 @@ from .driver import Instance, Refused
 from .fmus import MODELS, VERSIONS, Fmu
 
 EULER, RUNGE_KUTTA_4 = 1, 2
-MASSES = {"car_like": "m_c", "tractor_trailer": "m_1"}
+MASSES = {"car_like": "m_c", "tractor_trailer": "m_1", "differential_drive": "m_c"}
 STEP, STEPS = 0.02, 25
 DRIVE = (8.0, 1.0)
 

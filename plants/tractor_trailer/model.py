@@ -7,14 +7,13 @@ from sympy import cos, sin, tan
 
 from plants import tractor_trailer
 from plants.effects import SMALLEST, end_stop, friction
-from plants.nonholonomic import NonholonomicSystem
+from plants.nonholonomic import NonholonomicSystem, disturbances
 from plants.ode import Input, Limit, OdeModel, Output, Parameter, State, Term
 
 # Coordinates eta and pseudo-velocities v of (1) and (2).
 x, y, theta_1, theta_0, v, omega = sympy.symbols("x y theta_1 theta_0 v omega", real=True)
-# Inputs: torques tau and disturbances tau_d1 of (1).
+# Inputs: torques tau of (1).
 tau_right, tau_left = sympy.symbols("tau_right tau_left", real=True)
-tau_d = sympy.symbols("tau_d_x tau_d_y tau_d_theta_1 tau_d_theta_0", real=True)
 # Parameters of (57).
 m_0, m_1, I_0, I_1, r, b, d = sympy.symbols("m_0 m_1 I_0 I_1 r b d", positive=True)
 a_0, a_1 = sympy.symbols("a_0 a_1", real=True)
@@ -70,12 +69,7 @@ SYSTEM = NonholonomicSystem(
         Input(tau_right, "N.m", "Torque of the tractor's right wheel, first column of B1 in (57)", nominal=10.0),
         Input(tau_left, "N.m", "Torque of the tractor's left wheel, second column of B1 in (57)", nominal=10.0),
     ),
-    disturbances=(
-        Input(tau_d[0], "N", "Disturbing force along X, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[1], "N", "Disturbing force along Y, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[2], "N.m", "Disturbing torque about theta_1, opposing motion: left-hand side of (1)", nominal=10.0),
-        Input(tau_d[3], "N.m", "Disturbing torque about theta_0, opposing motion: left-hand side of (1)", nominal=10.0),
-    ),
+    disturbances=disturbances(COORDINATES),
     parameters=(
         Parameter(m_0, "kg", "Mass of the tractor", start=15.0, min=SMALLEST, nominal=10.0),
         Parameter(m_1, "kg", "Mass of the trailer", start=15.0, min=SMALLEST, nominal=10.0),

@@ -1,0 +1,29 @@
+"""One step of the classical Runge-Kutta method of order 4, for numbers of Python as for arrays of NumPy."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+
+def runge_kutta_4(f: Callable[[float, list[Any]], Sequence[Any]], t: float, x: Sequence[Any], h: float) -> list[Any]:
+    """Return the states at t + h.
+
+    Parameters
+    ----------
+    f
+        Returns der(x), an entry for each entry of x, from the time and the states.
+    t
+        The time [s].
+    x
+        The states, numbers or arrays.
+    h
+        The step [s].
+    """
+
+    def along(k: Sequence[Any], step: float) -> list[Any]:
+        return [a + step * slope for a, slope in zip(x, k, strict=True)]
+
+    k1 = f(t, list(x))
+    k2 = f(t + h / 2, along(k1, h / 2))
+    k3 = f(t + h / 2, along(k2, h / 2))
+    k4 = f(t + h, along(k3, h))
+    return along([p + 2 * q + 2 * r + s for p, q, r, s in zip(k1, k2, k3, k4, strict=True)], h / 6)
