@@ -55,8 +55,8 @@ SYSTEM = NonholonomicSystem(
     coordinates=COORDINATES,
     velocities=VELOCITIES,
     inputs=(
-        Input(tau_right, "N.m", "Torque of the right wheel: forward", nominal=10.0),
-        Input(tau_left, "N.m", "Torque of the left wheel: forward", nominal=10.0),
+        Input(tau_right, "N.m", "Torque of the right wheel: forward"),
+        Input(tau_left, "N.m", "Torque of the left wheel: forward"),
     ),
     disturbances=disturbances(COORDINATES),
     parameters=(
@@ -67,7 +67,12 @@ SYSTEM = NonholonomicSystem(
             I_w, "kg.m2", "Moment of inertia of a wheel and its motor about the axle", start=0.02, min=0.0, nominal=0.01
         ),
         Parameter(
-            I_m, "kg.m2", "Moment of inertia of a wheel and its motor, vertical", start=0.005, min=0.0, nominal=0.01
+            I_m,
+            "kg.m2",
+            "Moment of inertia of a wheel and its motor about the vertical",
+            start=0.005,
+            min=0.0,
+            nominal=0.01,
         ),
         Parameter(c, "m", "Distance of the body's centre of mass ahead of the axle", start=0.1, nominal=0.1),
         Parameter(r, "m", "Radius of the wheels", start=0.1, min=SMALLEST, nominal=0.1),
