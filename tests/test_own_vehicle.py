@@ -1,0 +1,42 @@
+"""The example of a vehicle of one's own: installed into a place of its own and run from outside."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "own_vehicle"
+
+pytestmark = [
+    pytest.mark.skipif(importlib.util.find_spec("pip") is None, reason="needs pip"),
+    pytest.mark.skipif(importlib.util.find_spec("hatchling") is None, reason="needs hatchling"),
+]
+
+
+@pytest.fixture(scope="module")
+def outside(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, str]]:
+    """Install the example into a place of its own; return its sources, a folder to be in, and an environment."""
+    folder = tmp_path_factory.mktemp("own")
+    source, site, outside = folder / "source", folder / "site", folder / "outside"
+    shutil.copytree(EXAMPLE, source, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+    outside.mkdir()
+    pip = [sys.executable, "-m", "pip", "--no-input", "--disable-pip-version-check", "install", "--quiet", "--no-index"]
+    command = [*pip, "--no-deps", "--no-build-isolation", "--target", str(site), str(source)]
+    subprocess.run(command, check=True, capture_output=True, cwd=outside)
+    return source, outside, os.environ | {"PYTHONPATH": str(site)}
+
+
+def test_its_own_tests_pass_from_outside(outside: tuple[Path, Path, dict[str, str]]) -> None:
+    source, folder, environment = outside
+    tests = ["-q", "-p", "no:cacheprovider", "-c", str(source / "pyproject.toml"), str(source)]
+    command = [sys.executable, "-m", "pytest", *tests]
+    result = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert " passed" in result.stdout
+    assert "skipped" not in result.stdout
