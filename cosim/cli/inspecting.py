@@ -16,6 +16,7 @@ from cosim.fmu.archive import size
 from cosim.fmu.binding import match, shape_of
 from cosim.fmu.description import without_collection
 from cosim.fmu.facts import NAMES, obstacle
+from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.package import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu.reference_experiments import carries_experiments
 from cosim.fmu.units import unit_name
@@ -171,7 +172,7 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
         console.print(f"and {len(variables) - rows} more: --all shows them", style="dim")
 
 
-def _dimensions(description: Any, variable: Any) -> str:
+def _dimensions(description: ModelDescription, variable: Variable) -> str:
     if not variable.dimensions:
         return ""
     try:
@@ -180,7 +181,7 @@ def _dimensions(description: Any, variable: Any) -> str:
         return "[?]"
 
 
-def _start(variable: Any) -> str:
+def _start(variable: Variable) -> str:
     text = str(variable.start if variable.start is not None else "")
     if variable.type == "Enumeration" and variable.declaredType is not None:
         text = next((item.name for item in variable.declaredType.items if item.value == text), text)

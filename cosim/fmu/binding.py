@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 from cosim.errors import InputError, Location, nearest
+from cosim.fmu.model_description import NEGATED, ModelDescription, Variable, size_of
 from cosim.fmu.units import UnitContradiction, stated, unit_of
 from cosim.plant.spec import FLOAT_TYPES, REAL_TYPES, WHOLE
 from cosim.quantity import quantity, split
@@ -19,10 +19,6 @@ from plants import UnitError, units
 
 NUMBER_TYPES = (*FLOAT_TYPES, *WHOLE)
 """Types of variables that can play a role with a unit."""
-NEGATED = "negatedAlias"
-"""The causality, here, of a variable of FMI 1.0 that is another with the opposite sign."""
-_TWICE: Any = object()
-"""Stands for variables of the same name, which FMI forbids."""
 _ELEMENT = re.compile(r"(.+)\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\]")
 MAX_ELEMENTS = 1_000_000
 """Of an array that is exchanged as a whole for one of its elements."""
@@ -34,13 +30,13 @@ class BoundVariable:
 
     Attributes
     ----------
-    variable : fmpy.model_description.ModelVariable
+    variable : Variable
         The variable that holds it.
     element : int
         Which of its elements it is, from 0 in row-major order; 0 of a scalar.
     """
 
-    variable: Any
+    variable: Variable
     element: int
     scale: float
     offset: float
@@ -84,14 +80,16 @@ class Binding:
         return {name: _described(bound) for name, bound in self.bound.items()}
 
 
-def bind(description: Any, file: str, declared: BindingSource | None = None, where: Location | None = None) -> Binding:
+def bind(
+    description: ModelDescription, file: str, declared: BindingSource | None = None, where: Location | None = None
+) -> Binding:
     """Find the contract that an FMU satisfies.
 
     A role that the binding does not mention is played by the variable of its name.
 
     Parameters
     ----------
-    description : fmpy.model_description.ModelDescription
+    description : ModelDescription
         What the FMU says of itself.
     file, where
         The FMU and the place in the scenario that asks for it, for the message.
@@ -151,25 +149,22 @@ class Problem:
 
 
 def match(
-    contract: Contract, description: Any, declared: Iterable[RoleSource] = ()
+    contract: Contract, description: ModelDescription, declared: Iterable[RoleSource] = ()
 ) -> tuple[dict[str, BoundRole], list[Problem]]:
     """Return the roles of a contract that are played, by name, and why each other role is not.
 
     The contract is satisfied if there are no problems: an optional role of which nothing is said is no problem.
     """
-    variables: dict[str, Any] = {}
-    for variable in description.modelVariables:
-        variables[variable.name] = _TWICE if variable.name in variables else variable
     sources = {source.name: source for source in declared}
     bound, problems = {}, []
     for role in contract.roles:
         source = sources.get(role.name)
         if source is None:
-            if role.optional and not _plays_by_name(role, variables):
+            if role.optional and not _plays_by_name(role, description):
                 continue
             source = RoleSource(name=role.name, variable=role.name)
         try:
-            bound[role.name] = _bound(contract, role, description, variables, source)
+            bound[role.name] = _bound(contract, role, description, source)
         except (ValueError, UnitError) as error:
             if source.where is not None or not role.optional or isinstance(error, UnitContradiction):
                 problems.append(Problem(role, str(error), source.where, isinstance(error, _BindingError)))
@@ -191,14 +186,12 @@ def _shared(bound: dict[str, BoundRole], sources: dict[str, RoleSource]) -> Iter
             yield Problem(one.role, text, at.where if at is not None else None)
 
 
-def _plays_by_name(role: Role, variables: dict[str, Any]) -> bool:
-    variable = variables.get(role.name)
-    return variable not in (None, _TWICE) and variable.causality == role.causality
+def _plays_by_name(role: Role, description: ModelDescription) -> bool:
+    variable = description.by_name.get(role.name)
+    return variable is not None and variable.causality == role.causality
 
 
-def _bound(
-    contract: Contract, role: Role, description: Any, variables: dict[str, Any], source: RoleSource
-) -> BoundRole:
+def _bound(contract: Contract, role: Role, description: ModelDescription, source: RoleSource) -> BoundRole:
     if source.initial:
         with _about(source, "initial"):
             if role not in contract.pose:
@@ -206,7 +199,7 @@ def _bound(
     if source.value:
         with _about(source, "value"):
             return BoundRole(role, None, constant=_constant(role, source.value))
-    variable, element = _found(role, description, variables, source.variable, source)
+    variable, element = _found(role, description, source.variable, source)
     if not role.unit:
         if variable.type != "Enumeration":
             raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")
@@ -217,7 +210,7 @@ def _bound(
     if role not in contract.pose:
         return BoundRole(role, played_by)
     if source.initial:
-        variable, element = _found(role, description, variables, source.initial, source, parameter=True)
+        variable, element = _found(role, description, source.initial, source, parameter=True)
         return BoundRole(role, played_by, _read_as(role, description, variable, element, source))
     if not may_be_started(description, variable):
         raise ValueError(
@@ -251,20 +244,22 @@ def _constant(role: Role, text: str) -> float | str:
 
 
 def _found(
-    role: Role, description: Any, variables: dict[str, Any], name: str, source: RoleSource, parameter: bool = False
-) -> tuple[Any, int]:
+    role: Role,
+    description: ModelDescription,
+    name: str,
+    source: RoleSource,
+    parameter: bool = False,
+) -> tuple[Variable, int]:
     """Return the variable of a name, which may end in the indices of an element, and the element."""
     causality = "parameter" if parameter else role.causality
-    variable, element = variables.get(name), 0
-    if variable is None and (indexed := _ELEMENT.fullmatch(name)) and indexed[1] in variables:
-        variable = variables[indexed[1]]
+    variable, element = _only(description, name), 0
+    if variable is None and (indexed := _ELEMENT.fullmatch(name)) and (array := _only(description, indexed[1])):
+        variable = array
         element = _element(description, variable, name, [int(index) for index in indexed[2].split(",")])
-    elif variable not in (None, _TWICE) and variable.dimensions:
+    elif variable is not None and variable.dimensions:
         raise ValueError(f"has {name!r} as an array: name one of its elements, such as '{name}[1]'")
-    if variable is _TWICE:
-        raise ValueError(f"has more than one variable {name!r}")
     if variable is None and source.where is not None:
-        raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(variables))}")
+        raise ValueError(f"has no variable {name!r}: {nearest(name, sorted(description.by_name))}")
     if variable is not None and variable.causality == NEGATED:
         raise ValueError(
             f"has {name!r} as a negated alias, whose sign would be lost: bind the variable whose alias it is, "
@@ -284,6 +279,14 @@ def _found(
     return variable, element
 
 
+def _only(description: ModelDescription, name: str) -> Variable | None:
+    """Return the variable of a name, None if there is none."""
+    variable = description.by_name.get(name)
+    if variable is None and name in description.by_name:
+        raise ValueError(f"has more than one variable {name!r}")
+    return variable
+
+
 _ALLOWED = {
     "input": ("input",),
     "output": ("output", "local", "internal"),
@@ -292,7 +295,7 @@ _ALLOWED = {
 """Causalities that a declared role may have; FMI 1.0 has no parameters but internal variables with a start value."""
 
 
-def _element(description: Any, variable: Any, name: str, indices: list[int]) -> int:
+def _element(description: ModelDescription, variable: Variable, name: str, indices: list[int]) -> int:
     shape = shape_of(description, variable)
     if not shape:
         raise ValueError(f"has {variable.name!r} as a scalar, of which there is no {name!r}")
@@ -306,7 +309,9 @@ def _element(description: Any, variable: Any, name: str, indices: list[int]) -> 
     return element
 
 
-def _read_as(role: Role, description: Any, variable: Any, element: int, source: RoleSource) -> BoundVariable:
+def _read_as(
+    role: Role, description: ModelDescription, variable: Variable, element: int, source: RoleSource
+) -> BoundVariable:
     wanted = units.parse(role.unit)
     if source.unit:
         with _about(source, "unit"):
@@ -336,14 +341,14 @@ def _read_as(role: Role, description: Any, variable: Any, element: int, source: 
     return BoundVariable(variable, element, scale, offset)
 
 
-def may_be_started(description: Any, variable: Any) -> bool:
+def may_be_started(description: ModelDescription, variable: Variable) -> bool:
     """Return whether a variable has a start value that can be set."""
     if description.fmiVersion == "1.0":
         return variable.start is not None
     return variable.initial in ("exact", "approx")
 
 
-def shape_of(description: Any, variable: Any) -> tuple[int, ...]:
+def shape_of(description: ModelDescription, variable: Variable) -> tuple[int, ...]:
     """Return the dimensions of a variable; none of a scalar.
 
     Raises
@@ -353,16 +358,16 @@ def shape_of(description: Any, variable: Any) -> tuple[int, ...]:
     """
     shape = []
     for dimension in variable.dimensions:
-        start = dimension.start if dimension.start is not None else dimension.variable.start
-        if start is None or not 1 <= int(start) <= MAX_ELEMENTS:
+        size = size_of(variable, dimension)
+        if not 1 <= size <= MAX_ELEMENTS:
             raise ValueError(f"has {variable.name!r} with a dimension that is not known")
-        shape.append(int(start))
+        shape.append(size)
     if math.prod(shape) > MAX_ELEMENTS:
         raise ValueError(f"has {variable.name!r} with {math.prod(shape)} elements; at most are {MAX_ELEMENTS}")
     return tuple(shape)
 
 
-def start_of(description: Any, variable: Any) -> tuple[float, ...]:
+def start_of(description: ModelDescription, variable: Variable) -> tuple[float, ...]:
     """Return the start value of every element of a real variable; zero where the FMU states none."""
     size = math.prod(shape_of(description, variable))
     text = variable.start if isinstance(variable.start, str) else " ".join(map(str, variable.start or ()))

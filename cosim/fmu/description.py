@@ -1,4 +1,4 @@
-"""What an FMU says of itself, as FMPy reads it, and what is wrong with that.
+"""What an FMU says of itself, and what is wrong with that.
 
 Many FMUs in use break a rule of their standard and run all the same: what can be read is read, and the rest is told.
 """
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import fmpy
 from fmpy import validation
@@ -21,10 +21,13 @@ from lxml import etree
 
 from cosim.errors import printable
 from cosim.fmu.archive import DESCRIPTION
-from cosim.fmu.binding import NEGATED
+from cosim.fmu.description_reader import description_of
+from cosim.fmu.model_description import ModelDescription
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
-PARSER = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+PARSER = etree.XMLParser(
+    resolve_entities=False, no_network=True, huge_tree=True, collect_ids=False, remove_blank_text=True
+)
 
 SCHEDULED_EXECUTION = "scheduled_execution"
 _INTERFACES = {
@@ -46,16 +49,15 @@ class Reading(NamedTuple):
 
     Attributes
     ----------
-    description : fmpy.model_description.ModelDescription
-        As FMPy reads it.
+    description : ModelDescription
+        As it is read.
     problems : tuple of str
         Breaches of the schema and of the rules that FMPy checks beyond it, each in a line.
     capabilities : dict of dict of str
-        The attributes of each interface that it offers, by the interface's name, also of those unusable here. FMPy does
-        not read all of them: none of FMI 1.0, and not ``providesDirectionalDerivatives`` of FMI 3.0.
+        The attributes of each interface that it offers, by the interface's name, also of those unusable here.
     """
 
-    description: Any
+    description: ModelDescription
     problems: tuple[str, ...]
     capabilities: dict[str, dict[str, str]]
 
@@ -66,17 +68,15 @@ def read(directory: Path) -> Reading:
     Raises
     ------
     Exception
-        FMPy cannot read it: why.
+        It cannot be read: why.
     """
     with without_collection():
         root = _root(directory / DESCRIPTION)
         problems = list(_breaches(root))
         try:
-            description = fmpy.read_model_description(str(directory), validate=False)
+            description = description_of(root)
         except Exception as error:  # what is known of the file is nearer to the cause
             raise ValueError(_cause(root, problems, error)) from None
-        if description.fmiVersion == "1.0":
-            _complete(description, root)
         problems += _complaints(description)
         return Reading(description, tuple(" ".join(problem.split()) for problem in problems), _capabilities(root))
 
@@ -108,7 +108,7 @@ def without_collection() -> Iterator[None]:
 
 
 def _root(path: Path) -> etree._Element:
-    """Return the root element; refuse another one than that of FMI, which FMPy stumbles over."""
+    """Return the root element; refuse another one than that of FMI."""
     root = etree.parse(path, PARSER).getroot()
     if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
         raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
@@ -116,7 +116,7 @@ def _root(path: Path) -> etree._Element:
 
 
 def _cause(root: etree._Element, problems: list[str], error: Exception) -> str:
-    """Return why FMPy cannot read a description."""
+    """Return why a description cannot be read."""
     if found := next(chain(_dangling(root), problems), ""):
         return found
     if isinstance(error, (LookupError, TypeError, AttributeError)):
@@ -172,7 +172,7 @@ def _schema(version: str) -> etree.XMLSchema | None:
     return etree.XMLSchema(file=os.fspath(path)) if version and path.is_file() else None
 
 
-def _complaints(description: Any) -> Iterator[str]:
+def _complaints(description: ModelDescription) -> Iterator[str]:
     """Return which rules beyond the schema a description breaks."""
     try:
         yield from map(str, validation.validate_model_description(description, validate_model_structure=True))
@@ -185,19 +185,3 @@ def _complaints(description: Any) -> Iterator[str]:
                     f'"{variable.name}" (line {variable.sourceline}) is not a legal variable name for naming '
                     'convention "structured"'
                 )
-
-
-def _complete(description: Any, root: etree._Element) -> None:
-    """Add what FMPy does not read of an FMI 1.0 model description: negated aliases, and the capabilities."""
-    elements = root.iterfind("ModelVariables/ScalarVariable")
-    negated = {element.get("name") for element in elements if element.get("alias") == NEGATED}
-    for variable in description.modelVariables:
-        if variable.name in negated:
-            variable.causality = NEGATED
-    if (about := description.coSimulation) is None:
-        return
-    [implementation] = root.iterfind("Implementation")
-    about.needsExecutionTool = implementation.find("CoSimulation_Tool") is not None
-    for capabilities in implementation.iterfind("*/Capabilities"):
-        for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize"):
-            setattr(about, name, capabilities.get(name) in ("true", "1"))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, nearest
+from cosim.fmu.model_description import Variable
 from cosim.plant.exchange import whole_range
 from cosim.plant.spec import WHOLE
 from cosim.scenario.scenario import InputSource, Wave
@@ -25,13 +26,13 @@ Discrete: TypeAlias = int | bool | str
 _SWITCHES = {"true": True, "false": False, "1": True, "0": False}
 
 
-def items(variable: Any) -> dict[int, str]:
+def items(variable: Variable) -> dict[int, str]:
     """Return the items of an enumeration by their values."""
     declared = getattr(variable.declaredType, "items", None) or ()
     return {int(item.value): str(item.name) for item in declared}
 
 
-def discrete_value(variable: Any, text: str) -> Discrete:
+def discrete_value(variable: Variable, text: str) -> Discrete:
     """Return the value that a text is for a variable; bounds are not looked at.
 
     Raises
@@ -55,7 +56,7 @@ def discrete_value(variable: Any, text: str) -> Discrete:
     return text
 
 
-def check_whole(variable: Any, value: Discrete, text: str) -> None:
+def check_whole(variable: Variable, value: Discrete, text: str) -> None:
     """Refuse a whole number that its type or the FMU does not allow.
 
     Raises
@@ -72,7 +73,7 @@ def check_whole(variable: Any, value: Discrete, text: str) -> None:
     check_bounds(variable, int(value), text)
 
 
-def check_bounds(variable: Any, value: float, text: str) -> None:
+def check_bounds(variable: Variable, value: float, text: str) -> None:
     """Refuse a number that is beyond the bounds which the FMU states.
 
     Raises
@@ -86,7 +87,7 @@ def check_bounds(variable: Any, value: float, text: str) -> None:
             raise ValueError(f"{text} is out of bounds; it must be {word} {bound} {variable.unit or ''}".rstrip())
 
 
-def start_of_discrete(variable: Any) -> Discrete:
+def start_of_discrete(variable: Variable) -> Discrete:
     """Return the start value of a variable; false, the first item or an empty text where the FMU states none.
 
     Whole numbers have none here: those of signals add up from zero.
@@ -108,7 +109,7 @@ def start_of_discrete(variable: Any) -> Discrete:
 # Inputs over time -------------------------------------------------------------------------------------------
 
 
-def input_course(source: InputSource, variable: Any, times: NDArray[np.float64]) -> dict[int, Discrete]:
+def input_course(source: InputSource, variable: Variable, times: NDArray[np.float64]) -> dict[int, Discrete]:
     """Return the value of an input at the first tick, and at each tick at which it changes.
 
     Whole numbers of signals that act at the same time add up, as real numbers do. Of others the signal that is written
@@ -146,14 +147,14 @@ def input_course(source: InputSource, variable: Any, times: NDArray[np.float64])
     return course
 
 
-def _together(variable: Any, acting_now: Sequence[Discrete]) -> Discrete:
+def _together(variable: Variable, acting_now: Sequence[Discrete]) -> Discrete:
     if variable.type in WHOLE:
         return sum(int(value) for value in acting_now)
     return acting_now[-1] if acting_now else start_of_discrete(variable)
 
 
 def _course(
-    wave: Wave, source: InputSource, variable: Any, times: NDArray[np.float64]
+    wave: Wave, source: InputSource, variable: Variable, times: NDArray[np.float64]
 ) -> tuple[list[Discrete], NDArray[np.int64]]:
     """Return the values of a signal, and which of them it has at each communication point; -1 where it does not act."""
     if wave.kind == "table" and variable.type != "String":
@@ -171,7 +172,7 @@ def _course(
     return [value], np.where(acting(wave, times), 0, -1)
 
 
-def _tabled(wave: Wave, variable: Any, times: NDArray[np.float64]) -> tuple[list[Discrete], NDArray[np.int64]]:
+def _tabled(wave: Wave, variable: Variable, times: NDArray[np.float64]) -> tuple[list[Discrete], NDArray[np.int64]]:
     """Return the rows of a table, each of which holds from its time on; the first one also before."""
     assert wave.file is not None
     table = read_table(wave.file, wave.where)
@@ -191,7 +192,7 @@ def _tabled(wave: Wave, variable: Any, times: NDArray[np.float64]) -> tuple[list
     return values, np.maximum(which, 0)
 
 
-def _kind(variable: Any) -> str:
+def _kind(variable: Variable) -> str:
     """Return what kind of value a variable has, in words."""
     if variable.type in WHOLE:
         return "a whole number"

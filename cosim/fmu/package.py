@@ -8,7 +8,6 @@ import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import fmpy
 
@@ -17,6 +16,7 @@ from cosim.fmu.archive import unpack
 from cosim.fmu.binding import Binding, bind
 from cosim.fmu.brought_code import brought_code
 from cosim.fmu.description import Reading, read
+from cosim.fmu.model_description import Interface, ModelDescription, Variable
 from cosim.fmu.plain_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario.scenario import BindingSource
@@ -30,7 +30,7 @@ class Package:
     ----------
     path, sha256
         The file, or the folder of one that was unpacked, and its checksum.
-    description : fmpy.model_description.ModelDescription
+    description : ModelDescription
         What it says of itself.
     problems : tuple of str
         What is wrong with that, by the schema and by what FMPy checks: many FMUs in use break a rule or two.
@@ -42,7 +42,7 @@ class Package:
 
     path: Path
     sha256: str
-    description: Any
+    description: ModelDescription
     problems: tuple[str, ...]
     capabilities: dict[str, dict[str, str]]
     directory: Path
@@ -71,7 +71,7 @@ class Fmu(Package):
     brought_code: str
 
     @property
-    def about_interface(self) -> Any:
+    def about_interface(self) -> Interface:
         """What the FMU says of the interface that is used."""
         return interfaces(self.description)[self.interface]
 
@@ -123,13 +123,13 @@ def open_fmu(
         raise
 
 
-def interfaces(description: Any) -> dict[str, Any]:
+def interfaces(description: ModelDescription) -> dict[str, Interface]:
     """Return what an FMU says of each interface that it offers and that can be used here, by its name."""
     known = {CO_SIMULATION: description.coSimulation, MODEL_EXCHANGE: description.modelExchange}
     return {name: about for name, about in known.items() if about is not None}
 
 
-def experiment_number(description: Any, name: str) -> float | None:
+def experiment_number(description: ModelDescription, name: str) -> float | None:
     """Return a number of an FMU's default experiment, such as its ``tolerance``; None if it is not more than zero."""
     try:
         number = float(getattr(description.defaultExperiment, name, None) or 0.0)
@@ -188,7 +188,7 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
     return chosen
 
 
-def _ticked_from_outside(clock: Any) -> bool:
+def _ticked_from_outside(clock: Variable) -> bool:
     """Return whether an importer must let a clock of FMI 3.0 tick; triggered ones may well never tick."""
     return bool(clock.causality == "input" and clock.intervalVariability != "triggered")
 
@@ -232,7 +232,7 @@ def _brought_code(package: Package) -> str:
     return brought_code(package.directory, this_machine(about), names)
 
 
-def this_machine(description: Any) -> str:
+def this_machine(description: ModelDescription) -> str:
     """Return what an FMU of this version calls the folder of its binaries for this machine."""
     return str(fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform)
 

@@ -11,6 +11,7 @@ from typing import Any
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, check_bounds, check_whole, discrete_value, items
+from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.package import Fmu
 from cosim.fmu.units import unit_of, unit_of_values
 from cosim.plant.spec import FLOAT_TYPES, Value
@@ -27,7 +28,7 @@ _WHOLE_TOLERANCE = 1e-9
 class ParameterValue:
     """A parameter or an input of an FMU and the value that it gets, in the FMU's own unit."""
 
-    variable: Any
+    variable: Variable
     value: float | int | bool | str
     where: Location
 
@@ -83,6 +84,7 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
             if player is not None:
                 value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
             else:
+                assert variable is not None  # by what was refused above
                 value = ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
         except (ValueError, UnitError) as error:
             raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
@@ -112,7 +114,7 @@ def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
     return fmu.binding.bound.get(name) if name in roles else None
 
 
-def needs_a_role(description: Any, variable: Any, text: str) -> bool:
+def needs_a_role(description: ModelDescription, variable: Variable, text: str) -> bool:
     """Return whether a value has a unit, but the FMU does not say clearly in which unit the parameter is.
 
     Then the binding says it, of a parameter that plays a role.
@@ -125,7 +127,7 @@ def needs_a_role(description: Any, variable: Any, text: str) -> bool:
     return False
 
 
-def _drives(fmu: Fmu, variable: Any) -> bool:
+def _drives(fmu: Fmu, variable: Variable) -> bool:
     """Return whether an input plays the role of a torque or a disturbance."""
     contract = fmu.binding.contract
     driven = fmu.binding.of((*contract.torque, *contract.disturbance))
@@ -193,7 +195,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
     return found
 
 
-def value_of(description: Any, variable: Any, text: str) -> float | int | bool | str:
+def value_of(description: ModelDescription, variable: Variable, text: str) -> float | int | bool | str:
     """Return the value that a text is for a variable, in its own unit.
 
     Raises

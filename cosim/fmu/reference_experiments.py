@@ -13,13 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from lxml import etree
 
 from cosim.errors import InputError
 from cosim.fmu.inner_files import FmuFiles, finite, shortened, tag
+from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Package, experiment_number
 from cosim.fmu.reference_series import Series, SeriesReader, value_of
 from cosim.fmu.units import unit_name
@@ -231,7 +231,7 @@ class _Reader:
             values[name] = self._value(source, parameter, variable, given.get("value", ""))
         return values
 
-    def _value(self, file: Path, element: etree._Element, variable: Any, text: str) -> str:
+    def _value(self, file: Path, element: etree._Element, variable: Variable, text: str) -> str:
         """Return the value of a parameter as FMPy takes it."""
         if variable.type == "Enumeration":
             items = [] if variable.declaredType is None else variable.declaredType.items

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import MAX_NAMES, nearest
 from cosim.fmu.inner_files import FmuFiles, finite, shortened
+from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Package
 from cosim.plant.spec import FLOAT_TYPES, WHOLE
 
@@ -151,7 +152,7 @@ class SeriesReader:
         return compared
 
 
-def value_of(variable: Any, text: str) -> float | None:
+def value_of(variable: Variable, text: str) -> float | None:
     """Return a value of a variable as a number; None if a text is none."""
     if variable.type == "Boolean" and text.lower() in ("true", "false"):
         return float(text.lower() == "true")

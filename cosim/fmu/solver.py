@@ -44,7 +44,7 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
 
 def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
     """Refuse an FMU whose fixed internal step does not divide the communication step."""
-    said = getattr(fmu.about_interface, "fixedInternalStepSize", None)
+    said = fmu.about_interface.fixedInternalStepSize
     if said and not divides(internal := _number(said), step):
         raise InputError(
             f"the FMU {fmu.path} has a fixed internal step of {internal:g} s, which does not divide the "
@@ -60,7 +60,7 @@ def usual_step(fmu: Fmu) -> float:
     and the step of their default experiment is one that fits.
     """
     usual = experiment_number(fmu.description, "stepSize")
-    constant = not getattr(fmu.about_interface, "canHandleVariableCommunicationStepSize", True)
+    constant = not fmu.about_interface.canHandleVariableCommunicationStepSize
     return usual if fmu.interface == CO_SIMULATION and constant and usual is not None else 0.0
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.quantity import split
 from plants import UnitError, units
 
@@ -41,12 +42,12 @@ class UnitContradiction(UnitError):
         super().__init__(f"has {variable!r} in {contradiction}. A binding decides: {self.choice}")
 
 
-def unit_name(variable: Any) -> str:
+def unit_name(variable: Variable) -> str:
     """Return the name of the unit that a variable has, of its own or by its type; empty if it has none."""
     return str(variable.unit or getattr(variable.declaredType, "unit", None) or "")
 
 
-def unit_of(description: Any, variable: Any) -> units.Unit:
+def unit_of(description: ModelDescription, variable: Variable) -> units.Unit:
     """Return the unit of a variable: as the FMU defines it, or by its name where it is not defined.
 
     A factor that is rounded in the definition counts as the exact one of the name.
@@ -73,7 +74,7 @@ def unit_of(description: Any, variable: Any) -> units.Unit:
         ) from None
 
 
-def unit_of_values(description: Any, variable: Any, values: Iterable[str]) -> units.Unit:
+def unit_of_values(description: ModelDescription, variable: Variable, values: Iterable[str]) -> units.Unit:
     """Return the unit in which a scenario gives values to a variable; a pure number if the variable has no unit.
 
     Where the unit contradicts itself, bare numbers are taken as the FMU counts.
@@ -107,7 +108,7 @@ def _defined(variable: str, name: str, base: Any) -> units.Unit:
     return named
 
 
-def stated(description: Any, variable: Any, text: str) -> units.Unit:
+def stated(description: ModelDescription, variable: Variable, text: str) -> units.Unit:
     """Return the unit of a variable of which a binding states one.
 
     The binding decides where the FMU states no unit, one that nobody knows, or one that contradicts itself.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
@@ -163,7 +164,7 @@ def _time_limit(fmu: Fmu, source: PlantSource) -> float:
 
 
 def _block(
-    description: Any, roles: Sequence[BoundRole | None], values: Sequence[float] = ()
+    description: ModelDescription, roles: Sequence[BoundRole | None], values: Sequence[float] = ()
 ) -> tuple[Block, list[int]]:
     """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it.
 

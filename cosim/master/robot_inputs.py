@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value, input_course
+from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.units import unit_of_values
@@ -155,7 +156,7 @@ def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
 
 
 def _as_role(
-    fmu: Fmu, source: InputSource, role: BoundRole | None, variable: Any, events: Sequence[tuple[int, Setting]]
+    fmu: Fmu, source: InputSource, role: BoundRole | None, variable: Variable, events: Sequence[tuple[int, Setting]]
 ) -> tuple[BoundRole, units.Unit]:
     """Return the role that stands for an input, which may be one that it plays, and the unit of its samples."""
     if role is not None:
@@ -196,7 +197,7 @@ def _course(
     fmu: Fmu,
     source: InputSource,
     events: Sequence[tuple[int, Setting]],
-    variable: Any,
+    variable: Variable,
     times: NDArray[np.float64],
 ) -> dict[int, Discrete]:
     """Return the values of an input that is no real number, by the ticks at which it changes."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import Any
 
+from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.units import unit_name
 from cosim.swap.candidates import Number, Numbers, reading
 from cosim.swap.naming import ORDER, SERIES, words_of
@@ -20,7 +20,9 @@ class Told(Enum):
     """Nothing speaks for it but its place in the array, so that it is to be asked for."""
 
 
-def told(role: Role, contract: Contract, number: Number, numbers: Numbers, description: Any) -> Told | None:
+def told(
+    role: Role, contract: Contract, number: Number, numbers: Numbers, description: ModelDescription
+) -> Told | None:
     """Return how it is known that an element of an array plays a role; None if it does not."""
     found = next((s for s in SERIES[contract.vehicle] if s.role(number.words, number.size, number.place)), None)
     if found is None or role.name not in found.roles:

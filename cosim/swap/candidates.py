@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
+from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
 from cosim.scenario.scenario import OPEN
 from cosim.swap.naming import RECOGNITIONS, SERIES, in_english, parts_of, words_of
@@ -28,7 +29,7 @@ class Number(NamedTuple):
 
     Attributes
     ----------
-    variable : fmpy.model_description.ModelVariable
+    variable : Variable
         The variable that holds it.
     element : int
         Which of its elements it is, from 0; 0 of a scalar.
@@ -46,7 +47,7 @@ class Number(NamedTuple):
         Of this array.
     """
 
-    variable: Any
+    variable: Variable
     element: int
     name: str
     words: tuple[str, ...]
@@ -57,19 +58,33 @@ class Number(NamedTuple):
 
 
 _INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
+_DIGITS = re.compile("[0-9]+")
 _LARGEST_ARRAY = 16
 
 
-def _numbers(description: Any) -> Iterator[Number]:
+class _Place(NamedTuple):
+    """A number before its name has been looked at: as the attributes of `Number`, and the name without an index."""
+
+    variable: Variable
+    element: int
+    name: str
+    stem: str
+    array: str = ""
+    place: int = -1
+    size: int = 1
+
+
+def _places(description: ModelDescription) -> Iterator[_Place]:
     """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
     wanted = {causality for causalities in ALLOWED.values() for causality in causalities}
-    names = Counter(variable.name for variable in description.modelVariables)
-    arrays: dict[str, list[tuple[int, Any]]] = {}  # those whose elements are variables of their own
+    types = frozenset(NUMBER_TYPES)
+    known = description.by_name
+    arrays: dict[str, list[tuple[int, Variable]]] = {}  # those whose elements are variables of their own
     for variable in description.modelVariables:
         name = variable.name
-        if variable.type not in NUMBER_TYPES or variable.causality not in wanted or names[name] > 1:
+        if variable.type not in types or variable.causality not in wanted or known[name] is None:
             continue
-        if name.startswith(("der(", "__")):
+        if name[:1] in "d_" and name.startswith(("der(", "__")):
             continue
         try:
             shape = shape_of(description, variable) if variable.dimensions else ()
@@ -78,17 +93,16 @@ def _numbers(description: Any) -> Iterator[Number]:
         if name.endswith("]") and (indexed := _INDEXED.fullmatch(name)):
             arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
         elif not shape:
-            yield Number(variable, 0, name, *_named(description, variable, name))
+            yield _Place(variable, 0, name, name)
         elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
-            named, size = _named(description, variable, name), shape[0]
-            yield from (Number(variable, i, f"{name}[{i + 1}]", *named, name, i, size) for i in range(size))
+            size = shape[0]
+            yield from (_Place(variable, i, f"{name}[{i + 1}]", name, name, i, size) for i in range(size))
     for name, elements in arrays.items():
         for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
-            named = _named(description, variable, name)
-            yield Number(variable, 0, variable.name, *named, name, place, len(elements))
+            yield _Place(variable, 0, variable.name, name, name, place, len(elements))
 
 
-def _named(description: Any, variable: Any, name: str) -> tuple[tuple[str, ...], str]:
+def _named(description: ModelDescription, variable: Variable, name: str) -> tuple[tuple[str, ...], str]:
     """Return the words of a name, and the unit that it ends with, if the variable is in no other."""
     parts = parts_of(name)
     count, hint = unit_at_the_end(parts)
@@ -104,33 +118,60 @@ def _named(description: Any, variable: Any, name: str) -> tuple[tuple[str, ...],
 class Numbers:
     """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
 
-    An FMU may have a hundred thousand of them: each role looks only at those whose names have a word that tells of it.
+    An FMU may have a hundred thousand of them. Those are *alike* that have the same unit and causality, and names that
+    differ by digits only; of such a group, one name is taken apart. Each role looks only at those whose names have a
+    word that tells of it.
     """
 
-    def __init__(self, description: Any) -> None:
-        self._all = list(_numbers(description))
-        self._of_name = {number.name: place for place, number in enumerate(self._all)}
-        self._of_word: dict[str, list[int]] = defaultdict(list)
-        self._of_causality: dict[str, list[int]] = defaultdict(list)
-        self._of_array: dict[str, list[Number]] = defaultdict(list)
-        for place, number in enumerate(self._all):
-            self._of_causality[number.variable.causality].append(place)
-            if number.array:
-                self._of_array[number.array].append(number)
-            for word in number.words:
-                self._of_word[word].append(place)
+    def __init__(self, description: ModelDescription) -> None:
+        self._description = description
+        self._places = list(_places(description))
+        self._number_at: dict[int, Number] = {}
+        self._of_name = {place.name: at for at, place in enumerate(self._places)}
+        self._of_array: dict[str, list[int]] = defaultdict(list)
+        groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
+        stems = _DIGITS.sub("0", "\0".join(place.stem for place in self._places)).split("\0")
+        for at, (place, stem) in enumerate(zip(self._places, stems, strict=False)):
+            groups[stem, unit_name(place.variable), place.variable.causality].append(at)
+            if place.array:
+                self._of_array[place.array].append(at)
+        self._of_causality: dict[str, list[list[int]]] = defaultdict(list)
+        self._of_word: dict[str, list[list[int]]] = defaultdict(list)
+        for (_, _, causality), alike in groups.items():
+            self._of_causality[causality].append(alike)
+            for word in {_letters(word) for word in self._number(alike[0]).words}:
+                self._of_word[word].append(alike)
 
     def of(self, causality: str) -> list[Number]:
         """Return those of a causality."""
-        return [self._all[place] for place in self._of_causality.get(causality, ())]
+        return [self._number(at) for at in sorted(at for alike in self._of_causality[causality] for at in alike)]
+
+    def named(self, name: str) -> Number:
+        """Return the one of a name that is known to be there."""
+        return self._number(self._of_name[name])
 
     def having(self, words: Iterable[str]) -> list[Number]:
         """Return those whose names have any of some words, or are one of them."""
-        return [self._all[place] for place in sorted(self._places(words))]
+        found = {self._of_name[word] for word in words if word in self._of_name}
+        for word in words:
+            for alike in self._of_word.get(_letters(word), ()):
+                found.update(at for at in alike if not word.isdigit() or word in _DIGITS.findall(self._places[at].stem))
+        return [self._number(at) for at in sorted(found)]
+
+    def names(self, causality: str, chosen: Callable[[Number], bool]) -> list[str]:
+        """Return the names of those of a causality that are chosen by their units and the words of their names."""
+        found: list[int] = []
+        for alike in self._of_causality[causality]:
+            first = self._number(alike[0])
+            if first.words[-1:] != () and first.words[-1].isdigit():
+                found += (at for at in alike if chosen(self._number(at)))
+            elif chosen(first):
+                found += alike
+        return [self._places[at].name for at in sorted(found)]
 
     def array_of(self, number: Number) -> list[Number]:
         """Return all elements of the array that a number is in, in their order."""
-        return self._of_array[number.array]
+        return [self._number(at) for at in self._of_array[number.array]]
 
     def telling(self, role: Role, contract: Contract) -> list[Number]:
         """Return those whose names may tell of a role."""
@@ -141,12 +182,21 @@ class Numbers:
             groups.append(min(clue.groups, key=self._frequency))
         return self.having({word for group in groups for word in group})
 
-    def _places(self, words: Iterable[str]) -> set[int]:
-        names = {self._of_name[word] for word in words if word in self._of_name}
-        return names.union(*(self._of_word.get(word, ()) for word in words))
+    def _number(self, at: int) -> Number:
+        number = self._number_at.get(at)
+        if number is None:
+            variable, element, name, stem, array, place, size = self._places[at]
+            words, hint = _named(self._description, variable, stem)
+            number = self._number_at[at] = Number(variable, element, name, words, hint, array, place, size)
+        return number
 
     def _frequency(self, words: Iterable[str]) -> int:
-        return sum(len(self._of_word.get(word, ())) for word in words)
+        return sum(len(alike) for word in words for alike in self._of_word.get(_letters(word), ()))
+
+
+def _letters(word: str) -> str:
+    """Return a word, or the same for all numbers."""
+    return "0" if word.isdigit() else word
 
 
 class Reading(NamedTuple):
@@ -157,7 +207,7 @@ class Reading(NamedTuple):
     open: str = ""
 
 
-def reading(description: Any, number: Number, role: Role) -> Reading | None:
+def reading(description: ModelDescription, number: Number, role: Role) -> Reading | None:
     """Return how a number can be read in the unit of a role; None if it measures something else."""
     variable = number.variable
     name = unit_name(variable)

@@ -106,10 +106,7 @@ def parts_of(name: str) -> tuple[str, ...]:
     """Return the words of a name as they are."""
     words: list[str] = []
     for part in _PART.findall(plain(name)):
-        if part.isdigit():  # of an index there may be a hundred thousand
-            words.append(part)
-        else:
-            words += _parts(part)
+        words += (part,) if part.isdigit() else _parts(part)
     return tuple(words)
 
 

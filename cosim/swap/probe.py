@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, SimulationError
 from cosim.fmu.binding import start_of
 from cosim.fmu.facts import obstacle
+from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Package, choose_interface, experiment_number, interfaces
 from cosim.plant.failures import PlantError
 from cosim.plant.process import ProcessPlant, end
@@ -157,7 +158,7 @@ def _spec(
     return spec, given, shown
 
 
-def _block(description: Any, numbers: Iterable[Number]) -> tuple[Block, list[int]]:
+def _block(description: ModelDescription, numbers: Iterable[Number]) -> tuple[Block, list[int]]:
     first: dict[tuple[str, int], int] = {}
     variables: list[Exchanged] = []
     start: list[float] = []
@@ -173,7 +174,7 @@ def _block(description: Any, numbers: Iterable[Number]) -> tuple[Block, list[int
     return Block(tuple(reference for _, reference in first), tuple(start), tuple(variables)), places
 
 
-def _step(description: Any) -> float:
+def _step(description: ModelDescription) -> float:
     """Return a communication step that is a multiple of the one of the default experiment, if that divides a second."""
     own = experiment_number(description, "stepSize") or _STEP
     step = own * max(1, round(_STEP / own))

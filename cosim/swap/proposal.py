@@ -11,12 +11,14 @@ import textwrap
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 from lxml import etree
 
 from cosim.errors import Location, printable
 from cosim.fmu.binding import match, may_be_started
+from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.units import unit_name
 from cosim.plant.spec import WHOLE
 from cosim.scenario.grammar import NAMESPACE
@@ -119,7 +121,7 @@ class Proposal:
         return BindingSource(self.contract.vehicle, roles, _HERE)
 
 
-def proposals(description: Any) -> list[Proposal]:
+def proposals(description: ModelDescription) -> list[Proposal]:
     """Return a proposal for each contract, that of the likeliest kind of vehicle first."""
     numbers = Numbers(description)
     return sorted(
@@ -128,12 +130,12 @@ def proposals(description: Any) -> list[Proposal]:
     )
 
 
-def propose(description: Any, contract: Contract) -> Proposal:
+def propose(description: ModelDescription, contract: Contract) -> Proposal:
     """Propose what plays the roles of a contract.
 
     Parameters
     ----------
-    description : fmpy.model_description.ModelDescription
+    description : ModelDescription
         What the FMU says of itself.
     contract
         The contract.
@@ -141,7 +143,7 @@ def propose(description: Any, contract: Contract) -> Proposal:
     return _proposed(description, contract, Numbers(description))
 
 
-def _proposed(description: Any, contract: Contract, numbers: Numbers) -> Proposal:
+def _proposed(description: ModelDescription, contract: Contract, numbers: Numbers) -> Proposal:
     suggestions = [_suggest(role, description, contract, numbers) for role in contract.roles]
     played = Counter(s.source.variable for s in suggestions if s.source is not None and s.source.variable != OPEN)
     suggestions = [
@@ -170,12 +172,14 @@ def _proposed(description: Any, contract: Contract, numbers: Numbers) -> Proposa
     return replace(proposal, refusal=refusal)
 
 
-def velocity_hints(description: Any, contract: Contract, roles: Collection[str], played: Collection[str]) -> list[str]:
+def velocity_hints(
+    description: ModelDescription, contract: Contract, roles: Collection[str], played: Collection[str]
+) -> list[str]:
     """Return which outputs of an FMU could be velocities that its binding does not name, a sentence for each role.
 
     Parameters
     ----------
-    description : fmpy.model_description.ModelDescription
+    description : ModelDescription
         What the FMU says of itself.
     contract
         The contract.
@@ -247,7 +251,7 @@ class _Fit(NamedTuple):
     reading: Reading
 
 
-def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers) -> Suggestion:
+def _suggest(role: Role, description: ModelDescription, contract: Contract, numbers: Numbers) -> Suggestion:
     if not role.unit:
         return _suggest_enumeration(role, description)
     fitting: list[_Fit] = []
@@ -301,7 +305,9 @@ def _suggest(role: Role, description: Any, contract: Contract, numbers: Numbers)
     return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
 
 
-def _told(role: Role, contract: Contract, number: Number, numbers: Numbers, description: Any) -> Told | None:
+def _told(
+    role: Role, contract: Contract, number: Number, numbers: Numbers, description: ModelDescription
+) -> Told | None:
     """Return how it is known that an element of an array plays a role by its place; None of all others."""
     if number.size == 1 or number.name == role.name:
         return None
@@ -320,10 +326,10 @@ def _asked(suggestion: Suggestion, fit: _Fit) -> str:
     )
 
 
-def _suggest_enumeration(role: Role, description: Any) -> Suggestion:
-    for variable in description.modelVariables:
-        if variable.name == role.name and variable.causality == role.causality and variable.type == "Enumeration":
-            return Suggestion(role, _by_name(role))
+def _suggest_enumeration(role: Role, description: ModelDescription) -> Suggestion:
+    variable = description.by_name.get(role.name)
+    if variable is not None and variable.causality == role.causality and variable.type == "Enumeration":
+        return Suggestion(role, _by_name(role))
     source = RoleSource(name=role.name, value=OPEN, where=_HERE)
     return Suggestion(role, source, (f"state {role.meaning}; nothing in the FMU says it",))
 
@@ -350,7 +356,7 @@ def _best(found: list[_Fit]) -> list[_Fit]:
     return list(reversed(best.values()))
 
 
-def _played(role: Role, description: Any, contract: Contract, fit: _Fit, numbers: Numbers) -> Suggestion:
+def _played(role: Role, description: ModelDescription, contract: Contract, fit: _Fit, numbers: Numbers) -> Suggestion:
     number, read = fit.number, fit.reading
     source = RoleSource(name=role.name, variable=number.name, unit=read.unit, factor=read.factor, where=_HERE)
     text = printable(" ".join((number.variable.description or "").split()))[:200]
@@ -369,7 +375,9 @@ def _played(role: Role, description: Any, contract: Contract, fit: _Fit, numbers
     return Suggestion(role, source, tuple(open_), tuple(doubts))
 
 
-def _initial(role: Role, description: Any, contract: Contract, played_by: Number, numbers: Numbers) -> str | None:
+def _initial(
+    role: Role, description: ModelDescription, contract: Contract, played_by: Number, numbers: Numbers
+) -> str | None:
     """Return the parameter that obviously gives the initial value of what plays a role."""
     fitting: list[_Fit] = []
     own = [word for word in played_by.words if word not in NEUTRAL]
@@ -398,7 +406,9 @@ def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = 
     return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, (), candidates)
 
 
-def _sought(suggestion: Suggestion, description: Any, numbers: Numbers, played: Collection[str]) -> Suggestion:
+def _sought(
+    suggestion: Suggestion, description: ModelDescription, numbers: Numbers, played: Collection[str]
+) -> Suggestion:
     """Return a velocity for which nothing is proposed with the outputs that could be it, as many tasks need it."""
     role = suggestion.role
     found = suggestion.candidates or tuple(n for n in _could_be(role, description, numbers) if n not in played)
@@ -411,28 +421,27 @@ def _sought(suggestion: Suggestion, description: Any, numbers: Numbers, played: 
     return replace(suggestion, candidates=found, doubts=(doubt,))
 
 
-def _element(role: Role, name: str, description: Any, numbers: Numbers) -> str:
+def _element(role: Role, name: str, description: ModelDescription, numbers: Numbers) -> str:
     """Return the element of a binding in which a number plays a role."""
-    number = next(n for causality in ALLOWED[role.causality] for n in numbers.of(causality) if n.name == name)
-    read = reading(description, number, role) or Reading()
+    read = reading(description, numbers.named(name), role) or Reading()
     source = RoleSource(name=role.name, variable=name, unit=read.unit, factor=read.factor, where=_HERE)
     return "<role " + " ".join(f'{key}="{value}"' for key, value in attributes(source).items()) + "/>"
 
 
-def _could_be(role: Role, description: Any, numbers: Numbers) -> list[str]:
+def _could_be(role: Role, description: ModelDescription, numbers: Numbers) -> list[str]:
     """Return the names of what could play a role by its unit: of those that state one, or else of those that do not."""
-    fitting: dict[bool, list[str]] = {True: [], False: []}
-    fits: dict[tuple[str, str], bool] = {}  # by unit, of which there are few
-    for number in numbers.of(role.causality):
-        unit = (unit_name(number.variable), number.hint)
-        if unit not in fits:
-            fits[unit] = reading(description, number, role) is not None
-        if fits[unit] and without_start(number.words) is None:
-            fitting[any(unit)].append(number.name)
-    return fitting[True] or fitting[False]
+
+    def fits(number: Number, *, stated: bool) -> bool:
+        if bool(unit_name(number.variable) or number.hint) != stated:
+            return False
+        return reading(description, number, role) is not None and without_start(number.words) is None
+
+    return numbers.names(role.causality, partial(fits, stated=True)) or numbers.names(
+        role.causality, partial(fits, stated=False)
+    )
 
 
-def _nothing_found(role: Role, description: Any, numbers: Numbers) -> str:
+def _nothing_found(role: Role, description: ModelDescription, numbers: Numbers) -> str:
     found = _could_be(role, description, numbers)
     return (
         f"no {role.causality} is obviously {role.meaning}; "

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
 
+from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.units import unit_name, unit_of
 from cosim.swap.candidates import Number, Numbers
 from cosim.swap.naming import words_of
@@ -24,7 +24,7 @@ _TORQUES = 2
 """How many a vehicle has."""
 
 
-def no_vehicle(description: Any, numbers: Numbers) -> str:
+def no_vehicle(description: ModelDescription, numbers: Numbers) -> str:
     """Return why an FMU is no vehicle of any kind: it lacks inputs that could be torques; empty if it may be one."""
     found = [repr(number.name) for number in numbers.of("input") if _may_be_a_torque(description, number)]
     if len(found) >= _TORQUES:
@@ -75,7 +75,7 @@ def _wheels(inputs: list[Number]) -> tuple[str, str] | None:
     return next(((pair["right"], pair["left"]) for pair in found.values() if len(pair) == 2), None)
 
 
-def _may_be_a_torque(description: Any, number: Number) -> bool:
+def _may_be_a_torque(description: ModelDescription, number: Number) -> bool:
     """Return whether a number is a torque, a force or a pure number by its unit, or in no unit that is known."""
     if not unit_name(number.variable):
         return not number.hint or _of_a_torque(units.parse(number.hint))

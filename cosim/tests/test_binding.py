@@ -7,10 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import fmpy
 import pytest
 
 from cosim.errors import InputError, Location
+from cosim.fmu import description as fmu_description
 from cosim.fmu.binding import Binding, bind
 from cosim.fmu.parameters import geometry
 from cosim.master.members import _initial_values
@@ -38,7 +38,7 @@ def describe(tmp_path: Path) -> Describe:
             text = text.replace(old, new)
         path = tmp_path / "modelDescription.xml"
         path.write_text(text, encoding="utf-8")
-        return fmpy.read_model_description(str(path), validate=False)
+        return fmu_description.read(tmp_path).description
 
     return made
 

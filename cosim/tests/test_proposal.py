@@ -3,16 +3,17 @@
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import pytest
 from lxml import etree
 
 from cosim.errors import InputError
 from cosim.fmu.binding import bind
+from cosim.fmu.description import read
 from cosim.fmu.units import unit_of
 from cosim.scenario.reader import read_binding
 from cosim.scenario.scenario import OPEN
 from cosim.swap import candidates
+from cosim.swap.naming import parts_of
 from cosim.swap.proposal import Proposal, Suggestion, binding_xml, proposals, propose
 from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER
 
@@ -61,7 +62,7 @@ def describe(folder: Path, variables: dict[str, str], units: str = UNITS, texts:
         </ModelVariables><ModelStructure/></fmiModelDescription>""",
         encoding="utf-8",
     )
-    return fmpy.read_model_description(str(path), validate=False)
+    return read(folder).description
 
 
 @pytest.fixture
@@ -469,6 +470,22 @@ def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypa
     numbers = []
     for count in (10, 500):
         proposals(describe(tmp_path, {f"part_{i}.force": "parameter N" for i in range(count)}))
+        numbers.append(len(looked))
+        looked.clear()
+    assert numbers[0] == numbers[1]
+
+
+def test_names_that_differ_by_digits_only_are_taken_apart_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[str] = []
+
+    def counted(name: str) -> tuple[str, ...]:
+        looked.append(name)
+        return parts_of(name)
+
+    monkeypatch.setattr(candidates, "parts_of", counted)
+    numbers = []
+    for count in (10, 500):
+        proposals(describe(tmp_path, CAR | {f"axle[{i}].slip": "output -" for i in range(count)}))
         numbers.append(len(looked))
         looked.clear()
     assert numbers[0] == numbers[1]

@@ -9,7 +9,8 @@ import pytest
 
 import cosim
 from cosim.errors import InputError, SimulationError
-from cosim.fmu.package import open_fmu
+from cosim.fmu.model_description import ModelDescription
+from cosim.fmu.package import open_fmu, open_package
 from cosim.plant.exchange import _as_type
 from cosim.plant.failures import PlantError
 from cosim.scenario.reader import read_binding
@@ -139,10 +140,10 @@ def test_they_are_proposed(make: Make, types: str) -> None:
     assert bool(best.open) == (types == "whole"), "the units of whole numbers are to be stated"
 
 
-def open_fmu_description(path: Path) -> Any:
-    import fmpy
-
-    return fmpy.read_model_description(str(path))
+def open_fmu_description(path: Path) -> ModelDescription:
+    package = open_package(path)
+    package.close()
+    return package.description
 
 
 def test_outputs_after_the_first_step(make: Make) -> None:

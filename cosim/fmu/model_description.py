@@ -1,0 +1,217 @@
+"""A model description in Python: what an FMU says of itself.
+
+The attributes have the names of the standard's, as FMPy has them too, so that its functions take these objects. Nothing
+changes them after `cosim.fmu.description_reader` has made them. They are compared by identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+NEGATED = "negatedAlias"
+"""Taken as the causality of a variable of FMI 1.0 that is another one with its sign changed."""
+
+
+@dataclass(slots=True, eq=False)
+class BaseUnit:
+    """A unit in those of the SI: exponents, and what one of it is."""
+
+    kg: int
+    m: int
+    s: int
+    A: int
+    K: int
+    mol: int
+    cd: int
+    rad: int
+    factor: float
+    offset: float
+
+
+@dataclass(slots=True, eq=False)
+class DisplayUnit:
+    """A unit in which values may be shown."""
+
+    name: str | None
+
+
+@dataclass(slots=True, eq=False)
+class Unit:
+    """A unit that an FMU names, and defines or not."""
+
+    name: str | None
+    baseUnit: BaseUnit | None
+    displayUnits: Sequence[DisplayUnit]
+
+
+@dataclass(slots=True, eq=False)
+class Item:
+    """An item of an enumeration; its value as text."""
+
+    name: str
+    value: str
+
+
+@dataclass(slots=True, eq=False)
+class SimpleType:
+    """A type that variables may declare."""
+
+    name: str | None
+    unit: str | None
+    min: str | None
+    max: str | None
+    items: Sequence[Item]
+
+
+@dataclass(slots=True, eq=False)
+class Dimension:
+    """A dimension of an array: its size, or the variable that holds it."""
+
+    start: int | None
+    variable: Variable | None
+
+
+@dataclass(slots=True, eq=False)
+class Alias:
+    """Another name of a variable, of FMI 3.0."""
+
+    name: str
+    description: str | None
+    displayUnit: str | None
+
+
+@dataclass(slots=True, eq=False)
+class Variable:
+    """A variable of an FMU; texts as the file has them.
+
+    Attributes
+    ----------
+    type
+        ``Real``, ``Float64``, ``Boolean``, ...
+    causality, variability, initial
+        As stated, or the standard's default.
+    alias
+        The variable that it is another name of, of FMI 3.0.
+    derivative
+        The variable whose derivative it is.
+    """
+
+    name: str
+    valueReference: int
+    type: str
+    causality: str
+    variability: str
+    initial: str | None
+    start: str | None
+    unit: str | None
+    displayUnit: str | None
+    declaredType: SimpleType | None
+    min: str | None
+    max: str | None
+    description: str | None
+    sourceline: int
+    derivative: Variable | None = None
+    alias: Variable | None = None
+    dimensions: Sequence[Dimension] = ()
+    aliases: Sequence[Alias] = ()
+    clocks: Sequence[Variable] = ()
+    intervalVariability: str | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Size of each dimension, none of a scalar.
+
+        Raises
+        ------
+        ValueError
+            A size is not known.
+        """
+        return tuple(size_of(self, dimension) for dimension in self.dimensions)
+
+
+def size_of(variable: Variable, dimension: Dimension) -> int:
+    """Return the size of a dimension of a variable.
+
+    Raises
+    ------
+    ValueError
+        It is not known.
+    """
+    start = dimension.start
+    if start is None and dimension.variable is not None and dimension.variable.start is not None:
+        start = int(dimension.variable.start)
+    if start is None:
+        raise ValueError(f"has {variable.name!r} with a dimension that is not known")
+    return start
+
+
+@dataclass(slots=True, eq=False)
+class Unknown:
+    """An entry of the model structure; None for what is not stated."""
+
+    variable: Variable
+    dependencies: list[Variable] | None
+    dependenciesKind: list[str] | None
+    sourceline: int
+
+
+@dataclass(slots=True, eq=False)
+class Interface:
+    """What an FMU says of an interface that it offers, as far as the harness uses it."""
+
+    modelIdentifier: str
+    needsExecutionTool: bool
+    canBeInstantiatedOnlyOncePerProcess: bool
+    canHandleVariableCommunicationStepSize: bool
+    fixedInternalStepSize: str | None
+    needsCompletedIntegratorStep: bool
+
+
+@dataclass(slots=True, eq=False)
+class DefaultExperiment:
+    """How an FMU is meant to be run; texts as the file has them."""
+
+    startTime: str | None
+    stopTime: str | None
+    tolerance: str | None
+    stepSize: str | None
+
+
+@dataclass(eq=False, kw_only=True)
+class ModelDescription:
+    """What an FMU says of itself."""
+
+    fmiVersion: str
+    modelName: str | None
+    guid: str | None
+    description: str | None
+    author: str | None
+    version: str | None
+    copyright: str | None
+    license: str | None
+    generationTool: str | None
+    generationDateAndTime: str | None
+    variableNamingConvention: str
+    numberOfContinuousStates: int
+    numberOfEventIndicators: int
+    defaultExperiment: DefaultExperiment | None
+    coSimulation: Interface | None
+    modelExchange: Interface | None
+    scheduledExecution: Interface | None
+    unitDefinitions: Sequence[Unit]
+    modelVariables: Sequence[Variable]
+    outputs: Sequence[Unknown] = field(default=())
+    derivatives: Sequence[Unknown] = field(default=())
+    clockedStates: Sequence[Unknown] = field(default=())
+    eventIndicators: Sequence[Unknown] = field(default=())
+    initialUnknowns: Sequence[Unknown] = field(default=())
+
+    @cached_property
+    def by_name(self) -> dict[str, Variable | None]:
+        """The variables by their names; None for a name that several have, which FMI forbids."""
+        known: dict[str, Variable | None] = {}
+        for variable in self.modelVariables:
+            known[variable.name] = None if variable.name in known else variable
+        return known
