@@ -1,7 +1,7 @@
 """A model as a system of python-control: for simulation, operating points, linear analysis and control design.
 
-Needs python-control: ``pip install "formation-cosim[control]"``. Outputs are those of the FMU, by the same names: the
-states that are outputs, then the computed ones.
+Needs python-control: ``pip install "formation-cosim[control]"``. A system has the
+outputs of the FMU, by the same names: the states that are outputs, then the computed ones.
 """
 
 from collections.abc import Callable, Mapping
@@ -63,7 +63,7 @@ def nonlinear_io_system(
         return np.concatenate([x[shown], functions.outputs(t, x, u, vector(tuple(params.items())))])
 
     params = dict(parameters or {})
-    functions.parameters(**params)  # says now what is wrong with them
+    functions.parameters(**params)  # refuses wrong ones now
     return control.NonlinearIOSystem(update, output, params=params, name=name or model.name, **_names(model))
 
 

@@ -1,4 +1,4 @@
-"""The errors that a user of `plants` can see; each message names what is wrong and what would be right."""
+"""The errors that a user of `plants` can see. Each message names the fault and the remedy."""
 
 
 class PlantError(Exception):

@@ -49,7 +49,7 @@ def differentiate(model: OdeModel, unknowns: Iterable[tuple[str, sympy.Expr, str
     ModelError
         An expression has no derivative that could be written down.
     """
-    # Derivatives are those of real functions, whatever was assumed of the symbols.
+    # The functions are differentiated as real ones, whatever assumptions their symbols carry.
     variables = (*model.states, *model.inputs, *model.reals)
     symbols = {variable.symbol for variable in variables} | {term.symbol for term in model.terms}
     real = {symbol: sympy.Symbol(symbol.name, real=True) for symbol in symbols}

@@ -60,7 +60,7 @@ class Parts(NamedTuple):
 
 
 def split(name: str) -> Parts:
-    """Split a name such as ``M2_11``, ``I_theta1`` or ``e_dot_stop`` into what is typeset apart."""
+    """Split a name such as ``M2_11``, ``I_theta1`` or ``e_dot_stop`` into base, dot and indices."""
     head, *tail = name.split("_")
     dot = "dot" in tail
     if dot:

@@ -4,13 +4,13 @@ Stated are the matrices of the constrained dynamics, equation (1) of the paper,
 
     M1 eta'' + C1 eta' + D1 eta' + tau_d1 = B1 tau - A' lambda,    A eta' = 0,
 
-and the motion basis S, whose columns span the null space of A. Derived are the Coriolis matrix C1 (by Lagrange's
-equations) and, with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
+and the motion basis S, whose columns span the null space of A. The Coriolis matrix C1 follows from Lagrange's
+equations, and with the pseudo-velocities v of (2), eta' = S v, the reduced dynamics (3),
 
     M2 v' + C2 v + D2 v + F2 + tau_d2 = B2 tau,
 
-whose solution for v' together with (2) is the model. The multipliers lambda and all that cancels on the way are gone.
-F2, which the paper has not, holds resistances that are stated for the pseudo-velocities at once, such as friction.
+whose solution for v' together with (2) is the model. The multipliers lambda are gone, and so is all that cancels.
+F2 is not in the paper: it holds resistances to the pseudo-velocities themselves, such as friction.
 """
 
 from collections.abc import Iterable, Sequence
@@ -42,13 +42,13 @@ class NonholonomicSystem:
     disturbances
         The n entries of tau_d1. They stand on the left-hand side of (1): positive ones oppose motion.
     parameters
-        All that M1, D1, B1 and S use. Those that cancel in the reduction do not become parameters of the model.
+        All that M1, D1, B1 and S use. A parameter that cancels in the reduction does not reach the model.
     S, M1, D1, B1
         Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k).
     A
         Constraint matrix (n - m, n). The reduction does not need it, but if it is stated, S must satisfy A S = 0.
     F2
-        Resistances (m, 1): positive ones oppose motion, like the damping beside which they stand. None for none.
+        Resistances (m, 1): positive ones oppose motion, as damping does. None for no resistance.
     terms
         Named intermediate results that the matrices use, each those before it. In S and M1, which are differentiated,
         they must be constant.
@@ -275,7 +275,7 @@ class _Terms:
 
         uses: dict[sympy.Expr, int] = {}
         for term in needed:
-            # What stands in a branch is evaluated only if chosen: leave it there.
+            # A branch is evaluated only if it is chosen: leave its functions there.
             outside = term.expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: sympy.Integer(0))
             for function in outside.atoms(sympy.Function):
                 uses[function] = uses.get(function, 0) + 1

@@ -75,7 +75,7 @@ class NumericModel:
     def jacobians(self, t: npt.ArrayLike, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Jacobians:
         """Return the exact partial derivatives of `rhs` and `outputs` with respect to x and u.
 
-        Where a piecewise expression has a kink, they are those of the branch in use.
+        At a kink of a piecewise expression, they belong to the branch in use.
         """
         n, m, k = len(self.model.states), len(self.model.inputs), len(self.model.outputs)
         entries = _call(self._partials, t, x, u, p)

@@ -50,8 +50,8 @@ class Variable:
     start
         Start value of a state, value of an input before it is set, default of a parameter.
     min, max
-        Bounds, both allowed, that an FMU checks when the simulation starts, those of a parameter also when it changes
-        later. Where equations cease to hold while it runs is a `Limit`.
+        Bounds, both allowed. An FMU checks them when the simulation starts, and again when a parameter changes. A bound
+        of the equations' validity during a run is a `Limit`.
     nominal
         Typical magnitude, for solvers and tolerances.
     """
@@ -271,7 +271,7 @@ class OdeModel:
         _check(self)
 
     def _expression(self, value: object) -> sympy.Expr:
-        """Return what SymPy takes for an expression, such as the number 0, as one."""
+        """Return a value as an expression of SymPy, also a number such as 0."""
         try:
             expression = sympy.sympify(value, strict=True)
         except sympy.SympifyError:
@@ -293,7 +293,7 @@ class OdeModel:
         return tuple(p for p in self.parameters if isinstance(p, Enumeration))
 
     def expand(self, expression: sympy.Expr) -> sympy.Expr:
-        """Replace the named terms in an expression by what they stand for, in states, inputs and parameters."""
+        """Replace the named terms in an expression by their definitions, in states, inputs and parameters."""
         for term in reversed(self.terms):
             expression = expression.xreplace({term.symbol: term.expression})
         return expression
@@ -338,13 +338,13 @@ def _check(model: OdeModel) -> None:
     def error(text: str) -> ModelError:
         return ModelError(f"model {model.name!r}: {text}")
 
-    def check_name(name: str, what: str) -> None:
+    def check_name(name: str, role: str) -> None:
         if not _IDENTIFIER.fullmatch(name):
             raise error(
-                f"{what} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first"
+                f"{role} {name!r} is not an FMI and C identifier: use letters, digits and underscores, no digit first"
             )
         if name in RESERVED or _RESERVED_PREFIX.fullmatch(name):
-            raise error(f"{what} {name!r} is reserved, it cannot be used in the generated C code: choose another name")
+            raise error(f"{role} {name!r} is reserved, it cannot be used in the generated C code: choose another name")
 
     check_name(model.name, "model name")
     if not model.states:
@@ -357,26 +357,26 @@ def _check(model: OdeModel) -> None:
     declared: dict[str, sympy.Symbol] = {TIME.name: TIME}
     variants = {enumeration.symbol: enumeration.items for enumeration in model.enumerations}
 
-    def declare(symbol: sympy.Symbol, what: str) -> None:
-        check_name(symbol.name, what)
+    def declare(symbol: sympy.Symbol, role: str) -> None:
+        check_name(symbol.name, role)
         if symbol.name in declared:
             raise error(f"the name {symbol.name!r} is used twice")
         declared[symbol.name] = symbol
 
-    def check_symbols(expression: sympy.Expr, where: str) -> None:
+    def check_symbols(expression: sympy.Expr, place: str) -> None:
         for symbol in sorted(expression.free_symbols, key=str):
             if symbol.name not in declared:
-                raise error(f"{where} uses the undefined symbol {symbol.name!r}")
+                raise error(f"{place} uses the undefined symbol {symbol.name!r}")
             if declared[symbol.name] != symbol:
                 raise error(
-                    f"{where} uses a symbol {symbol.name!r} that is not the declared one: their assumptions differ"
+                    f"{place} uses a symbol {symbol.name!r} that is not the declared one: their assumptions differ"
                 )
         for function in sorted(expression.atoms(AppliedUndef), key=str):
-            raise error(f"{where} uses the undefined function {function}")
+            raise error(f"{place} uses the undefined function {function}")
         for equality in sorted(expression.atoms(sympy.Eq), key=str):
             items = variants.get(equality.lhs, ())
             if items and equality.rhs.is_number and equality.rhs not in range(1, len(items) + 1):
-                raise error(f"{where}: {equality.lhs} has no variant {equality.rhs}; it has 1 to {len(items)}")
+                raise error(f"{place}: {equality.lhs} has no variant {equality.rhs}; it has 1 to {len(items)}")
 
     for kind, variables in (("state", model.states), ("input", model.inputs), ("parameter", model.reals)):
         for variable in variables:

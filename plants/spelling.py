@@ -1,6 +1,6 @@
 """How people write units elsewhere, respelled as expressions: ``Nm`` as ``N.m``, ``°`` as ``deg``, ``m²`` as ``m2``.
 
-A respelling is a guess for a message, which says what to write; nothing is read by it.
+A respelling is a proposal for an error message. No unit is read through it.
 """
 
 import re
@@ -51,7 +51,7 @@ _FACTOR = re.compile(r"(.*?)([+-]?[0-9])?", re.DOTALL)
 
 
 def respelled(text: str) -> str:
-    """Return the unit expression that a text was perhaps meant to be; it need not be one."""
+    """Return the unit expression that a text probably means; it may be no valid one."""
     text = unicodedata.normalize("NFKC", text.strip().replace("º", "°")).translate(_SYMBOLS)  # "m²" becomes "m2"
     if text.casefold() in _MEANT:  # as a whole: "rev/min" is a word here, and so is "-"
         return _MEANT[text.casefold()]

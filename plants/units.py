@@ -56,7 +56,7 @@ def _unit(factor: float = 1.0, **exponents: int) -> Unit:
     return Unit(tuple(exponents.get(name, 0) for name in BASE_UNITS), factor)
 
 
-# Those that take a prefix first; the gram stands for kg, which is a base unit with a prefix.
+# Units that take a prefix. The gram is here for the sake of kg, a base unit with a prefix.
 _PREFIXED = {
     "g": _unit(1e-3, kg=1),
     "m": _unit(m=1),
@@ -100,7 +100,7 @@ def parse(text: str) -> Unit:
     Raises
     ------
     UnitError
-        The text is not a unit expression, or a symbol in it is not known; says what to write where that can be guessed.
+        The text is not a unit expression, or a symbol in it is not known. The error may propose one.
     """
     try:
         return _parsed(text)
@@ -111,7 +111,7 @@ def parse(text: str) -> Unit:
 
 
 def guess(text: str) -> str:
-    """Return the unit expression that a text which is none was perhaps meant to be; empty if none comes to mind."""
+    """Return the unit expression that a wrong text probably means; empty if none comes to mind."""
     if len(text) > _LONGEST_GUESSED:
         return ""
     meant = respelled(text)

@@ -1,4 +1,4 @@
-"""`build` joins the steps: generate, compile, package; or takes from the store what was built before.
+"""`build` joins the steps: generate, compile, package. The store gives back an FMU that was built before.
 
 SymPy, Jinja and FMPy's headers are touched only if something has to be generated.
 """
@@ -43,7 +43,7 @@ def build(
     for platform, compiler in compilers.items():
         tools += [platform.name, *compiler.command, compiler.version]
 
-    # What a built-in model's FMU holds follows from this package; another model's is known once it is generated.
+    # This package determines the FMU of a built-in model; the FMU of any other model is known once it is generated.
     name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model, version))
     contents = [part for item in sorted((files or {}).items()) for part in item]
     key = store.digest([name, *contents, *tools])

@@ -38,7 +38,7 @@ there is no C compiler: neither $CC nor cc, gcc or clang was found. Install one:
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler: the command, and its version line, which tells one compiler from another."""
+    """A C compiler: the command, and the line by which it states its version."""
 
     command: tuple[str, ...]
     version: str
@@ -55,7 +55,7 @@ def find_compiler() -> Compiler:
     Raises
     ------
     NoCompiler
-        There is none; the message says what to install. Or $CC names one that is not there.
+        There is none, and the message names packages to install; or $CC names one that is not there.
     """
     named = shlex.split(os.environ.get("CC", ""))
     for command in [named] if named else [["cc"], ["gcc"], ["clang"]]:
@@ -95,7 +95,7 @@ def compile_library(
     Parameters
     ----------
     compiler, platform
-        What compiles, and for what.
+        The compiler, and the platform of the library.
     root
         The folder that holds the FMU's content.
     sources

@@ -1,4 +1,4 @@
-"""The documentation page of an FMU: the model's equations as MathML, which browsers show without any script."""
+"""The documentation page of an FMU. The equations are MathML: browsers show it without any script."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -105,10 +105,10 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
     def _print_Piecewise(self, expression: sympy.Piecewise) -> Any:
         rows = []
         for value, condition in expression.args:
-            told = [self._element("mtext", "otherwise")]
+            when = [self._element("mtext", "otherwise")]
             if condition != sympy.true:
-                told = [self._element("mtext", "if\u00a0"), self._print(condition)]
-            cells = (self._element("mtd", self._print(value)), self._element("mtd", *told))
+                when = [self._element("mtext", "if\u00a0"), self._print(condition)]
+            cells = (self._element("mtd", self._print(value)), self._element("mtd", *when))
             rows.append(self._element("mtr", *cells))
         return self._element("mrow", self._element("mo", "{"), self._element("mtable", *rows))
 

@@ -1,12 +1,12 @@
 """The reference experiment that an FMU carries, so that whoever imports it can replay it and compare.
 
-The files are those of the draft layered standard FMI-LS-REF 1.0.0-alpha.1: the manifest by its section 2.1, related
-files by 2.2, the archive's folders by 2.3, the page on it by 2.4, the parameter set (SSV of SSP) by 2.5.1 and the
-experiments by 2.5.2. Their format is that of its appendix A, now the Harmonized Specification MA-HS-Experiments.
+The files follow the draft layered standard FMI-LS-REF 1.0.0-alpha.1: the manifest its section 2.1, related files 2.2,
+the archive's folders 2.3, the page on it 2.4, the parameter set (SSV of SSP) 2.5.1 and the experiments 2.5.2. The
+format of experiments is in its appendix A, now the Harmonized Specification MA-HS-Experiments.
 
 The results do not come from the FMU: the model's equations are evaluated here, in Python, and integrated with the
-classical Runge-Kutta method, as the FMU's own solver does that the parameter set chooses. Python's numbers are used
-rather than NumPy's, which would have to be loaded for it, and are slower one by one.
+classical Runge-Kutta method. The parameter set chooses the same method for the FMU. The numbers are Python's: NumPy
+would have to be loaded, and is slower for single numbers.
 """
 
 import csv
@@ -31,18 +31,18 @@ STEPS = 250
 PIECE = 50
 """For how many steps the inputs are held."""
 SAMPLES = 50
-"""How many results there are, after the start, at the most."""
+"""Largest number of results after the start."""
 LEVELS = (1.0, -1.0, 0.5, -0.5, 0.0)
 """Values of an input, piece by piece, in nominal values from its start value; their sum is zero. Each input is one
 piece behind the one before it."""
 DIGITS = 10
-"""Of a result, relative to the largest magnitude of its variable: beyond them, C libraries differ."""
+"""Digits of a result, relative to the largest magnitude of its variable. C libraries differ in further ones."""
 TOLERANCE = 1e-6
 _LARGEST = 1e9
-"""Of a state, in nominal values: beyond it, the model has diverged."""
+"""Largest magnitude of a state, in nominal values; a model beyond it has diverged."""
 
 _BROKEN = (ArithmeticError, ValueError, TypeError, NameError)
-"""What evaluating raises: of numbers, and of a function that Python does not have."""
+"""Errors of an evaluation: of numbers, and of a function that Python lacks."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,8 @@ class Experiment:
 def reference_experiment(model: OdeModel, table: Table) -> Experiment | None:
     """Return the reference experiment of a model.
 
-    It ends early where a state diverges, a limit is left or the equations have no value, and then in good time: what
-    happens there hangs on the last bit. Without any step before that, or with functions that Python does not have,
-    there is none.
+    It ends well before a state diverges, a limit is left or the equations have no value, as the numbers there depend on
+    the last bit. There is no experiment if not a single step comes before, or if Python lacks a function.
     """
     equations = _Equations(model)
     inputs = [[_level(entry, number, k) for number, entry in enumerate(table.inputs)] for k in range(STEPS)]
@@ -176,7 +175,7 @@ def _real(values: Iterable[float]) -> list[float]:
 def _simulate(equations: _Equations, table: Table, inputs: Sequence[Sequence[float]]) -> list[list[float]]:
     """Return states and outputs at the start and after each step, as long as the equations hold.
 
-    As in Co-Simulation, inputs are held over a step, and outputs at its end are those of its inputs.
+    As in Co-Simulation, inputs are held over a step, and the outputs at its end belong to these inputs.
     """
     rows: list[list[float]] = []
     x = [entry.start_value for entry in table.states]

@@ -113,7 +113,8 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
         _function(model, "model_get_partials", "partials", *running[:2]),
         _function(model, "model_get_parameter_partials", "partials", *at_start[:2]),
     )
-    reference = experiment.reference_experiment(model, table)  # of what can be written in C, as is known by now
+    # Last, as the functions above have refused a model that C cannot compute.
+    reference = experiment.reference_experiment(model, table)
     templates = version.templates | _TEMPLATES | (_REFERENCE_TEMPLATES if reference else {})
     files |= reference.files() if reference else {}
     context = {

@@ -111,7 +111,7 @@ def choose(names: str | Iterable[str], fmi: str) -> tuple[Platform, ...]:
 def universal(libraries: Sequence[bytes]) -> bytes:
     """Join libraries of macOS for several processors to one universal binary.
 
-    The format is that of Apple's <mach-o/fat.h>: a header in big-endian numbers, then the libraries, aligned to 2^14.
+    The format is in Apple's <mach-o/fat.h>: a header in big-endian numbers, then the libraries, aligned to 2^14.
     """
     align = 14
     header, body = struct.pack(">II", 0xCAFEBABE, len(libraries)), b""

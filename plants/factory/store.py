@@ -57,7 +57,7 @@ def write(target: Path, make: Callable[[Path], None]) -> Path:
     Parameters
     ----------
     target
-        The file; what was there is replaced.
+        The file. An older one is replaced.
     make
         Is given the path of a file to write, alone in a temporary folder.
 

@@ -1,9 +1,10 @@
-"""The table of an FMU's variables: what modelDescription.xml and config.h say about a model, decided once."""
+"""The table of an FMU's variables, from which modelDescription.xml and config.h are written."""
 
 import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import sympy
 
@@ -66,7 +67,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Entry:
-    """One variable of the FMU; `start` is None for what is computed, `type_name` is that of an enumeration's type."""
+    """One variable of the FMU; `start` is None if it is computed, `type_name` names the type of an enumeration."""
 
     reference: int
     name: str
@@ -126,7 +127,7 @@ class UnitEntry:
 
 @dataclass(frozen=True)
 class Unknown:
-    """One line of the model structure: a variable and what it depends on, by value reference, in ascending order."""
+    """One line of the model structure: a variable and its dependencies, by value reference in ascending order."""
 
     reference: int
     dependencies: tuple[int, ...]
@@ -209,16 +210,16 @@ def tabulate(model: OdeModel) -> Table:
             for v in variables
         )
 
+    def calculated(causality: str, name: str, description: str, unit: str, **rest: Any) -> Entry:
+        return Entry(next(references), name, causality, "continuous", "calculated", description, unit, **rest)
+
     states = entries("output", model.states)
     derivatives = tuple(
-        Entry(
-            reference=next(references),
-            name=state.name,
-            causality="local",
-            variability="continuous",
-            initial="calculated",
-            description=f"Time derivative of {state.name}",
-            unit=units.per_second(state.unit),
+        calculated(
+            "local",
+            state.name,
+            f"Time derivative of {state.name}",
+            units.per_second(state.unit),
             derivative_of=state.reference,
         )
         for state in states
@@ -226,16 +227,7 @@ def tabulate(model: OdeModel) -> Table:
     inputs = entries("input", model.inputs)
     parameters = entries("parameter", (*model.reals, SOLVER_STEP, TOLERANCE))
     outputs = tuple(
-        Entry(
-            reference=next(references),
-            name=output.name,
-            causality="output",
-            variability="continuous",
-            initial="calculated",
-            description=output.description,
-            unit=output.unit,
-            nominal=output.nominal,
-        )
+        calculated("output", output.name, output.description, output.unit, nominal=output.nominal)
         for output in model.outputs
     )
     all_enumerations = (*model.enumerations, SOLVER, *([AT_SINGULARITY] if model.limits else []))
@@ -308,7 +300,7 @@ def _unknown(
     fixed: set[sympy.Symbol],
     tunable: set[sympy.Symbol],
 ) -> Unknown:
-    """Find what an expression depends on, and how: with a slope that is constant, `fixed`, `tunable`, or any other."""
+    """Return the dependencies of an expression and their kinds: slope constant, `fixed`, `tunable`, or any other."""
     pieces = [piece for piecewise in expression.atoms(sympy.Piecewise) for piece in piecewise.args]
     deciding = set[sympy.Symbol]().union(*(condition.free_symbols for _, condition in pieces))
     dependencies, kinds = [], []
