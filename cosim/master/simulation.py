@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cosim.control.team import Team
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
+from cosim.master.dataset import dataset
 from cosim.master.interrupt import HeldSignals
 from cosim.master.members import member
 from cosim.master.pacing import Pacer
@@ -22,7 +23,6 @@ from cosim.master.recorder import Recorder
 from cosim.master.setup import RobotSetup, set_up
 from cosim.master.timing import timed
 from cosim.plant.fleet import Fleet, returning
-from cosim.results.files import dataset
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.signals.actuators import Actuators
 from cosim.signals.sensors import PoseSensor
@@ -263,7 +263,7 @@ class Simulation:
         return result
 
     def result(self) -> xr.Dataset:
-        """Return everything recorded so far; see `cosim.results.files.dataset`."""
+        """Return everything recorded so far; see `cosim.master.dataset.dataset`."""
         return self._result(self._failure)
 
     def _result(self, failure: Failure | None) -> xr.Dataset:

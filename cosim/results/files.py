@@ -1,87 +1,20 @@
-"""The result of a run: an xarray dataset with units and provenance, written as NetCDF."""
+"""The result of a run in a file: an xarray dataset, written as NetCDF whole or not at all, and read again."""
 
 from __future__ import annotations
 
 import io
-import json
 import os
-import platform
 import tempfile
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 
 import h5netcdf
-import numpy as np
 import xarray as xr
-from formation_controllers.geometry import range_bearing, unwrapped_bearing
 
-from cosim.control.team import Team
-from cosim.errors import Failure, InputError, OutputError
-from cosim.fmu.package import Fmu
-from cosim.master.members import in_own_process, tolerance_of
-from cosim.master.recorder import Recorder
-from cosim.master.setup import Setup
-from cosim.results import provenance
-from cosim.scenario.scenario import Scenario
-from cosim.vehicle.contract import labels
+from cosim.errors import InputError, OutputError
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 """What a netCDF file of version 4 begins with."""
-LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
-
-
-def dataset(
-    scenario: Scenario,
-    setup: Setup,
-    recorder: Recorder,
-    teams: Sequence[Team],
-    messages: Sequence[str],
-    failure: Failure | None = None,
-) -> xr.Dataset:
-    """Return what a run has recorded, with what follows from it.
-
-    The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
-    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
-
-    Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
-    of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,
-    ``status`` (``completed`` or ``incomplete``) and why the run did not reach its end.
-    """
-    arrays = recorder.arrays()
-    samples = recorder.recorded
-    coordinates: dict[str, object] = {
-        "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
-        "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        **{f"{roles}_component": list(labels(setup.contracts, roles)) for roles in ("pose", "velocity", "torque")},
-    }
-    for team in teams:
-        for signal in team.controller.signals:
-            if signal.components:
-                coordinates[f"{signal.name}_component"] = list(signal.components)
-    variables = {
-        name: (("time", *channel.dims), arrays[name], channel.attributes) for name, channel in recorder.channels.items()
-    }
-    desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
-    formation = np.full_like(desired, np.nan)
-    for team in teams:
-        pose, leader_pose = arrays["pose"][:, team.rows], arrays["leader_pose"][:, np.newaxis]
-        formation[:, team.rows] = range_bearing(pose, leader_pose, team.vehicle)
-    if samples:
-        formation[..., 1] = unwrapped_bearing(formation[..., 1], desired[..., 1])
-    error = formation - desired
-    for name, values, units, long_name in (
-        ("range", formation[..., 0], "m", "range to the virtual leader"),
-        ("bearing", formation[..., 1], "rad", "bearing of the virtual leader"),
-        ("range_error", error[..., 0], "m", "range less the desired range"),
-        ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
-    ):
-        variables[name] = (("time", "robot"), values, {"units": units, "long_name": long_name})
-    attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
-    return xr.Dataset(
-        variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure)
-    )
 
 
 def save(result: xr.Dataset, path: Path) -> None:
@@ -195,47 +128,3 @@ def load_result(path: str | Path) -> xr.Dataset:
             if stream.read(len(_HDF5)) != _HDF5:
                 raise InputError(f"{file} is no netCDF file; expected is the result of a run, result.nc") from None
         raise InputError(f"{file} cannot be read as the result of a run: {type(error).__name__}: {error}") from None
-
-
-def _provenance(
-    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu], messages: Sequence[str]
-) -> dict[str, str | int | float]:
-    return {
-        "title": scenario.title,
-        "scenario_name": scenario.name,
-        "scenario": scenario.text,
-        "status": "completed" if samples == scenario.ticks + 1 else "incomplete",
-        "seed": str(scenario.seed),  # text, as a seed may exceed the integers of NetCDF
-        "step": scenario.step,
-        "horizon": scenario.horizon,
-        "plants": json.dumps(
-            {
-                name: {
-                    "file": fmu.path.name,
-                    "sha256": fmu.sha256,
-                    "fmi_version": fmu.description.fmiVersion,
-                    "interface": fmu.interface,
-                    "process": "its own" if in_own_process(fmu, scenario.plants[name]) else "the harness",
-                    "tolerance": tolerance_of(fmu, scenario.plants[name]),
-                    "generation_tool": fmu.description.generationTool,
-                    "binding": fmu.binding.described(),
-                }
-                for name, fmu in fmus.items()
-            }
-        ),
-        "controllers": json.dumps(
-            [
-                {
-                    "name": team.law.source.name,
-                    "package": team.law.package,
-                    "version": team.law.version,
-                    "robots": team.robots,
-                }
-                for team in teams
-            ]
-        ),
-        "plant_messages": json.dumps(messages),
-        "versions": json.dumps(
-            {"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}}
-        ),
-    }
