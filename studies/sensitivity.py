@@ -20,10 +20,11 @@ from typing import Any
 from unittest.mock import patch
 
 import numba
-from formation_controllers import Desired, Leader, kinematics, neural_adaptive_pid, projection, sight
+from formation_controllers import Desired, kinematics, neural_adaptive_pid, projection, robot_view
 from formation_controllers.interface import Floats
+from formation_controllers.kinematics import PostureError
+from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from formation_controllers.observer_pid import ObserverPid
-from formation_controllers.sight import Sight
 from variation import HEADER, SCENARIOS, Outcome, extra_gain, gain, heading, outcome, parameter, row, worst
 
 import cosim
@@ -121,7 +122,7 @@ def _rebuilt(function: Any, **others: object) -> Any:
 
 def law(**others: object) -> Reading:
     """Return the paper's law with other things in the place of those that its tick names."""
-    return Reading(patches={(neural_adaptive_pid, "tick"): _rebuilt(neural_adaptive_pid.tick, **others)})
+    return Reading(patches={(NeuralAdaptivePid, "tick"): staticmethod(_rebuilt(NeuralAdaptivePid.tick, **others))})
 
 
 def network_input(chosen: Callable[..., None]) -> Reading:
@@ -135,22 +136,22 @@ def weight_step(chosen: Callable[..., None]) -> Reading:
 
 
 def _error_alone(
-    x: Floats, seen: Sight, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
+    x: Floats, error: PostureError, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
 ) -> None:
     x[:] = 0.0
-    x[0], x[1], x[2], x[3] = seen.e_1, seen.e_2, seen.e_3, seen.e_4
+    x[0], x[1], x[2], x[3] = error.e_1, error.e_2, error.e_3, error.e_4
 
 
 def _desired_rate(
-    x: Floats, seen: Sight, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
+    x: Floats, error: PostureError, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
 ) -> None:
-    _fill(x, seen, steering_d, v_d, rate_d, rate_d, acceleration_d)
+    _fill(x, error, steering_d, v_d, rate_d, rate_d, acceleration_d)
 
 
 def _no_steering(
-    x: Floats, seen: Sight, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
+    x: Floats, error: PostureError, steering_d: float, v_d: Floats, rate: Floats, rate_d: Floats, acceleration_d: Floats
 ) -> None:
-    _fill(x, seen, 0.0, v_d, rate, rate_d, acceleration_d)
+    _fill(x, error, 0.0, v_d, rate, rate_d, acceleration_d)
 
 
 _fill = neural_adaptive_pid.network_input
@@ -185,13 +186,8 @@ def _tractor_heading(pose: Floats, vehicle: Any) -> float:
     return pose[3]
 
 
-_on_start = ObserverPid.on_start
-
-
-def _start_at_zero(controller: ObserverPid, pose: Floats, leader: Leader, desired: Desired) -> None:
+def _start_at_zero(controller: ObserverPid, q: Floats, desired: Desired) -> None:
     """Start the observer at zero instead of at q; no gain of the law does that."""
-    _on_start(controller, pose, leader, desired)
-    controller._state["q_hat"] = 0.0
 
 
 # All of them ------------------------------------------------------------------------------------------------
@@ -207,9 +203,11 @@ LAW = {
     "weights beyond their bound: not scaled back, (29) alone (scaled)": weight_step(_never_scaled),
     "weights beyond their bound: scaled back, without (29)": weight_step(_only_scaled),
     "bearing within ±180° (unwrapped)": law(
-        sight=_with(sight, look=_rebuilt(sight.look, kinematics=_with(kinematics, unwrapped=_wrapped)))
+        robot_view=_with(
+            robot_view, view_of=_rebuilt(robot_view.view_of, kinematics=_with(kinematics, unwrapped=_wrapped))
+        )
     ),
-    "observer: q̂(0) = 0 (q(0))": Reading(patches={(ObserverPid, "on_start"): _start_at_zero}),
+    "observer: q̂(0) = 0 (q(0))": Reading(patches={(ObserverPid, "start_states"): _start_at_zero}),
 }
 HORIZON = {"horizon 150 s (100 s)": Reading(["//simulation/@horizon=150 s"])}
 

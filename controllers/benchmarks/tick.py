@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 from formation_controllers import CarLike, ControllerError, Desired, Leader, Team, load
-from formation_controllers.controller import Controller
+from formation_controllers.compiled_law import CompiledLaw, TickInputs
 
 PERIOD = 0.02
 LAWS = ("neural-adaptive-pid", "observer-pid", "neural-high-gain", "feedback-linearisation", "lqg")
@@ -52,24 +52,16 @@ def best(action: Callable[[], object], calls: int, rounds: int = 7) -> float:
     return min(times)
 
 
-def compiled_tick(controller: Controller, inputs: tuple, ticks: int) -> Callable[[], None]:
+def compiled_tick(controller: CompiledLaw, inputs: TickInputs, ticks: int) -> Callable[[], None]:
     """Return a compiled loop that calls a law's tick again and again: what a compiled master would pay."""
-    module = __import__(type(controller).__module__, fromlist=["tick"])
-    caught: list[tuple] = []
-    original = module.tick
-    module.tick = lambda *arguments: caught.append(arguments)
-    try:
-        controller.on_step(*inputs)
-    finally:
-        module.tick = original
-    (arguments,) = caught
+    tick, torque = type(controller).tick, np.empty((controller.team.size, 2))
 
     @numba.njit(error_model="numpy")
-    def many(*arguments):
+    def many(inputs, team, torque):
         for _ in range(ticks):
-            original(*arguments)
+            tick(inputs, team, torque)
 
-    return lambda: many(*arguments)
+    return lambda: many(inputs, controller._records, torque)
 
 
 def main() -> None:
@@ -104,7 +96,8 @@ def main() -> None:
             controller.start(pose, leader, desired)
             velocity = np.zeros((size, 2))
             step = best(lambda: controller.step(pose, leader, desired, velocity), ticks) / size  # noqa: B023
-            tick = best(compiled_tick(controller, (pose, leader, desired), ticks), 3) / ticks / size
+            inputs = TickInputs(pose, velocity, leader, desired)
+            tick = best(compiled_tick(controller, inputs, ticks), 3) / ticks / size
             rows.setdefault(name, []).extend([tick, step])
     for name, times in rows.items():
         cells = ""

@@ -1,4 +1,4 @@
-"""Formation controllers for wheeled robots: poses in, torques out.
+"""Formation controllers for wheeled robots: poses in, commands out.
 
 Importing this package is cheap; the base class of controllers (`formation_controllers.controller`), the
 geometry (`formation_controllers.geometry`) and the laws bring Numba with them.
@@ -8,13 +8,26 @@ from formation_controllers.errors import ControllerError, GainError, Incompatibl
 from formation_controllers.gains import GainInfo, Gains, gain_info
 from formation_controllers.interface import INTERFACE_VERSION, Desired, Leader, Signal, Team
 from formation_controllers.registry import Installed, installed, load
-from formation_controllers.vehicles import CarLike, TractorTrailer, Vehicle
+from formation_controllers.vehicles import (
+    OTHERS,
+    CarLike,
+    DifferentialDrive,
+    Entry,
+    FormationGeometry,
+    TorqueMap,
+    TractorTrailer,
+    Vehicle,
+)
 
 __all__ = [
     "INTERFACE_VERSION",
+    "OTHERS",
     "CarLike",
     "ControllerError",
     "Desired",
+    "DifferentialDrive",
+    "Entry",
+    "FormationGeometry",
     "GainError",
     "GainInfo",
     "Gains",
@@ -23,6 +36,7 @@ __all__ = [
     "Leader",
     "Signal",
     "Team",
+    "TorqueMap",
     "TractorTrailer",
     "UnknownController",
     "Vehicle",

@@ -1,4 +1,4 @@
-"""How the compiled parts are compiled: one way for all of them."""
+"""How the compiled parts are compiled, and called: one way for all of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def _sources() -> str:
     """Hash all sources of this package."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    files = sorted(Path(__file__).parent.rglob("*.py"))
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
@@ -41,3 +41,16 @@ def compiled(function: F) -> F:
     # old formula inlined from another file. Let all of our sources be the stamp.
     file._source_stamp = _SOURCES
     return dispatcher  # type: ignore[no-any-return]
+
+
+def compiled_for(function: F, *arguments: Any) -> F:
+    """Return a compiled function for arguments of just these types, from then on called without looking at their types.
+
+    Numba finds out the type of every argument at every call, which for named tuples takes longer than a law. The caller
+    promises that the types, also those within tuples and the layout of arrays, are always those of these arguments.
+    What is not compiled is returned as it is.
+    """
+    if not hasattr(function, "compile"):
+        return function
+    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+    return function.compile(types)  # type: ignore[no-any-return]

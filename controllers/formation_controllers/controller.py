@@ -11,8 +11,9 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from formation_controllers.arrays import (
-    VELOCITY,
+from formation_controllers.errors import ControllerError, GainError
+from formation_controllers.gains import Gains
+from formation_controllers.input_checks import (
     all_finite,
     checked,
     checked_desired,
@@ -21,13 +22,10 @@ from formation_controllers.arrays import (
     finite,
     fits,
 )
-from formation_controllers.errors import ControllerError, GainError
-from formation_controllers.gains import Gains
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
+from formation_controllers.vehicles import OTHERS, Vehicle, names, states_all
 
 G = TypeVar("G", bound=Gains)
-
-_UNTOLD = np.zeros(2)
 
 
 class Controller(ABC, Generic[G]):
@@ -42,12 +40,13 @@ class Controller(ABC, Generic[G]):
     5. `reset` leads back to 1; `set_state` and `from_bytes` stand in for `start`
 
     `copy` is legal at any time. A law is decentralised: row i of what comes out depends on row i of what goes
-    in, and on the leader.
+    in, and on the leader. The sizes of all arrays are the vehicle's: P entries of a pose, V velocities and C commands,
+    which are torques unless the vehicle says otherwise.
 
     To write one, state the class variables and the three abstract methods, keep every number that changes in
     ``self._state``, and write the signals into ``self._telemetry``: both are structured arrays with one
     record a robot and one field for each name. A law that `needs` measured velocities finds those of the tick
-    in ``self._velocity`` (N, 2).
+    in ``self._velocity`` (N, V).
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ class Controller(ABC, Generic[G]):
     interface: ClassVar[str]
     """Version of the interface that the class speaks."""
     vehicles: ClassVar[tuple[str, ...]]
-    """Kinds of vehicles that it serves."""
+    """Kinds of vehicles that it serves; with `OTHERS` among them, also kinds that state what it needs."""
     gains_type: type[G]
     """Its gains."""
     signals: ClassVar[tuple[Signal, ...]]
@@ -88,7 +87,7 @@ class Controller(ABC, Generic[G]):
         if not isinstance(team, Team):
             raise ControllerError(f"the team of this {name} is {team!r}: expected a Team")
         gains = self.gains_type() if gains is None else gains
-        if team.vehicle.kind not in self.vehicles:
+        if not self.serves(team.vehicle):
             raise ControllerError(f"{name} serves vehicles of kind {', '.join(self.vehicles)}, not {team.vehicle.kind}")
         self.robot_gains = tuple(gains) if isinstance(gains, Sequence) else (gains,) * team.size
         if len(self.robot_gains) != team.size:
@@ -97,14 +96,33 @@ class Controller(ABC, Generic[G]):
             if not isinstance(own, self.gains_type):
                 raise GainError(f"{name} takes gains of {self.gains_type.__name__}, not of {type(own).__name__}")
         self.team = team
+        poses, velocities, commands = (
+            len(entries) for entries in (team.vehicle.pose, team.vehicle.velocity, team.vehicle.command)
+        )
         pairs = (team.size, 2)
-        self._shapes = ((team.size, 4), (4,), (2,), (2,), pairs, pairs, pairs)  # of what comes in at a tick
-        self._velocity = np.full(pairs, np.nan)
+        self._shapes = (
+            (team.size, poses),
+            (poses,),
+            (velocities,),
+            (velocities,),
+            pairs,
+            pairs,
+            pairs,
+        )  # what comes in
+        self._command_shape = (team.size, commands)
+        self._command_word = "torque" if {entry.unit for entry in team.vehicle.command} == {"N.m"} else "command"
+        self._velocity = np.full((team.size, velocities), np.nan)
+        self._no_acceleration = np.zeros(velocities)
         states = [(state, float, shape) for state, shape in self.state_shapes().items()]
         signals = [(s.name, float, (len(s.components),) if s.components else ()) for s in self.signals]
         self._state = np.zeros(team.size, dtype=np.dtype(states))
         self._telemetry = np.full(team.size, np.nan, dtype=np.dtype(signals))
         self._started = False
+
+    @classmethod
+    def serves(cls, vehicle: Vehicle) -> bool:
+        """Tell whether the law serves a vehicle: one of its `vehicles`."""
+        return vehicle.kind in cls.vehicles or (OTHERS in cls.vehicles and states_all(vehicle))
 
     @property
     def gains(self) -> G:
@@ -130,7 +148,7 @@ class Controller(ABC, Generic[G]):
 
     @abstractmethod
     def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
-        """Return the torques (N, 2) of this tick, then advance every state by one period. Checked arrays."""
+        """Return the commands (N, C) of this tick, then advance every state by one period. Checked arrays."""
 
     def start(self, pose: ArrayLike, leader: Leader, desired: Desired) -> None:
         """Set every state to its value at time zero.
@@ -138,7 +156,7 @@ class Controller(ABC, Generic[G]):
         Parameters
         ----------
         pose
-            Poses (N, 4) of the followers [m, m, rad, rad].
+            Poses (N, P) of the followers.
         leader
             The virtual leader.
         desired
@@ -161,51 +179,42 @@ class Controller(ABC, Generic[G]):
         self._started = True
 
     def step(self, pose: ArrayLike, leader: Leader, desired: Desired, velocity: ArrayLike | None = None) -> Floats:
-        """Return the torques of this tick, unsaturated, and advance every state by one period.
+        """Return the commands of this tick, unsaturated, and advance every state by one period.
 
         Parameters
         ----------
         pose
-            Poses (N, 4) of the followers [m, m, rad, rad].
+            Poses (N, P) of the followers.
         leader
             The virtual leader.
         desired
             Desired range and bearing.
         velocity
-            Measured velocities (v, omega) (N, 2) [m/s, rad/s] of the followers, for a law that `needs` them;
-            other laws do not look at them.
+            Measured velocities (N, V) of the followers, for a law that `needs` them; other laws do not look at them.
 
         Returns
         -------
         ndarray
-            Torques (N, 2) [N.m].
+            Commands (N, C), in the vehicle's units: torques, as a rule.
 
         Raises
         ------
         ControllerError
             Before `start`; if a shape does not fit the team, a number is not finite, naming robot and
             component, or velocities that the law needs are missing (the controller is then as it was before the
-            call); or if the law returns torques of another shape or that are not finite (it is then of no use
+            call); or if the law returns commands of another shape or that are not finite (it is then of no use
             until the next `start`).
         """
         self._require_start("a step")
         inputs = self._checked(pose, leader, desired)
         if "velocity" in self.needs:
             self._velocity = self._checked_velocity(velocity)
-        torque = self.on_step(*inputs)
-        if not fits(torque, (self.team.size, 2)):
-            torque = converted(f"the torque of {type(self).__name__}", torque, (self.team.size, 2))
-        if not finite(torque):
-            robot = int(np.argmin(np.isfinite(torque).all(axis=1)))
-            told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
-            values = ", ".join(f"{signal.name} = {value} {signal.unit}" for signal, value in told)
-            near = "".join(
-                f"; {signal.name} is near zero, where {signal.singular_at_zero}"
-                for signal, value in told
-                if (np.abs(value) < signal.singular_below).any()
-            )
-            raise ControllerError(f"the torque is not finite, at {values}{near}", robot=robot)
-        return torque
+        command = self.on_step(*inputs)
+        if not fits(command, self._command_shape):
+            command = converted(f"the {self._command_word} of {type(self).__name__}", command, self._command_shape)
+        if not finite(command):
+            raise self._not_finite(command)
+        return command
 
     def telemetry(self) -> dict[str, Floats]:
         """Return every signal at the last step, from which its torques came; NaN before the first step."""
@@ -285,6 +294,18 @@ class Controller(ABC, Generic[G]):
             raise ControllerError(f"the bytes are not a controller's state: {error}") from None
         self.set_state({name: state[name] for name in state.dtype.names or ()})
 
+    def _not_finite(self, command: Floats) -> ControllerError:
+        """Return the error that names the first follower whose command is not finite, and what is near zero there."""
+        robot = int(np.argmin(np.isfinite(command).all(axis=1)))
+        told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
+        values = ", ".join(f"{signal.name} = {value} {signal.unit}" for signal, value in told)
+        near = "".join(
+            f"; {signal.name} is near zero, where {signal.singular_at_zero}"
+            for signal, value in told
+            if (np.abs(value) < signal.singular_below).any()
+        )
+        return ControllerError(f"the {self._command_word} is not finite, at {values}{near}", robot=robot)
+
     def _names(self) -> tuple[str, ...]:
         return self._state.dtype.names or ()
 
@@ -299,14 +320,14 @@ class Controller(ABC, Generic[G]):
     def _checked(self, pose: ArrayLike, leader: Leader, desired: Desired) -> tuple[Floats, Leader, Desired]:
         """Return the inputs as arrays of the right shape with finite numbers, or refuse them by name."""
         if type(leader) is Leader and type(desired) is Desired:
-            acceleration = _UNTOLD if leader.acceleration is None else leader.acceleration
+            acceleration = self._no_acceleration if leader.acceleration is None else leader.acceleration
             given: tuple[Any, ...] = (pose, leader.pose, leader.velocity, acceleration, *desired)
             if all(map(fits, given, self._shapes)) and all_finite(*given):  # as at almost every tick
                 return pose, leader, desired  # type: ignore[return-value]
-        components = self.team.vehicle.pose_components
+        vehicle = self.team.vehicle
         return (
-            checked("pose", pose, (self.team.size, 4), components),
-            checked_leader(leader, components),
+            checked("pose", pose, self._shapes[0], names(vehicle.pose)),
+            checked_leader(leader, vehicle),
             checked_desired(desired, self.team.size),
         )
 
@@ -315,4 +336,4 @@ class Controller(ABC, Generic[G]):
             raise ControllerError(
                 f"{type(self).__name__} needs the measured velocities of the followers: pass velocity"
             )
-        return checked("velocity", velocity, (self.team.size, 2), VELOCITY)
+        return checked("velocity", velocity, self._velocity.shape, names(self.team.vehicle.velocity))

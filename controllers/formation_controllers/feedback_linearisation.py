@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from formation_controllers import dynamics, kinematics, sight
+from formation_controllers import dynamics, kinematics, robot_view
 from formation_controllers.compiled import compiled
-from formation_controllers.controller import Controller
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
 from formation_controllers.dynamics import ModelGains
-from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import first_range_bearing
-from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
-from formation_controllers.kinematics import TRACTOR_TRAILER, vehicle_record
-from formation_controllers.sight import TORQUE_SIGNALS, GuardGains
+from formation_controllers.gains import gain
+from formation_controllers.interface import Floats, Signal
+from formation_controllers.singularities import TORQUE_SIGNALS, GuardGains
 
 
 @dataclass(frozen=True)
@@ -29,7 +23,61 @@ class FeedbackLinearisationGains(ModelGains, GuardGains):
     K_1: float | Sequence[float] = gain(2.0, "K_1", "1/s", "feedback of its rate", size=2, above=0)
 
 
-class FeedbackLinearisation(Controller[FeedbackLinearisationGains]):
+@compiled
+def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
+    """Fill the torques of a team at one tick, and its telemetry."""
+    leader, desired, vehicle = inputs.leader, inputs.desired, team.vehicle
+    v_d, v_d_dot = leader.velocity[0], leader.acceleration[0]  # type: ignore[index]
+    turn_d = kinematics.body_turn(v_d, leader.velocity[1], kinematics.steering_angle(leader.pose, vehicle), vehicle)
+    for i in range(len(inputs.pose)):
+        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+        v, omega = inputs.velocity[i, 0], inputs.velocity[i, 1]
+        view = robot_view.view_of(inputs.pose[i], leader.pose, v_d, own["bearing"], vehicle, g["guard"])
+        rho = max(view.sight.rho, g["guard"] * vehicle.length)
+
+        # Rates, (8)
+        q_1_dot, q_2_dot = robot_view.rates_of(view, v, omega)
+        turn = kinematics.body_turn(v, omega, view.steering, vehicle)
+        steering_dot = kinematics.steering_rate(omega, turn, vehicle)
+        phi_dot = q_2_dot + steering_dot
+        r_11_dot, r_21_dot = kinematics.rate_matrix_dot(
+            rho, view.sight.phi, view.steering, q_1_dot, phi_dot, steering_dot, vehicle
+        )
+        delta_1_dot, delta_2_dot = kinematics.leader_rates_dot(
+            rho, view.sight.phi, view.error.e_3, v_d, q_1_dot, phi_dot, turn_d - turn, v_d_dot
+        )
+
+        # Wanted q_ddot = R_dot (v, omega) + R (v_dot, omega_dot) + delta_dot, solved for (v_dot, omega_dot)
+        q_1_ddot = (
+            desired.q_ddot[i, 0]
+            - g["K_1"][0] * (q_1_dot - desired.q_dot[i, 0])
+            - g["K_0"][0] * (view.sight.rho - desired.q[i, 0])
+        )
+        q_2_ddot = (
+            desired.q_ddot[i, 1]
+            - g["K_1"][1] * (q_2_dot - desired.q_dot[i, 1])
+            - g["K_0"][1] * (view.sight.bearing - desired.q[i, 1])
+        )
+        v_dot, omega_dot = robot_view.from_rates(
+            view, q_1_ddot - r_11_dot * v - delta_1_dot, q_2_ddot - r_21_dot * v - delta_2_dot
+        )
+
+        # (3)
+        M2 = dynamics.inertia(view.steering, vehicle, g)
+        C2 = dynamics.coriolis(view.steering, v, omega, vehicle, g)
+        d_1, d_2 = dynamics.damping(inputs.pose[i, 2], view.steering, vehicle, g)
+        tau_1, tau_2 = robot_view.torque_of(
+            view,
+            M2.m_11 * v_dot + M2.m_12 * omega_dot + C2.m_11 * v + C2.m_12 * omega + d_1 * v,
+            M2.m_21 * v_dot + M2.m_22 * omega_dot + C2.m_21 * v + C2.m_22 * omega + d_2 * omega,
+        )
+        torque[i, 0], torque[i, 1] = tau_1, tau_2
+        out["range_rate"], out["bearing_rate"] = q_1_dot, q_2_dot
+        robot_view.report(view, tau_1, tau_2, out)
+        own["bearing"] = view.sight.bearing
+
+
+class FeedbackLinearisation(CompiledLaw[FeedbackLinearisationGains]):
     """Model-based feedback linearisation of (10): q_ddot = q_d_ddot - K_1 epsilon_dot - K_0 epsilon.
 
     It is computed along (9), of which (10) is a rearrangement: the pseudo-accelerations that give this q_ddot, then
@@ -38,8 +86,7 @@ class FeedbackLinearisation(Controller[FeedbackLinearisationGains]):
     error.
     """
 
-    interface: ClassVar[str] = "1.1"
-    vehicles: ClassVar[tuple[str, ...]] = ("car_like", "tractor_trailer")
+    tick = staticmethod(tick)
     needs: ClassVar[tuple[str, ...]] = ("velocity",)
     gains_type = FeedbackLinearisationGains
     signals: ClassVar[tuple[Signal, ...]] = (
@@ -48,97 +95,6 @@ class FeedbackLinearisation(Controller[FeedbackLinearisationGains]):
         *TORQUE_SIGNALS,
     )
 
-    def __init__(
-        self, team: Team, gains: FeedbackLinearisationGains | Sequence[FeedbackLinearisationGains] | None = None
-    ) -> None:
-        super().__init__(team, gains)
-        self._gains = gain_records(self.robot_gains)
-        self._vehicle = vehicle_record(team.vehicle)
-
-    def state_shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the bearing of the last tick, to unwrap the next one: the law itself has no state."""
-        return {"bearing": ()}
-
-    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
-        """Choose the turn of the bearing."""
-        self._state["bearing"] = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)[:, 1]
-
-    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
-        """Return the torques."""
-        torque = np.empty((self.team.size, 2))
-        tick(
-            pose,
-            self._velocity,
-            leader.pose,
-            leader.velocity,
-            0.0 if leader.acceleration is None else leader.acceleration[0],
-            desired.q,
-            desired.q_dot,
-            desired.q_ddot,
-            self._vehicle,
-            self._gains,
-            self._state,
-            self._telemetry,
-            torque,
-        )
-        return torque
-
-
-@compiled
-def tick(
-    pose: Floats,
-    velocity: Floats,
-    leader_pose: Floats,
-    leader_velocity: Floats,
-    v_d_dot: float,
-    q_d: Floats,
-    q_d_dot: Floats,
-    q_d_ddot: Floats,
-    vehicle: NDArray[np.void],
-    gains: NDArray[np.void],
-    state: NDArray[np.void],
-    telemetry: NDArray[np.void],
-    torque: Floats,
-) -> None:
-    """Fill the torques of a team at one tick, and its telemetry."""
-    car, v_d = vehicle[0], leader_velocity[0]
-    turn_d = v_d * math.tan(kinematics.steering_angle(leader_pose, car)) / car["length"]
-    for i in range(len(pose)):
-        own, g, out = state[i], gains[i], telemetry[i]
-        v, omega = velocity[i, 0], velocity[i, 1]
-        seen = sight.look(pose[i], leader_pose, v_d, own["bearing"], car, g["guard"])
-        rho = max(seen.rho, g["guard"] * car["length"])
-
-        # Rates, (8)
-        q_1_dot = seen.r_11 * v + seen.r_12 * omega + seen.delta_1
-        q_2_dot = seen.r_21 * v + seen.r_22 * omega + seen.delta_2
-        turn = v * math.tan(seen.steering) / car["length"]
-        steering_dot = omega - turn if car["kind"] == TRACTOR_TRAILER else omega
-        phi_dot = q_2_dot + steering_dot
-        r_11_dot, r_21_dot = kinematics.rate_matrix_dot(
-            rho, seen.phi, seen.steering, q_1_dot, phi_dot, steering_dot, car
-        )
-        delta_1_dot, delta_2_dot = kinematics.leader_rates_dot(
-            rho, seen.phi, seen.e_3, v_d, q_1_dot, phi_dot, turn_d - turn, v_d_dot
-        )
-
-        # Wanted q_ddot = R_dot (v, omega) + R (v_dot, omega_dot) + delta_dot, solved for (v_dot, omega_dot)
-        q_1_ddot = q_d_ddot[i, 0] - g["K_1"][0] * (q_1_dot - q_d_dot[i, 0]) - g["K_0"][0] * (seen.rho - q_d[i, 0])
-        q_2_ddot = q_d_ddot[i, 1] - g["K_1"][1] * (q_2_dot - q_d_dot[i, 1]) - g["K_0"][1] * (seen.bearing - q_d[i, 1])
-        v_dot, omega_dot = sight.from_rates(
-            seen, q_1_ddot - r_11_dot * v - delta_1_dot, q_2_ddot - r_21_dot * v - delta_2_dot
-        )
-
-        # (3)
-        m_11, m_12, m_22 = dynamics.inertia(seen.steering, car, g)
-        c_11, c_12, c_21, c_22 = dynamics.coriolis(seen.steering, v, omega, car, g)
-        d_1, d_2 = dynamics.damping(pose[i, 2], seen.steering, car, g)
-        tau_1, tau_2 = sight.torque_of(
-            seen,
-            m_11 * v_dot + m_12 * omega_dot + c_11 * v + c_12 * omega + d_1 * v,
-            m_12 * v_dot + m_22 * omega_dot + c_21 * v + c_22 * omega + d_2 * omega,
-        )
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
-        out["range_rate"], out["bearing_rate"] = q_1_dot, q_2_dot
-        sight.report(seen, tau_1, tau_2, out)
-        own["bearing"] = seen.bearing
+    def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return nothing: the law itself has no state."""
+        return {}

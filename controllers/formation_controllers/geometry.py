@@ -1,43 +1,46 @@
 """Formation geometry on arrays: the formulas of `kinematics` for any number of poses at once.
 
-A pose has the components that its vehicle's `pose_components` name.
+They serve every vehicle that states its `FormationGeometry`. A pose has the P entries of its vehicle's `pose`.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from formation_controllers import kinematics
 from formation_controllers.compiled import compiled
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.kinematics import vehicle_record
-from formation_controllers.vehicles import Vehicle
+from formation_controllers.kinematics import UNKNOWN, Geometry, geometry_of
+from formation_controllers.vehicles import CarLike, Vehicle
 
 
-def posture_error(pose: ArrayLike, leader_pose: ArrayLike) -> Floats:
+def posture_error(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle | None = None) -> Floats:
     """Posture error e in the follower's frame, (4); for the tractor-trailer in the trailer's.
 
     Parameters
     ----------
     pose, leader_pose
-        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses, shape (..., P); leading dimensions broadcast.
+    vehicle
+        The vehicle of followers and leader; if left out, one whose poses have four entries.
 
     Returns
     -------
     ndarray
-        Shape (..., 4).
+        Shape (..., P).
 
     Raises
     ------
     ControllerError
-        If the shapes do not fit.
+        If the shapes do not fit, or the vehicle does not state its formation.
     """
-    poses, leaders, shape = _pairs(pose, leader_pose)
-    e = np.empty((len(poses), 4))
-    _posture_error(poses, leaders, e)
-    return e.reshape(*shape, 4)
+    geometry = _FOUR if vehicle is None else geometry_of(vehicle)
+    poses, leaders, shape = _pairs(pose, leader_pose, 4 if vehicle is None else len(vehicle.pose))
+    e = np.zeros(poses.shape)
+    _posture_error(poses, leaders, geometry, e)
+    return e.reshape(*shape, poses.shape[-1])
 
 
 def posture_error_rates(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> tuple[Floats, Floats]:
@@ -46,25 +49,25 @@ def posture_error_rates(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicl
     Parameters
     ----------
     pose, leader_pose
-        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses, shape (..., P); leading dimensions broadcast.
     vehicle
         The vehicle of followers and leader.
 
     Returns
     -------
     J, S : ndarray
-        Shape (..., 4, 2).
+        Shape (..., P, 2).
 
     Raises
     ------
     ControllerError
-        If the shapes do not fit.
+        If the shapes do not fit, or the vehicle does not state its formation.
     """
-    poses, leaders, shape = _pairs(pose, leader_pose)
-    j, s = np.zeros((2, len(poses), 4, 2))
-    j[:, 3, 1], s[:, 3, 1] = -1.0, 1.0
-    _posture_error_rates(poses, leaders, vehicle_record(vehicle), j, s)
-    return j.reshape(*shape, 4, 2), s.reshape(*shape, 4, 2)
+    geometry = geometry_of(vehicle)
+    poses, leaders, shape = _pairs(pose, leader_pose, len(vehicle.pose))
+    j, s = np.zeros((2, *poses.shape, 2))
+    _posture_error_rates(poses, leaders, geometry, j, s)
+    return j.reshape(*shape, -1, 2), s.reshape(*shape, -1, 2)
 
 
 def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> Floats:
@@ -76,7 +79,7 @@ def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> 
     Parameters
     ----------
     pose, leader_pose
-        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses, shape (..., P); leading dimensions broadcast.
     vehicle
         The followers' vehicle.
 
@@ -88,11 +91,12 @@ def range_bearing(pose: ArrayLike, leader_pose: ArrayLike, vehicle: Vehicle) -> 
     Raises
     ------
     ControllerError
-        If the shapes do not fit.
+        If the shapes do not fit, or the vehicle does not state its formation.
     """
-    poses, leaders, shape = _pairs(pose, leader_pose)
+    geometry = geometry_of(vehicle)
+    poses, leaders, shape = _pairs(pose, leader_pose, len(vehicle.pose))
     q = np.empty((len(poses), 2))
-    _range_bearing(poses, leaders, vehicle_record(vehicle), q)
+    _range_bearing(poses, leaders, geometry, q)
     return q.reshape(*shape, 2)
 
 
@@ -150,7 +154,7 @@ def first_range_bearing(pose: ArrayLike, leader_pose: ArrayLike, desired: ArrayL
     Raises
     ------
     ControllerError
-        If the shapes do not fit.
+        If the shapes do not fit, or the vehicle does not state its formation.
     """
     q = range_bearing(pose, leader_pose, vehicle)
     q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], np.asarray(desired)[np.newaxis, :, 1])[0]
@@ -165,7 +169,7 @@ def formation_rates(
     Parameters
     ----------
     pose, leader_pose
-        Poses [m, m, rad, rad], shape (..., 4); leading dimensions broadcast.
+        Poses, shape (..., P); leading dimensions broadcast.
     leader_speed
         v_d [m/s], broadcast to the leading dimensions.
     vehicle
@@ -181,15 +185,16 @@ def formation_rates(
     Raises
     ------
     ControllerError
-        If the shapes do not fit.
+        If the shapes do not fit, or the vehicle does not state its formation.
     """
-    poses, leaders, shape = _pairs(pose, leader_pose)
+    geometry = geometry_of(vehicle)
+    poses, leaders, shape = _pairs(pose, leader_pose, len(vehicle.pose))
     try:
         speeds = np.ascontiguousarray(np.broadcast_to(np.asarray(leader_speed, dtype=float), shape)).ravel()
     except ValueError:
         raise ControllerError(f"the leader's speed does not broadcast to {shape}") from None
     r, delta = np.empty((len(poses), 4)), np.empty((len(poses), 2))
-    _formation_rates(poses, leaders, speeds, vehicle_record(vehicle), r, delta)
+    _formation_rates(poses, leaders, speeds, geometry, r, delta)
     return r.reshape(*shape, 2, 2), delta.reshape(*shape, 2)
 
 
@@ -199,7 +204,7 @@ def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
     Parameters
     ----------
     pose
-        Poses [m, m, rad, rad], shape (..., 4).
+        Poses, shape (..., P).
     vehicle
         The vehicle, with its drive.
 
@@ -211,48 +216,55 @@ def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
     Raises
     ------
     ControllerError
-        If the shape does not fit.
+        If the shape does not fit, or the vehicle does not state its formation and what its torques do.
     """
-    poses, _, shape = _pairs(pose, pose)
+    geometry = geometry_of(vehicle)
+    if geometry.torques == UNKNOWN:
+        raise ControllerError(f"the vehicle {vehicle!r} does not state what its torques do")
+    poses, _, shape = _pairs(pose, pose, len(vehicle.pose))
     b = np.empty((len(poses), 4))
-    _input_matrix(poses, vehicle_record(vehicle), b)
+    _input_matrix(poses, geometry, b)
     return b.reshape(*shape, 2, 2)
 
 
-def _pairs(pose: ArrayLike, leader_pose: ArrayLike) -> tuple[Floats, Floats, tuple[int, ...]]:
-    """Broadcast two arrays of poses; return them as (M, 4) and the leading shape."""
+_FOUR = geometry_of(CarLike(1.0))
+
+
+def _pairs(pose: ArrayLike, leader_pose: ArrayLike, entries: int) -> tuple[Floats, Floats, tuple[int, ...]]:
+    """Broadcast two arrays of poses; return them as (M, entries) and the leading shape."""
     a, b = np.asarray(pose, dtype=float), np.asarray(leader_pose, dtype=float)
     try:
         a, b = np.broadcast_arrays(a, b)
     except ValueError:
         raise ControllerError(f"poses of shapes {a.shape} and {b.shape} do not broadcast") from None
-    if a.shape[-1:] != (4,):
-        raise ControllerError(f"poses have shape {a.shape}: the last dimension must be 4")
-    return a.reshape(-1, 4).copy(), b.reshape(-1, 4).copy(), a.shape[:-1]
+    if a.shape[-1:] != (entries,):
+        raise ControllerError(f"poses have shape {a.shape}: the last dimension must be {entries}")
+    return a.reshape(-1, entries).copy(), b.reshape(-1, entries).copy(), a.shape[:-1]
 
 
 @compiled
-def _posture_error(pose: Floats, leader_pose: Floats, e: Floats) -> None:
+def _posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry, e: Floats) -> None:
     for i in range(len(pose)):
-        e[i, 0], e[i, 1], e[i, 2], e[i, 3] = kinematics.posture_error(pose[i], leader_pose[i])
+        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        e[i, 0], e[i, 1], e[i, 2] = error.e_1, error.e_2, error.e_3
+        if e.shape[1] > 3:
+            e[i, 3] = error.e_4
 
 
 @compiled
-def _posture_error_rates(pose: Floats, leader_pose: Floats, vehicle: NDArray[np.void], j: Floats, s: Floats) -> None:
+def _posture_error_rates(pose: Floats, leader_pose: Floats, vehicle: Geometry, j: Floats, s: Floats) -> None:
     for i in range(len(pose)):
-        e_1, e_2, e_3, _ = kinematics.posture_error(pose[i], leader_pose[i])
-        h, h_d = kinematics.steering_angle(pose[i], vehicle[0]), kinematics.steering_angle(leader_pose[i], vehicle[0])
-        j[i, 0, 0], j[i, 1, 0], j[i, 2, 0], s[i, 0, 0], s[i, 1, 0], s[i, 2, 0] = kinematics.posture_error_rates(
-            e_1, e_2, e_3, h, h_d, vehicle[0]["length"]
-        )
+        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        h, h_d = kinematics.steering_angle(pose[i], vehicle), kinematics.steering_angle(leader_pose[i], vehicle)
+        kinematics.fill_posture_error_rates(error, h, h_d, vehicle, j[i], s[i])
 
 
 @compiled
-def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: NDArray[np.void], q: Floats) -> None:
+def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: Geometry, q: Floats) -> None:
     for i in range(len(pose)):
-        e_1, e_2, _, _ = kinematics.posture_error(pose[i], leader_pose[i])
-        rho, phi = kinematics.line_of_sight(e_1, e_2, vehicle[0]["length"])
-        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i], vehicle[0])
+        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
+        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i], vehicle)
 
 
 @compiled
@@ -265,18 +277,18 @@ def _unwrap(bearing: Floats, desired: Floats) -> None:
 
 @compiled
 def _formation_rates(
-    pose: Floats, leader_pose: Floats, v_d: Floats, vehicle: NDArray[np.void], r: Floats, delta: Floats
+    pose: Floats, leader_pose: Floats, v_d: Floats, vehicle: Geometry, r: Floats, delta: Floats
 ) -> None:
     for i in range(len(pose)):
-        e_1, e_2, e_3, _ = kinematics.posture_error(pose[i], leader_pose[i])
-        rho, phi = kinematics.line_of_sight(e_1, e_2, vehicle[0]["length"])
-        steering = kinematics.steering_angle(pose[i], vehicle[0])
-        r[i, 0], r[i, 1], r[i, 2], r[i, 3] = kinematics.rate_matrix(rho, phi, steering, vehicle[0])
-        delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, phi, e_3, v_d[i])
+        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
+        R = kinematics.rate_matrix(rho, phi, kinematics.steering_angle(pose[i], vehicle), vehicle)
+        r[i, 0], r[i, 1], r[i, 2], r[i, 3] = R.m_11, R.m_12, R.m_21, R.m_22
+        delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, phi, error.e_3, v_d[i])
 
 
 @compiled
-def _input_matrix(pose: Floats, vehicle: NDArray[np.void], b: Floats) -> None:
+def _input_matrix(pose: Floats, vehicle: Geometry, b: Floats) -> None:
     for i in range(len(pose)):
-        steering = kinematics.steering_angle(pose[i], vehicle[0])
-        b[i, 0], b[i, 1], b[i, 2], b[i, 3] = kinematics.input_matrix(pose[i, 2], steering, vehicle[0])
+        B2 = kinematics.input_matrix(pose[i, 2], kinematics.steering_angle(pose[i], vehicle), vehicle)
+        b[i, 0], b[i, 1], b[i, 2], b[i, 3] = B2.m_11, B2.m_12, B2.m_21, B2.m_22

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation_controllers.errors import ControllerError
-from formation_controllers.vehicles import CarLike, TractorTrailer, Vehicle, is_positive
+from formation_controllers.vehicles import Vehicle, is_positive, vehicle_fault
 
 Floats: TypeAlias = NDArray[np.float64]
 
-INTERFACE_VERSION: Final = "1.1"
+INTERFACE_VERSION: Final = "1.2"
 """Version of the interface: of the types below and of `formation_controllers.controller.Controller`.
 
 It is not the package's. The minor number grows when something is added that older controllers need not know,
@@ -34,7 +34,7 @@ class Team:
     Parameters
     ----------
     vehicle
-        The vehicle that every follower is.
+        The vehicle that every follower is: any object that states the facts of `Vehicle`.
     size
         Number N of followers.
     period
@@ -43,7 +43,8 @@ class Team:
     Raises
     ------
     ControllerError
-        If the vehicle is none that is known, the size is not a positive whole number or the period not a positive time.
+        If the vehicle does not state what a vehicle must, the size is not a positive whole number or the period not a
+        positive time.
     """
 
     vehicle: Vehicle
@@ -51,8 +52,9 @@ class Team:
     period: float
 
     def __post_init__(self) -> None:
-        if not isinstance(self.vehicle, CarLike | TractorTrailer):
-            raise ControllerError(f"the vehicle is {self.vehicle!r}: expected a CarLike or a TractorTrailer")
+        fault = vehicle_fault(self.vehicle)
+        if fault:
+            raise ControllerError(f"the vehicle is {self.vehicle!r}: {fault}")
         if not isinstance(self.size, numbers.Integral) or isinstance(self.size, bool):
             raise ControllerError(f"the size of the team is {self.size!r}: expected a whole number")
         if self.size < 1:
@@ -62,7 +64,15 @@ class Team:
 
 
 class Leader(NamedTuple):
-    """The virtual leader at this tick: pose (4,), velocity (v, omega) (2,), acceleration (2,) if known."""
+    """The virtual leader at this tick, as if it were the followers' kind of vehicle.
+
+    Attributes
+    ----------
+    pose, velocity : ndarray
+        One number for each entry of the vehicle's `pose` and `velocity`.
+    acceleration : ndarray or None
+        Rates of the velocities, if they are known.
+    """
 
     pose: Floats
     velocity: Floats

@@ -1,8 +1,8 @@
 """Posture error, range and bearing and their rates for one robot: equations (4) to (8) and (53) to (55), compiled.
 
-Everything that depends on the kind of vehicle is here and in `dynamics`. The *steering angle* of the laws is
-gamma for a car-like robot and theta_0 - theta_1 for a tractor-trailer; the *length* is the wheelbase a or the
-hitch length d.
+What the formulas ask of a vehicle is in its `Geometry`; no kind is named. The *steering angle* h of the laws is gamma
+for a car-like robot, theta_0 - theta_1 for a tractor-trailer, and zero for a differential-drive robot; the *length* is
+the wheelbase a or the hitch length d.
 
 Sketch of (7) and (54), seen from above; the body that the pose's third entry is the heading of, with its axle at
 the origin of its frame and the leader at (e1, e2)::
@@ -13,77 +13,152 @@ the origin of its frame and the leader at (e1, e2)::
          |         *   ) phi           bearing = phi - steering angle
         axle ----- + ------- x_B       +: front axle of the car-like robot,
            length                         axle of the tractor
+
+A differential-drive robot sees the leader from its axle (+ is at the origin), and its body turns with omega itself:
+e1' = -v + e2 omega + v_d cos e3, e2' = -e1 omega + v_d sin e3, e3' = omega_d - omega. So with bearing = phi
+
+    rho'     = -v cos(phi) + v_d cos(e3 - phi)
+    bearing' = (v sin(phi) + v_d sin(e3 - phi))/rho - omega
+
+which is (55) with a steering angle of zero, and det R = cos(bearing).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final, NamedTuple
 
 from formation_controllers.compiled import compiled
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.vehicles import DRIVES, CarLike, TractorTrailer, Vehicle
+from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, formation_of, torques_of
 
-VEHICLE: Final = np.dtype(
-    [("kind", np.int64), ("drive", np.int64), ("length", float), ("wheel_radius", float), ("half_track", float)]
-)
-"""A vehicle as compiled code sees it: kind, index into `DRIVES`, lengths [m]."""
+STEERS_NOT: Final = STEERINGS.index("none")
+BY_ANGLE: Final = STEERINGS.index("angle")
+BY_HEADING: Final = STEERINGS.index("heading")
 
-CAR_LIKE: Final = 0
-TRACTOR_TRAILER: Final = 1
+UNKNOWN: Final = -1
+AS_PRINTED: Final = TORQUE_FORMS.index("as_printed")
+FRONT_WHEEL: Final = TORQUE_FORMS.index("front_wheel")
+REAR_WHEEL: Final = TORQUE_FORMS.index("rear_wheel")
+WHEELS: Final = TORQUE_FORMS.index("wheels")
 
-AS_PRINTED: Final = DRIVES.index("as_printed")
-FRONT_WHEEL: Final = DRIVES.index("front_wheel")
+
+class Geometry(NamedTuple):
+    """What compiled code knows of a vehicle.
+
+    Attributes
+    ----------
+    steering : int
+        Index into `STEERINGS`.
+    length : float
+        Wheelbase or hitch length, or what else a range is compared with [m].
+    ahead : float
+        Distance from the reference point ahead to where range and bearing are measured from [m].
+    torques : int
+        Index into `TORQUE_FORMS`; `UNKNOWN` if the vehicle does not state what its torques do.
+    wheel_radius, half_track : float
+        Of the wheels [m].
+    """
+
+    steering: int
+    length: float
+    ahead: float
+    torques: int
+    wheel_radius: float
+    half_track: float
 
 
-def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
-    """Return a vehicle as a `VEHICLE` array of length 1; what is none is refused."""
-    if isinstance(vehicle, TractorTrailer):
-        record = (TRACTOR_TRAILER, 0, vehicle.hitch_length, vehicle.wheel_radius, vehicle.half_track)
-    elif isinstance(vehicle, CarLike):
-        record = (CAR_LIKE, DRIVES.index(vehicle.drive), vehicle.wheelbase, 0.0, 0.0)
-    else:
-        raise ControllerError(f"the vehicle is {vehicle!r}: expected a CarLike or a TractorTrailer")
-    return np.array([record], dtype=VEHICLE)
+class PostureError(NamedTuple):
+    """Posture error e in the robot's frame, (4); the fourth entry is zero where a pose has none."""
+
+    e_1: float
+    e_2: float
+    e_3: float
+    e_4: float
+
+
+class Matrix(NamedTuple):
+    """A 2 x 2 matrix, row by row."""
+
+    m_11: float
+    m_12: float
+    m_21: float
+    m_22: float
+
+
+def geometry_of(vehicle: Vehicle) -> Geometry:
+    """Return what compiled code knows of a vehicle; one that does not state its formation is refused."""
+    formation, torques = formation_of(vehicle), torques_of(vehicle)
+    if isinstance(vehicle, type) or formation is None:
+        raise ControllerError(f"the vehicle is {vehicle!r}: expected one that states its formation, such as a CarLike")
+    length = float(formation.length)
+    return Geometry(
+        STEERINGS.index(formation.steering),
+        length,
+        0.0 if formation.steering == "none" else length,
+        UNKNOWN if torques is None else TORQUE_FORMS.index(torques.form),
+        1.0 if torques is None else float(torques.wheel_radius),
+        1.0 if torques is None else float(torques.half_track),
+    )
 
 
 @compiled
-def steering_angle(pose: Floats, vehicle: np.void) -> float:
-    """Return gamma of a car-like robot's pose, theta_0 - theta_1 of a tractor-trailer's [rad]."""
-    if vehicle["kind"] == TRACTOR_TRAILER:
+def steering_angle(pose: Floats, vehicle: Geometry) -> float:
+    """Return h of a pose: gamma of a car-like robot, theta_0 - theta_1 of a tractor-trailer [rad]."""
+    if vehicle.steering == BY_HEADING:
         return pose[3] - pose[2]  # type: ignore[no-any-return]
-    return pose[3]  # type: ignore[no-any-return]
+    if vehicle.steering == BY_ANGLE:
+        return pose[3]  # type: ignore[no-any-return]
+    return 0.0
 
 
 @compiled
-def posture_error(pose: Floats, leader_pose: Floats) -> tuple[float, float, float, float]:
+def body_turn(v: float, omega: float, steering: float, vehicle: Geometry) -> float:
+    """Return the rate of the pose's third entry, the body's heading [rad/s]."""
+    if vehicle.steering == STEERS_NOT:
+        return omega
+    return v * math.tan(steering) / vehicle.length
+
+
+@compiled
+def steering_rate(omega: float, turn: float, vehicle: Geometry) -> float:
+    """Return the rate of the steering angle h, given the body's turn [rad/s]."""
+    if vehicle.steering == BY_ANGLE:
+        return omega
+    return omega - turn
+
+
+@compiled
+def posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry) -> PostureError:
     """Posture error e in the robot's frame, (4)."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = leader_pose[0] - pose[0], leader_pose[1] - pose[1]
-    return c * dx + s * dy, c * dy - s * dx, leader_pose[2] - pose[2], leader_pose[3] - pose[3]
+    e_4 = 0.0 if vehicle.steering == STEERS_NOT else leader_pose[3] - pose[3]
+    return PostureError(c * dx + s * dy, c * dy - s * dx, leader_pose[2] - pose[2], e_4)
 
 
 @compiled
-def posture_error_rates(
-    e_1: float, e_2: float, e_3: float, steering: float, leader_steering: float, length: float
-) -> tuple[float, float, float, float, float, float]:
-    """J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d): upper three of their first columns.
-
-    The fourth of these is zero; the second columns are (0, 0, 0, -1) and (0, 0, 0, 1).
-    """
-    t, t_d = math.tan(steering) / length, math.tan(leader_steering) / length
-    return -1.0 + e_2 * t, -e_1 * t, -t, math.cos(e_3), math.sin(e_3), t_d
+def fill_posture_error_rates(
+    error: PostureError, steering: float, leader_steering: float, vehicle: Geometry, J: Floats, S: Floats
+) -> None:
+    """Fill J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d); what is not filled in is zero."""
+    J[0, 0] = -1.0
+    S[0, 0], S[1, 0] = math.cos(error.e_3), math.sin(error.e_3)
+    if vehicle.steering == STEERS_NOT:
+        J[0, 1], J[1, 1], J[2, 1] = error.e_2, -error.e_1, -1.0
+        S[2, 1] = 1.0
+        return
+    t, t_d = math.tan(steering) / vehicle.length, math.tan(leader_steering) / vehicle.length
+    J[0, 0], J[1, 0], J[2, 0], J[3, 1] = -1.0 + error.e_2 * t, -error.e_1 * t, -t, -1.0
+    S[2, 0], S[3, 1] = t_d, 1.0
 
 
 @compiled
-def line_of_sight(e_1: float, e_2: float, length: float) -> tuple[float, float]:
+def line_of_sight(e_1: float, e_2: float, ahead: float) -> tuple[float, float]:
     """Range rho and polar angle phi of the leader, (7) and (54); the bearing is phi less the steering angle."""
-    ahead = e_1 - length
-    return math.sqrt(ahead * ahead + e_2 * e_2), math.atan2(e_2, ahead)
+    forward = e_1 - ahead
+    return math.sqrt(forward * forward + e_2 * e_2), math.atan2(e_2, forward)
 
 
 @compiled
@@ -93,32 +168,32 @@ def unwrapped(angle: float, previous: float) -> float:
 
 
 @compiled
-def rate_matrix(rho: float, phi: float, steering: float, vehicle: np.void) -> tuple[float, float, float, float]:
-    """R of (8) or (55), row by row: what (v, omega) do to range and bearing. NaN at range zero.
+def rate_matrix(rho: float, phi: float, steering: float, vehicle: Geometry) -> Matrix:
+    """R of (8) or (55): what (v, omega) do to range and bearing. NaN at range zero.
 
     The body turns with v tan(steering)/length, by which phi falls. The car-like robot's bearing falls with it:
     gamma is steered against the body. The tractor-trailer's does not: as theta_1 grows by as much as phi falls,
     phi + theta_1 - theta_0 stays, and (55) has rightly no such term.
 
-    The determinant is cos(bearing)/cos(steering) for both: singular at a bearing of 90 degrees.
+    The determinant is cos(bearing)/cos(steering) for all vehicles: singular at a bearing of 90 degrees.
     """
     if rho == 0.0:
-        return math.nan, math.nan, math.nan, math.nan
+        return Matrix(math.nan, math.nan, math.nan, math.nan)
     c, s, t = math.cos(phi), math.sin(phi), math.tan(steering)
-    turn = t / vehicle["length"] if vehicle["kind"] == CAR_LIKE else 0.0
-    return -c - s * t, 0.0, (s - c * t) / rho - turn, -1.0
+    turn = t / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
+    return Matrix(-c - s * t, 0.0, (s - c * t) / rho - turn, -1.0)
 
 
 @compiled
 def rate_matrix_dot(
-    rho: float, phi: float, steering: float, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: np.void
+    rho: float, phi: float, steering: float, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: Geometry
 ) -> tuple[float, float]:
     """Time derivative of the first column of R, (8) or (55); the second column is constant. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
     c, s, t = math.cos(phi), math.sin(phi), math.tan(steering)
     t_dot = steering_dot * (1.0 + t * t)
-    turn_dot = t_dot / vehicle["length"] if vehicle["kind"] == CAR_LIKE else 0.0
+    turn_dot = t_dot / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return (
         (s - c * t) * phi_dot - s * t_dot,
         ((c + s * t) * phi_dot - c * t_dot - (s - c * t) / rho * rho_dot) / rho - turn_dot,
@@ -145,28 +220,30 @@ def leader_rates_dot(
 
 
 @compiled
-def input_matrix(heading: float, steering: float, vehicle: np.void) -> tuple[float, float, float, float]:
-    """B2 = S' B1 of (3), row by row: what the torques do to (v, omega). The heading is the pose's third entry.
+def input_matrix(heading: float, steering: float, vehicle: Geometry) -> Matrix:
+    """B2 = S' B1 of (3): what the torques do to (v, omega). The heading is the pose's third entry. NaN if not stated.
 
     For the car-like robot, (56), it is diagonal, with 1 + tan(gamma) sin(psi) as printed, 1/cos(gamma) with
-    front-wheel drive and 1 with rear-wheel drive as its (1, 1) entry. For the tractor-trailer, (57), the columns are
-    the right and the left wheel.
+    front-wheel drive and 1 with rear-wheel drive as its (1, 1) entry. For the tractor-trailer, (57), and for the
+    differential-drive robot, whose steering angle is zero, the columns are the right and the left wheel.
     """
-    if vehicle["kind"] == TRACTOR_TRAILER:
-        r = vehicle["wheel_radius"]
-        pull, turn = 1.0 / (r * math.cos(steering)), vehicle["half_track"] / r
-        return pull, pull, turn, -turn
-    if vehicle["drive"] == AS_PRINTED:
-        return 1.0 + math.tan(steering) * math.sin(heading), 0.0, 0.0, 1.0
-    if vehicle["drive"] == FRONT_WHEEL:
-        return 1.0 / math.cos(steering), 0.0, 0.0, 1.0
-    return 1.0, 0.0, 0.0, 1.0
+    if vehicle.torques == WHEELS:
+        r = vehicle.wheel_radius
+        pull, turn = 1.0 / (r * math.cos(steering)), vehicle.half_track / r
+        return Matrix(pull, pull, turn, -turn)
+    if vehicle.torques == AS_PRINTED:
+        return Matrix(1.0 + math.tan(steering) * math.sin(heading), 0.0, 0.0, 1.0)
+    if vehicle.torques == FRONT_WHEEL:
+        return Matrix(1.0 / math.cos(steering), 0.0, 0.0, 1.0)
+    if vehicle.torques == REAR_WHEEL:
+        return Matrix(1.0, 0.0, 0.0, 1.0)
+    return Matrix(math.nan, math.nan, math.nan, math.nan)
 
 
 @compiled
-def solve_2x2(a_11: float, a_12: float, a_21: float, a_22: float, b_1: float, b_2: float) -> tuple[float, float]:
+def solve_2x2(a: Matrix, b_1: float, b_2: float) -> tuple[float, float]:
     """Solve A x = b by Cramer's rule; NaN if A is singular."""
-    det = a_11 * a_22 - a_12 * a_21
+    det = a.m_11 * a.m_22 - a.m_12 * a.m_21
     if det == 0.0:
         return math.nan, math.nan
-    return (a_22 * b_1 - a_12 * b_2) / det, (a_11 * b_2 - a_21 * b_1) / det
+    return (a.m_22 * b_1 - a.m_12 * b_2) / det, (a.m_11 * b_2 - a.m_21 * b_1) / det

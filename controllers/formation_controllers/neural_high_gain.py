@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formation_controllers import projection, rbf, sight
+from formation_controllers import network, projection, robot_view, saturation
 from formation_controllers.compiled import compiled
-from formation_controllers.controller import Controller
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
 from formation_controllers.errors import GainError
-from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import first_range_bearing
-from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
-from formation_controllers.kinematics import vehicle_record
-from formation_controllers.rbf import NetworkGains
-from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains
+from formation_controllers.gains import gain
+from formation_controllers.interface import Desired, Floats, Signal, Team
+from formation_controllers.network import NetworkGains
+from formation_controllers.saturation import HELD_SIGNAL, LimitGains
+from formation_controllers.singularities import TORQUE_SIGNALS
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,68 @@ class NeuralHighGainGains(NetworkGains, LimitGains):
     gamma_1: float = gain(2.0, "γ_1", "1", "damping of the observer, (59); 2 is critical", above=0)
 
 
-class NeuralHighGain(Controller[NeuralHighGainGains]):
+NETWORK_INPUTS: Final = 8
+
+
+@compiled
+def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
+    """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
+    leader, desired = inputs.leader, inputs.desired
+    Z = np.empty(NETWORK_INPUTS)
+    S = np.empty(len(team.gains[0]["centres"]))
+    pairs = np.empty((6, 2))
+    q, z_1, z_2, alpha, v_hat, force = pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5]
+
+    for i in range(len(inputs.pose)):
+        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+        Theta = own["Theta"]
+        view = robot_view.view_of(
+            inputs.pose[i], leader.pose, leader.velocity[0], own["bearing"], team.vehicle, g["guard"]
+        )
+        q[0], q[1] = view.sight.rho, view.sight.bearing
+        for j in range(2):
+            z_1[j] = q[j] - desired.q[i, j]
+
+        # (58), with q_hat_dot of (59)
+        alpha[0], alpha[1] = robot_view.velocity(
+            view, desired.q_dot[i, 0] - g["K_1"][0] * z_1[0], desired.q_dot[i, 1] - g["K_1"][1] * z_1[1]
+        )
+        q_1_hat_dot, q_2_hat_dot = own["pi_2"][0] / g["epsilon"], own["pi_2"][1] / g["epsilon"]
+        v_hat[0], v_hat[1] = robot_view.velocity(view, q_1_hat_dot, q_2_hat_dot)
+        for j in range(2):
+            z_2[j] = v_hat[j] - alpha[j]
+            Z[j], Z[2 + j], Z[4 + j] = q[j], v_hat[j], alpha[j]
+            Z[6 + j] = (alpha[j] - own["alpha_1"][j]) / team.period if own["ticks"] > 0 else 0.0
+        network.basis(Z, g["centres"], g["widths"], S)
+        f_1, f_2 = robot_view.along_velocities(view, z_1[0], z_1[1])
+        force[0], force[1] = -f_1, -f_2
+        for j in range(2):
+            force[j] += network.output(Theta, S, j) - g["K_2"][j] * z_2[j]
+        tau_1, tau_2 = robot_view.torque_of(view, force[0], force[1])
+        torque[i, 0], torque[i, 1] = tau_1, tau_2
+
+        held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
+        out["range_rate_estimate"], out["bearing_rate_estimate"] = q_1_hat_dot, q_2_hat_dot
+        out["speed_estimate"], out["steering_rate_estimate"] = v_hat[0], v_hat[1]
+        out["speed_wanted"], out["steering_rate_wanted"] = alpha[0], alpha[1]
+        out["weight_norm"] = math.sqrt(projection.norm_squared(Theta))
+        robot_view.report(view, tau_1, tau_2, out)
+        out["held"] = held
+
+        # Weights (58) and observer (59): explicit Euler, values of this tick
+        for j in range(2):
+            if not held:
+                for k in range(len(S)):
+                    Theta[j, k] -= team.period * g["Gamma"] * (S[k] * z_2[j] + g["sigma"] * Theta[j, k])
+            pi_2 = own["pi_2"][j]
+            own["pi_2"][j] += team.period / g["epsilon"] * (q[j] - own["pi_1"][j] - g["gamma_1"] * pi_2)
+            own["pi_1"][j] += team.period / g["epsilon"] * pi_2
+            own["alpha_1"][j] = alpha[j]
+        own["ticks"] += 1
+        own["bearing"] = view.sight.bearing
+
+
+class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
     """Neural backstepping with a high-gain observer, (58) and (59), by explicit Euler steps.
 
     What the paper leaves open is read as follows. There are two networks, one for each entry of z_2_hat (three are
@@ -47,14 +106,13 @@ class NeuralHighGain(Controller[NeuralHighGainGains]):
     pi_2(0) = 0.
     """
 
-    interface: ClassVar[str] = "1.1"
-    vehicles: ClassVar[tuple[str, ...]] = ("car_like", "tractor_trailer")
+    tick = staticmethod(tick)
     gains_type = NeuralHighGainGains
     signals: ClassVar[tuple[Signal, ...]] = (
         Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (59)"),
         Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (59)"),
         Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (58)"),
-        Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat of the steering or the tractor, (58)"),
+        Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat, of what turns with omega, (58)"),
         Signal("speed_wanted", "m/s", "first entry of alpha_1, (58)"),
         Signal("steering_rate_wanted", "rad/s", "second entry of alpha_1, (58)"),
         Signal("weight_norm", "N", "Frobenius norm of the networks' weights Theta, (58)"),
@@ -64,8 +122,6 @@ class NeuralHighGain(Controller[NeuralHighGainGains]):
 
     def __init__(self, team: Team, gains: NeuralHighGainGains | Sequence[NeuralHighGainGains] | None = None) -> None:
         super().__init__(team, gains)
-        self._gains = gain_records(self.robot_gains)
-        self._vehicle = vehicle_record(team.vehicle)
         for robot, own in enumerate(self.robot_gains):
             x = team.period / own.epsilon
             # Jury's conditions for Euler steps of (59), whose characteristic polynomial is s^2 + gamma_1 s + 1 in
@@ -77,10 +133,9 @@ class NeuralHighGain(Controller[NeuralHighGainGains]):
                     robot=robot,
                 )
 
-    def state_shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return name and shape, per robot, of every state of the law."""
+    def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state but the bearing."""
         return {
-            "bearing": (),  # of the last tick, to unwrap the next one
             "pi_1": (2,),
             "pi_2": (2,),
             "Theta": (2, len(self.robot_gains[0].centres)),
@@ -88,96 +143,6 @@ class NeuralHighGain(Controller[NeuralHighGainGains]):
             "ticks": (),
         }
 
-    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
+    def start_states(self, q: Floats, desired: Desired) -> None:
         """Set pi_1(0) = q(0); everything else starts at zero."""
-        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
         self._state["pi_1"] = q
-        self._state["bearing"] = q[:, 1]
-
-    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
-        """Return the torques (58), then advance the states by (58) and (59)."""
-        torque = np.empty((self.team.size, 2))
-        tick(
-            pose,
-            leader.pose,
-            leader.velocity,
-            desired.q,
-            desired.q_dot,
-            self._vehicle,
-            self.team.period,
-            self._gains,
-            self._state,
-            self._telemetry,
-            torque,
-        )
-        return torque
-
-
-NETWORK_INPUTS: Final = 8
-
-
-@compiled
-def tick(
-    pose: Floats,
-    leader_pose: Floats,
-    leader_velocity: Floats,
-    q_d: Floats,
-    q_d_dot: Floats,
-    vehicle: NDArray[np.void],
-    period: float,
-    gains: NDArray[np.void],
-    state: NDArray[np.void],
-    telemetry: NDArray[np.void],
-    torque: Floats,
-) -> None:
-    """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    Z = np.empty(NETWORK_INPUTS)
-    S = np.empty(len(gains[0]["centres"]))
-    pairs = np.empty((6, 2))
-    q, z_1, z_2, alpha, v_hat, force = pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5]
-
-    for i in range(len(pose)):
-        own, g, out = state[i], gains[i], telemetry[i]
-        Theta = own["Theta"]
-        seen = sight.look(pose[i], leader_pose, leader_velocity[0], own["bearing"], vehicle[0], g["guard"])
-        q[0], q[1] = seen.rho, seen.bearing
-        for j in range(2):
-            z_1[j] = q[j] - q_d[i, j]
-
-        # (58), with q_hat_dot of (59)
-        alpha[0], alpha[1] = sight.velocity(
-            seen, q_d_dot[i, 0] - g["K_1"][0] * z_1[0], q_d_dot[i, 1] - g["K_1"][1] * z_1[1]
-        )
-        q_1_hat_dot, q_2_hat_dot = own["pi_2"][0] / g["epsilon"], own["pi_2"][1] / g["epsilon"]
-        v_hat[0], v_hat[1] = sight.velocity(seen, q_1_hat_dot, q_2_hat_dot)
-        for j in range(2):
-            z_2[j] = v_hat[j] - alpha[j]
-            Z[j], Z[2 + j], Z[4 + j] = q[j], v_hat[j], alpha[j]
-            Z[6 + j] = (alpha[j] - own["alpha_1"][j]) / period if own["ticks"] > 0 else 0.0
-        rbf.basis(Z, g["centres"], g["widths"], S)
-        force[0] = -(seen.r_11 * z_1[0] + seen.r_21 * z_1[1])
-        force[1] = -(seen.r_12 * z_1[0] + seen.r_22 * z_1[1])
-        for j in range(2):
-            force[j] += rbf.output(Theta, S, j) - g["K_2"][j] * z_2[j]
-        tau_1, tau_2 = sight.torque_of(seen, force[0], force[1])
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
-
-        held = sight.beyond(tau_1, tau_2, g["torque_limit"])
-        out["range_rate_estimate"], out["bearing_rate_estimate"] = q_1_hat_dot, q_2_hat_dot
-        out["speed_estimate"], out["steering_rate_estimate"] = v_hat[0], v_hat[1]
-        out["speed_wanted"], out["steering_rate_wanted"] = alpha[0], alpha[1]
-        out["weight_norm"] = math.sqrt(projection.norm_squared(Theta))
-        sight.report(seen, tau_1, tau_2, out)
-        out["held"] = held
-
-        # Weights (58) and observer (59): explicit Euler, values of this tick
-        for j in range(2):
-            if not held:
-                for k in range(len(S)):
-                    Theta[j, k] -= period * g["Gamma"] * (S[k] * z_2[j] + g["sigma"] * Theta[j, k])
-            pi_2 = own["pi_2"][j]
-            own["pi_2"][j] += period / g["epsilon"] * (q[j] - own["pi_1"][j] - g["gamma_1"] * pi_2)
-            own["pi_1"][j] += period / g["epsilon"] * pi_2
-            own["alpha_1"][j] = alpha[j]
-        own["ticks"] += 1
-        own["bearing"] = seen.bearing

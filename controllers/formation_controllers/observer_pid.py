@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formation_controllers import observer, sight
+from formation_controllers import robot_view, saturation, velocity_observer
 from formation_controllers.compiled import compiled
-from formation_controllers.controller import Controller
-from formation_controllers.gains import gain, gain_records
-from formation_controllers.geometry import first_range_bearing
-from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
-from formation_controllers.kinematics import vehicle_record
-from formation_controllers.sight import HELD_SIGNAL, TORQUE_SIGNALS, LimitGains, Sight
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
+from formation_controllers.gains import gain
+from formation_controllers.interface import Desired, Floats, Signal
+from formation_controllers.robot_view import RobotView
+from formation_controllers.saturation import HELD_SIGNAL, LimitGains
+from formation_controllers.singularities import TORQUE_SIGNALS
 
 DEFINITE: Final = "the matrix must be positive definite"
 
@@ -43,58 +42,8 @@ OBSERVER_SIGNALS: Final = (
     Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (32)"),
     Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (32)"),
     Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (32)"),
-    Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat of the steering or the tractor, (32)"),
+    Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat, of what turns with omega, (32)"),
 )
-
-
-class ObserverPid(Controller[ObserverPidGains]):
-    """Observer-based PID formation control: (24), (32) to (34) with W = 0 and theta = 0, by explicit Euler steps."""
-
-    interface: ClassVar[str] = "1.1"
-    vehicles: ClassVar[tuple[str, ...]] = ("car_like", "tractor_trailer")
-    gains_type: type[ObserverPidGains] = ObserverPidGains
-    signals: ClassVar[tuple[Signal, ...]] = (*OBSERVER_SIGNALS, *TORQUE_SIGNALS, HELD_SIGNAL)
-
-    def __init__(self, team: Team, gains: ObserverPidGains | Sequence[ObserverPidGains] | None = None) -> None:
-        super().__init__(team, gains)
-        self._gains = gain_records(self.robot_gains)
-        self._vehicle = vehicle_record(team.vehicle)
-
-    def state_shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return name and shape, per robot, of every state of the law."""
-        return {
-            "bearing": (),  # of the last tick, to unwrap the next one
-            "q_hat": (2,),
-            "p": (2,),
-            "zeta": (2,),
-            "epsilon_hat_integral": (2,),  # of q_hat - q_d, in (24)
-            "epsilon_q_tilde_integral": (2,),  # of (q - q_d) + q_tilde, in (25)
-        }
-
-    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
-        """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
-        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
-        self._state["q_hat"] = q
-        self._state["bearing"] = q[:, 1]
-
-    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
-        """Return the torques, then advance the states."""
-        torque = np.empty((self.team.size, 2))
-        tick(
-            pose,
-            leader.pose,
-            leader.velocity,
-            desired.q,
-            desired.q_dot,
-            desired.q_ddot,
-            self._vehicle,
-            self.team.period,
-            self._gains,
-            self._state,
-            self._telemetry,
-            torque,
-        )
-        return torque
 
 
 class Errors(NamedTuple):
@@ -116,12 +65,12 @@ def no_errors() -> Errors:
 
 
 @compiled
-def estimate(seen: Sight, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats, errors: Errors) -> None:
+def estimate(view: RobotView, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats, errors: Errors) -> None:
     """Fill in the observer's estimate (32), the filtered error (25) and the PID terms of (24)."""
-    errors.q[0], errors.q[1] = seen.rho, seen.bearing
+    errors.q[0], errors.q[1] = view.sight.rho, view.sight.bearing
     for j in range(2):
         q_tilde = errors.q[j] - own["q_hat"][j]
-        q_hat_dot = observer.rate_estimate(own["p"][j], q_tilde, g["Lambda_0"][j], g["k_d"])
+        q_hat_dot = velocity_observer.rate_estimate(own["p"][j], q_tilde, g["Lambda_0"][j], g["k_d"])
         epsilon_hat = own["q_hat"][j] - q_d[j]
         errors.q_tilde[j], errors.q_hat_dot[j], errors.epsilon_hat[j] = q_tilde, q_hat_dot, epsilon_hat
         errors.s[j] = (
@@ -136,12 +85,12 @@ def estimate(seen: Sight, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats
 
 
 @compiled
-def report_estimate(seen: Sight, own: np.void, errors: Errors, out: np.void) -> None:
+def report_estimate(view: RobotView, own: np.void, errors: Errors, out: np.void) -> None:
     """Write the `OBSERVER_SIGNALS`."""
     out["range_estimate"], out["bearing_estimate"] = own["q_hat"][0], own["q_hat"][1]
     out["range_rate_estimate"], out["bearing_rate_estimate"] = errors.q_hat_dot[0], errors.q_hat_dot[1]
-    out["speed_estimate"], out["steering_rate_estimate"] = sight.velocity(
-        seen, errors.q_hat_dot[0], errors.q_hat_dot[1]
+    out["speed_estimate"], out["steering_rate_estimate"] = robot_view.velocity(
+        view, errors.q_hat_dot[0], errors.q_hat_dot[1]
     )
 
 
@@ -153,8 +102,10 @@ def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Err
     """
     for j in range(2):
         q_tilde = errors.q_tilde[j]
-        p_dot = observer.p_dot(own["zeta"][j], q_tilde, q_d_ddot[j], g["Lambda_0"][j], g["Lambda_1"][j], g["k_d"])
-        own["zeta"][j] += period * observer.zeta_dot(q_tilde, g["Lambda_1"][j], g["k_d"])
+        p_dot = velocity_observer.p_dot(
+            own["zeta"][j], q_tilde, q_d_ddot[j], g["Lambda_0"][j], g["Lambda_1"][j], g["k_d"]
+        )
+        own["zeta"][j] += period * velocity_observer.zeta_dot(q_tilde, g["Lambda_1"][j], g["k_d"])
         own["p"][j] += period * p_dot
         own["q_hat"][j] += period * errors.q_hat_dot[j]
         if not held:
@@ -164,30 +115,44 @@ def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Err
 
 
 @compiled
-def tick(
-    pose: Floats,
-    leader_pose: Floats,
-    leader_velocity: Floats,
-    q_d: Floats,
-    q_d_dot: Floats,
-    q_d_ddot: Floats,
-    vehicle: NDArray[np.void],
-    period: float,
-    gains: NDArray[np.void],
-    state: NDArray[np.void],
-    telemetry: NDArray[np.void],
-    torque: Floats,
-) -> None:
+def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
+    leader, desired = inputs.leader, inputs.desired
     errors = no_errors()
-    for i in range(len(pose)):
-        own, g, out = state[i], gains[i], telemetry[i]
-        seen = sight.look(pose[i], leader_pose, leader_velocity[0], own["bearing"], vehicle[0], g["guard"])
-        estimate(seen, own, g, q_d[i], q_d_dot[i], errors)
-        tau_1, tau_2 = sight.torque_of_formation_force(seen, -g["K_p"][0] * errors.pid[0], -g["K_p"][1] * errors.pid[1])
+    for i in range(len(inputs.pose)):
+        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+        view = robot_view.view_of(
+            inputs.pose[i], leader.pose, leader.velocity[0], own["bearing"], team.vehicle, g["guard"]
+        )
+        estimate(view, own, g, desired.q[i], desired.q_dot[i], errors)
+        tau_1, tau_2 = robot_view.torque_of_formation_force(
+            view, -g["K_p"][0] * errors.pid[0], -g["K_p"][1] * errors.pid[1]
+        )
         torque[i, 0], torque[i, 1] = tau_1, tau_2
-        held = sight.beyond(tau_1, tau_2, g["torque_limit"])
-        report_estimate(seen, own, errors, out)
-        sight.report(seen, tau_1, tau_2, out)
+        held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
+        report_estimate(view, own, errors, out)
+        robot_view.report(view, tau_1, tau_2, out)
         out["held"] = held
-        advance(own, g, q_d[i], q_d_ddot[i], errors, held, period)
+        advance(own, g, desired.q[i], desired.q_ddot[i], errors, held, team.period)
+
+
+class ObserverPid(CompiledLaw[ObserverPidGains]):
+    """Observer-based PID formation control: (24), (32) to (34) with W = 0 and theta = 0, by explicit Euler steps."""
+
+    tick = staticmethod(tick)
+    gains_type: type[ObserverPidGains] = ObserverPidGains
+    signals: ClassVar[tuple[Signal, ...]] = (*OBSERVER_SIGNALS, *TORQUE_SIGNALS, HELD_SIGNAL)
+
+    def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state but the bearing."""
+        return {
+            "q_hat": (2,),
+            "p": (2,),
+            "zeta": (2,),
+            "epsilon_hat_integral": (2,),  # of q_hat - q_d, in (24)
+            "epsilon_q_tilde_integral": (2,),  # of (q - q_d) + q_tilde, in (25)
+        }
+
+    def start_states(self, q: Floats, desired: Desired) -> None:
+        """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
+        self._state["q_hat"] = q

@@ -12,25 +12,30 @@ import numpy as np
 from formation_controllers.controller import Controller
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import Gains
-from formation_controllers.geometry import range_bearing
 from formation_controllers.interface import Desired, Floats, Leader, Team
 from formation_controllers.registry import statement_fault
-from formation_controllers.vehicles import CarLike, TractorTrailer, Vehicle
+from formation_controllers.vehicles import CarLike, DifferentialDrive, TractorTrailer, Vehicle
 
 VEHICLES: dict[str, Vehicle] = {
     "car_like": CarLike(wheelbase=1.2),
     "tractor_trailer": TractorTrailer(hitch_length=1.5, wheel_radius=0.15, half_track=0.4),
+    "differential_drive": DifferentialDrive(wheel_radius=0.15, half_track=0.4),
 }
-"""The vehicles of section 5."""
+"""The vehicles of section 5, and a robot like the tractor alone."""
 
 Inputs = tuple[Floats, Leader, Desired, Floats]
 
 
-def check_controller(law: type[Controller[Any]], gains: Gains | Sequence[Gains] | None = None, size: int = 4) -> None:
-    """Check that a class keeps the promises of `Controller`, on each kind of vehicle that it names and that we know.
+def check_controller(
+    law: type[Controller[Any]],
+    gains: Gains | Sequence[Gains] | None = None,
+    size: int = 4,
+    vehicle: Vehicle | None = None,
+) -> None:
+    """Check that a class keeps the promises of `Controller`, on a vehicle or on each that it serves and that we know.
 
-    It states properly what it is; its torques are those of a follower alone, whatever the team; the same inputs give
-    the same torques to the last bit, in a copy, from a pickle and from the state as arrays or bytes; inputs are left
+    It states properly what it is; its commands are those of a follower alone, whatever the team; the same inputs give
+    the same commands to the last bit, in a copy, from a pickle and from the state as arrays or bytes; inputs are left
     alone; and telemetry has the shapes that the signals say.
 
     Parameters
@@ -41,6 +46,8 @@ def check_controller(law: type[Controller[Any]], gains: Gains | Sequence[Gains] 
         Its gains: one object or one for each follower; the defaults if left out.
     size
         Number of followers, unless the gains say it.
+    vehicle
+        The vehicle that it is checked on; those of `VEHICLES` that it serves if left out.
 
     Raises
     ------
@@ -49,11 +56,11 @@ def check_controller(law: type[Controller[Any]], gains: Gains | Sequence[Gains] 
     """
     fault = statement_fault(law)
     assert not fault, f"{law.__name__} {fault}"
-    kinds = [kind for kind in law.vehicles if kind in VEHICLES]
-    assert kinds, f"{law.__name__} serves none of {', '.join(VEHICLES)}"
+    served = [known for known in VEHICLES.values() if law.serves(known)] if vehicle is None else [vehicle]
+    assert served, f"{law.__name__} serves none of {', '.join(VEHICLES)}: pass a vehicle that it serves"
     own = tuple(gains) if isinstance(gains, Sequence) else (law.gains_type() if gains is None else gains,) * size
-    for kind in kinds:
-        _check_on(law, own, VEHICLES[kind], _course(len(own), 12))
+    for chosen in served:
+        _check_on(law, own, chosen, _course(chosen, len(own), 12))
 
 
 def _check_on(law: type[Controller[Any]], gains: tuple[Gains, ...], vehicle: Vehicle, course: list[Inputs]) -> None:
@@ -112,17 +119,23 @@ def _check_telemetry(name: str, controller: Controller[Any], size: int) -> None:
         assert np.isfinite(told[signal.name]).all(), f"{name}: signal {signal.name} is not written at every step"
 
 
-def _course(size: int, ticks: int) -> list[Inputs]:
+def _course(vehicle: Vehicle, size: int, ticks: int) -> list[Inputs]:
     """Return followers that wander behind a leader, with range and bearing that are to change: one entry a tick."""
     random = np.random.default_rng(1)
-    pose = random.uniform([-6, -3, -0.4, -0.3], [-4, 3, 0.4, 0.3], (size, 4))
-    q = range_bearing(pose, np.zeros(4), VEHICLES["car_like"])
+    others, velocities = len(vehicle.pose) - 3, len(vehicle.velocity)
+    low, high = [-6, -3, -0.4, *[-0.3] * others], [-4, 3, 0.4, *[0.3] * others]
+    pose = random.uniform(low, high, (size, len(low)))
+    q = np.column_stack([np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(-pose[:, 1], -pose[:, 0]) - pose[:, 2]])
     course = []
     for k in range(ticks):
-        leader = Leader(np.array([0.006 * k, 0.001 * k, 0.02, 0.01]), np.array([0.3, 0.01]), np.array([0.02, 0.0]))
+        leader = Leader(
+            np.array([0.006 * k, 0.001 * k, 0.02, *[0.01] * others]),
+            np.resize([0.3, 0.01], velocities),
+            np.resize([0.02, 0.0], velocities),
+        )
         rate = random.normal(0, 0.01, (2, size, 2))
-        velocity = random.normal(0, 0.1, (size, 2))
-        course.append((pose + random.normal(0, 0.01, (size, 4)), leader, Desired(q + 0.1, *rate), velocity))
+        velocity = random.normal(0, 0.1, (size, velocities))
+        course.append((pose + random.normal(0, 0.01, pose.shape), leader, Desired(q + 0.1, *rate), velocity))
     return course
 
 

@@ -1,4 +1,4 @@
-"""The paper's simulations on reduced plants, (1) to (3) with (56) or (57): fixtures for closed-loop tests."""
+"""The paper's simulations, and one of differential-drive robots, on reduced plants: fixtures of closed-loop tests."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ import numba
 import numpy as np
 import pytest
 from formation_controllers import load as find
-from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
+from formation_controllers.dynamics import DIFFERENTIAL_DRIVE_MODEL, TRACTOR_TRAILER_MODEL
 from formation_controllers.gains import Gains
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.interface import Desired, Leader, Team
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
-from formation_controllers.vehicles import CarLike, TractorTrailer
+from formation_controllers.vehicles import CarLike, DifferentialDrive, TractorTrailer
 from hypothesis import settings
 
 load = functools.cache(find)  # which searches every installed package
@@ -112,21 +112,21 @@ class FirstSimulation:
         return euler(states, torques, DRIVES[self.drive])
 
     def sensed(self):
-        pose = self.state[:, :4].copy()
+        pose = self.state[:, :-2].copy()
         if self.noise:
             pose += self.noise * self.random.standard_normal(pose.shape)
-        return pose, Leader(self.leader[:4], self.leader[4:]), self.desired
+        return pose, Leader(self.leader[:-2], self.leader[-2:]), self.desired
 
     def tick(self):
         """Advance everything by one period and return the torque as sent to the plant."""
-        velocity = self.state[:, 4:] if "velocity" in self.law.needs else None
+        velocity = self.state[:, -2:] if "velocity" in self.law.needs else None
         torque = self.controller.step(*self.sensed(), velocity).clip(-LIMIT, LIMIT)
         self.state = self.euler(self.state, torque)
         self.leader = self.euler(self.leader[None], self.leader_torque[None])[0]
         return torque
 
     def run(self, ticks):
-        """Return states (ticks + 1, N, 6), leader's states (ticks + 1, 6) and telemetry, a record (ticks, N)."""
+        """Return states (ticks + 1, N, P + 2), the leader's (ticks + 1, P + 2) and telemetry, a record (ticks, N)."""
         states, leaders, telemetry = [self.state], [self.leader], []
         for _ in range(ticks):
             self.tick()
@@ -139,7 +139,7 @@ class FirstSimulation:
 
     def errors(self, states, leaders):
         """Return range [m] and bearing [rad] errors, shape (..., N, 2), the bearing unwrapped over time."""
-        q = range_bearing(states[..., :4], leaders[..., None, :4], self.vehicle)
+        q = range_bearing(states[..., :-2], leaders[..., None, :-2], self.vehicle)
         q[..., 1] = unwrapped_bearing(q[..., 1], self.desired.q[:, 1])
         return q - self.desired.q
 
@@ -201,6 +201,38 @@ class ThirdSimulation(FirstSimulation):
         return euler_tractor_trailer(states, torques)
 
 
+@compiled_plant
+def euler_differential_drive(states, torques):
+    """Return the states (x, y, theta, v, omega) of differential-drive robots a period later."""
+    after = np.empty_like(states)
+    for i in range(len(states)):
+        x, y, theta, v, omega = states[i]
+        f_1 = (torques[i, 0] + torques[i, 1]) / 0.1 + 3.6 * omega * omega - DAMPING * v
+        f_2 = 0.25 / 0.1 * (torques[i, 0] - torques[i, 1]) - 3.6 * v * omega - 2.0 * omega
+        after[i, 0] = x + PERIOD * v * math.cos(theta)
+        after[i, 1] = y + PERIOD * v * math.sin(theta)
+        after[i, 2] = theta + PERIOD * omega
+        after[i, 3] = v + PERIOD * f_1 / 44.0
+        after[i, 4] = omega + PERIOD * f_2 / 2.7
+    return after
+
+
+@dataclass
+class DifferentialSimulation(FirstSimulation):
+    """Differential-drive robots behind a leader on a circle of some 8 m."""
+
+    start = np.array([[-3, 2, 0.5], [-3, -2, -0.5], [-5, 4, 0], [-5, -4, 0]], dtype=float)
+    leader_start = np.array([0.0, 0, 0])
+    leader_torque = np.array([0.43, 0.37])
+    desired_q = np.column_stack([[1.5, 1.5, 3.0, 3.0], np.radians([40, -40, 30, -30])])
+
+    def new_vehicle(self):
+        return DifferentialDrive(0.1, 0.25)
+
+    def euler(self, states, torques):
+        return euler_differential_drive(states, torques)
+
+
 @pytest.fixture(scope="session")
 def first_simulation():
     """The class, so that a test can vary it."""
@@ -217,11 +249,19 @@ def third_simulation():
     return ThirdSimulation
 
 
+@pytest.fixture(scope="session")
+def differential_simulation():
+    return DifferentialSimulation
+
+
+MODELS = {ThirdSimulation: TRACTOR_TRAILER_MODEL, DifferentialSimulation: DIFFERENTIAL_DRIVE_MODEL}
+
+
 def bits(name, course):
     """Return law, course and a hash of every number after 2 s."""
     law = load(name)
-    has_model = "I_1" in vars(law.gains_type()) and course is ThirdSimulation
-    simulation = course(law=law, gains=law.gains_type(guard=0.1, **(TRACTOR_TRAILER_MODEL if has_model else {})))
+    model = MODELS.get(course, {}) if "I_1" in vars(law.gains_type()) else {}
+    simulation = course(law=law, gains=law.gains_type(guard=0.1, **model))
     simulation.run(100)
     controller = simulation.controller
     numbers = simulation.state.tobytes() + controller.to_bytes() + controller._telemetry.tobytes()

@@ -12,16 +12,20 @@ from formation_controllers import (
     CarLike,
     ControllerError,
     Desired,
+    Entry,
+    FormationGeometry,
     GainError,
     Gains,
     Leader,
     Signal,
     Team,
+    TorqueMap,
     TractorTrailer,
+    load,
 )
 from formation_controllers.controller import Controller
 from formation_controllers.gains import gain
-from formation_controllers.geometry import range_bearing
+from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.testing import check_controller
 
@@ -111,8 +115,11 @@ def test_inputs_may_be_lists_read_only_or_strided():
         ({"size": 3.0}, "the size of the team is 3.0: expected a whole number"),
         ({"size": "3"}, "the size of the team is '3': expected a whole number"),
         ({"size": True}, "the size of the team is True: expected a whole number"),
-        ({"vehicle": None}, "the vehicle is None: expected a CarLike or a TractorTrailer"),
-        ({"vehicle": CarLike}, "the vehicle is <class .*CarLike'>: expected a CarLike or a TractorTrailer"),
+        ({"vehicle": None}, "the vehicle is None: expected one that states kind, pose, velocity"),
+        (
+            {"vehicle": CarLike},
+            "the vehicle is <class .*CarLike'>: expected one that states kind, pose, velocity",
+        ),
     ],
 )
 def test_an_impossible_team_is_refused(team, message):
@@ -132,6 +139,180 @@ def test_a_length_that_is_no_positive_number_is_refused(value):
 def test_a_drive_that_is_no_name_is_refused(drive):
     with pytest.raises(ControllerError, match=r"unknown drive .* known: as_printed, front_wheel, rear_wheel"):
         CarLike(1.2, drive)
+
+
+@dataclass(frozen=True)
+class Bicycle:
+    """A kinematic bicycle: a kind that this package does not know, with a speed and a steering angle as commands."""
+
+    wheelbase: float = 1.2
+
+    kind = "bicycle"
+    pose = (Entry("x", "m"), Entry("y", "m"), Entry("heading", "rad"))
+    velocity = (Entry("v", "m/s"), Entry("omega", "rad/s"))
+    command = (Entry("speed", "m/s"), Entry("steering", "rad"))
+    geometry = (Entry("wheelbase", "m"),)
+
+    @property
+    def formation(self):
+        return FormationGeometry("none", self.wheelbase)
+
+
+class Kinematic(Controller[IntegralGains]):
+    """Speed and steering angle that make (v, omega) = R^-1 (-k (q - q_d) - delta)."""
+
+    interface = "1.2"
+    vehicles = ("bicycle",)
+    needs = ("velocity",)
+    gains_type = IntegralGains
+    signals = (Signal("measured", "m/s", "speed"),)
+
+    def state_shapes(self):
+        return {}
+
+    def on_start(self, pose, leader, desired):
+        pass
+
+    def on_step(self, pose, leader, desired):
+        vehicle = self.team.vehicle
+        R, delta = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
+        q = range_bearing(pose, leader.pose, vehicle)
+        self._telemetry["measured"] = self._velocity[:, 0]
+        wanted = np.array([g.k for g in self.robot_gains])[:, None] * (desired.q - q) - delta
+        v, omega = np.array([np.linalg.solve(*pair) for pair in zip(R, wanted, strict=True)]).T
+        return np.column_stack([v, np.arctan(vehicle.wheelbase * omega / v)])
+
+
+def test_a_kind_of_vehicle_from_outside_has_arrays_of_its_own_size():
+    """Three pose entries, commands that are no torques: the law holds a formation of bicycles."""
+    check_controller(Kinematic, vehicle=Bicycle())
+    controller = Kinematic(Team(Bicycle(), 2, 0.02), IntegralGains(k=1))
+    pose = np.array([[-4.0, 1, 0], [-4, -1, 0.1]])
+    desired = Desired(np.array([[3.0, 0.4], [3, -0.4]]), np.zeros((2, 2)), np.zeros((2, 2)))
+    for k in range(1000):
+        leader = Leader(np.array([0.01 * k, 0.0, 0.0]), np.array([0.5, 0.0]))
+        if k == 0:
+            controller.start(pose, leader, desired)
+        speed, angle = controller.step(pose, leader, desired, np.zeros((2, 2))).T
+        heading = pose[:, 2]
+        rates = [speed * np.cos(heading), speed * np.sin(heading), speed * np.tan(angle) / 1.2]
+        pose = pose + 0.02 * np.column_stack(rates)
+    np.testing.assert_allclose(range_bearing(pose, leader.pose, Bicycle()), desired.q, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"pose": np.zeros((2, 4))}, r"pose has shape \(2, 4\): expected \(2, 3\)"),
+        ({"pose": [[0, 0, 0], [0, 0, math.nan]]}, "robot 1: pose component heading is nan"),
+        ({"leader": Leader(np.zeros(4), np.zeros(2))}, r"the leader's pose has shape \(4,\): expected \(3,\)"),
+        ({"velocity": [[0, 0], [math.inf, 0]]}, "robot 1: velocity component v is inf"),
+    ],
+)
+def test_what_does_not_fit_a_kind_from_outside_is_named_by_its_entries(inputs, message):
+    pose, desired = np.array([[-4.0, 1, 0], [-4, -1, 0]]), Desired(np.ones((2, 2)), *np.zeros((2, 2, 2)))
+    fine = {"pose": pose, "leader": Leader(np.zeros(3), np.zeros(2)), "desired": desired, "velocity": np.zeros((2, 2))}
+    controller = Kinematic(Team(Bicycle(), 2, 0.02))
+    controller.start(pose, fine["leader"], desired)
+    with pytest.raises(ControllerError, match=message):
+        controller.step(**fine | inputs)
+
+
+def test_a_command_that_is_no_torque_is_not_called_one():
+    class Broken(Kinematic):
+        def on_step(self, pose, leader, desired):
+            return np.full((2, 2), math.nan)
+
+    desired = Desired(np.ones((2, 2)), *np.zeros((2, 2, 2)))
+    inputs = np.ones((2, 3)), Leader(np.zeros(3), np.zeros(2)), desired
+    controller = Broken(Team(Bicycle(), 2, 0.02))
+    controller.start(*inputs)
+    with pytest.raises(ControllerError, match="robot 0: the command is not finite"):
+        controller.step(*inputs, np.zeros((2, 2)))
+
+
+def stating(**facts):
+    """Return a bicycle that states other facts."""
+    return type("Stating", (Bicycle,), facts)()
+
+
+X_Y, HEADING = (Entry("x", "m"), Entry("y", "m")), Entry("heading", "rad")
+TORQUES = (Entry("right", "N.m"), Entry("left", "N.m"))
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"kind": 3}, "expected one that states kind, pose, velocity, command and geometry, such as CarLike"),
+        ({"pose": ("x", "y", "heading")}, r"its pose is \('x', 'y', 'heading'\), expected a tuple of Entry"),
+        ({"velocity": None}, r"its velocity is None, expected a tuple of Entry\(name, unit\)"),
+        ({"command": ()}, "its command has no entry"),
+        ({"command": TORQUES[:1] * 2}, "its command has two entries named 'right'"),
+        ({"pose": (HEADING, *X_Y)}, r"its pose begins with units rad, m, m: expected x \[m\], y \[m\] and a heading"),
+        ({"pose": X_Y}, r"its pose begins with units m, m: expected x"),
+        ({"geometry": (Entry("length", "m"),)}, "it states the geometry 'length' but has no such attribute"),
+        ({"__hash__": None}, "it cannot be hashed: a frozen dataclass can"),
+        ({"formation": 1.2}, "its formation is 1.2, expected a FormationGeometry"),
+        ({"formation": FormationGeometry("angle", 1)}, r"steers by 'angle', but its pose has no fourth entry \[rad\]"),
+        ({"velocity": TORQUES}, r"it states a formation, which is for velocities v \[m/s\] and omega \[rad/s\]"),
+        ({"torques": TorqueMap("wheels")}, r"what torques do, but its commands are not two torques \[N.m\]"),
+    ],
+)
+def test_a_vehicle_that_states_its_facts_wrongly_is_refused(facts, message):
+    with pytest.raises(ControllerError, match=rf"the vehicle is .*Stating\(wheelbase=1.2\): .*{message}"):
+        Team(stating(**facts), 1, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: FormationGeometry("anlge", 1.0), "unknown steering 'anlge'; did you mean 'angle'"),
+        (lambda: FormationGeometry("none", 0.0), "the length is 0.0 m: it must be a positive length"),
+        (lambda: TorqueMap("wheel"), "unknown form of torques 'wheel'; did you mean 'wheels'"),
+        (lambda: TorqueMap("wheels", -1.0), "the wheel radius is -1.0 m"),
+    ],
+)
+def test_facts_that_make_no_sense_are_refused(made, message):
+    with pytest.raises(ControllerError, match=message):
+        made()
+
+
+LAWS = ["feedback-linearisation", "lqg", "neural-adaptive-pid", "neural-high-gain", "observer-pid"]
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_our_laws_serve_any_kind_that_states_what_they_need_and_refuse_others(name):
+    """A forklift steered as a car is, of a kind that nobody knows, gets a car's torques; a bicycle is refused."""
+    pytest.importorskip("control") if name == "lqg" else None
+    law = load(name)
+
+    class Forklift(CarLike):
+        kind = "forklift"
+
+    torques = []
+    for vehicle in (CarLike(1.2), Forklift(1.2)):
+        controller = law(Team(vehicle, 3, 0.02))
+        controller.start(POSE, LEADER, DESIRED)
+        torques.append(controller.step(POSE, LEADER, DESIRED, np.zeros((3, 2))))
+    np.testing.assert_array_equal(*torques)
+    with pytest.raises(
+        ControllerError,
+        match="serves vehicles of kind car_like, tractor_trailer, differential_drive, others that state their "
+        "formation and torques, not bicycle",
+    ):
+        law(Team(Bicycle(), 3, 0.02))
+    with pytest.raises(ControllerError, match="Narrow serves vehicles of kind boat, not car_like"):
+        type("Narrow", (law,), {"vehicles": ("boat",)})(Team(CarLike(1.2), 3, 0.02))
+    with pytest.raises(ControllerError, match="Vain needs a vehicle that states its formation and torques, and a bicy"):
+        type("Vain", (law,), {"vehicles": ("bicycle",)})(Team(Bicycle(), 3, 0.02))
+
+
+def test_a_vehicle_without_a_formation_or_torques_has_no_geometry_of_either():
+    silent = stating(formation=None)
+    with pytest.raises(ControllerError, match=r"Stating.*: expected one that states its formation"):
+        range_bearing(np.zeros(3), np.ones(3), silent)
+    with pytest.raises(ControllerError, match=r"the vehicle Bicycle.* does not state what its torques do"):
+        input_matrix(np.zeros(3), Bicycle())
 
 
 def test_another_vehicle_is_refused():
@@ -426,7 +607,7 @@ class Elsewhere(Integral):
         (Silent, "signal forgotten is not written at every step"),
         (Random, "a second run gives other torques"),
         (Twice, "has two signals named 'error'"),
-        (Elsewhere, "serves none of car_like, tractor_trailer"),
+        (Elsewhere, "serves none of car_like, tractor_trailer, differential_drive: pass a vehicle that it serves"),
     ],
 )
 def test_a_broken_promise_is_found(broken, message):

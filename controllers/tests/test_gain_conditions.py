@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from formation_controllers import ControllerError, GainError
-from formation_controllers.gain_conditions import Bounds, check_gains, propose_gains, region_of_attraction
+from formation_controllers.analysis.gain_conditions import Bounds, check_gains, propose_gains
+from formation_controllers.analysis.region_of_attraction import region_of_attraction
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.neural_high_gain import NeuralHighGainGains
 from formation_controllers.observer_pid import ObserverPidGains

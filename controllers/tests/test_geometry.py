@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, TractorTrailer, kinematics
+from formation_controllers import CarLike, ControllerError, DifferentialDrive, TractorTrailer, kinematics
 from formation_controllers.geometry import (
     formation_rates,
     input_matrix,
@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 
 CAR = CarLike(1.2)
 TRACTOR = TractorTrailer(hitch_length=1.5, wheel_radius=0.15, half_track=0.4)
-VEHICLES = pytest.mark.parametrize("vehicle", [CAR, TRACTOR], ids=lambda vehicle: vehicle.kind)
+DIFFERENTIAL = DifferentialDrive(wheel_radius=0.15, half_track=0.4)
+VEHICLES = pytest.mark.parametrize("vehicle", [CAR, TRACTOR, DIFFERENTIAL], ids=lambda vehicle: vehicle.kind)
 
 
 def random_poses(n, seed=0, vehicle=CAR):
@@ -40,15 +41,22 @@ def random_poses(n, seed=0, vehicle=CAR):
     if vehicle is TRACTOR:  # headings of both bodies instead of one and an angle between them
         pose[:, 3] += pose[:, 2]
         leader[:, 3] += leader[:, 2]
-    return pose, leader
+    entries = len(vehicle.pose)
+    return pose[:, :entries], leader[:, :entries]
 
 
 def steering(pose, vehicle):
+    if vehicle is DIFFERENTIAL:
+        return np.zeros(pose.shape[:-1])
     return pose[..., 3] - pose[..., 2] if vehicle is TRACTOR else pose[..., 3]
 
 
 def motion_basis(pose, vehicle):
-    """S of (2), shape (..., 4, 2)."""
+    """S of (2), shape (..., 4, 2); of a differential-drive robot (..., 3, 2)."""
+    if vehicle is DIFFERENTIAL:
+        zero, one = np.zeros(pose.shape[:-1]), np.ones(pose.shape[:-1])
+        columns = [np.cos(pose[..., 2]), np.sin(pose[..., 2]), zero], [zero, zero, one]
+        return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
     length = vehicle.hitch_length if vehicle is TRACTOR else vehicle.wheelbase
     heading = pose[..., 2]
     turn = np.tan(steering(pose, vehicle)) / length
@@ -73,16 +81,18 @@ def test_rates_of_the_posture_error_are_its_time_derivative_and_5(vehicle):
     pose_dot = np.einsum("nij,nj->ni", motion_basis(pose, vehicle), velocity)
     leader_dot = np.einsum("nij,nj->ni", motion_basis(leader, vehicle), leader_velocity)
     h = 1e-5
-    ahead = posture_error(pose + h * pose_dot, leader + h * leader_dot)
-    behind = posture_error(pose - h * pose_dot, leader - h * leader_dot)
+    ahead = posture_error(pose + h * pose_dot, leader + h * leader_dot, vehicle)
+    behind = posture_error(pose - h * pose_dot, leader - h * leader_dot, vehicle)
     np.testing.assert_allclose(e_dot, (ahead - behind) / (2 * h), atol=1e-8)
 
     length = 1.5 if vehicle is TRACTOR else 1.2
-    e_1, e_2, e_3, _ = posture_error(pose, leader).T
+    e_1, e_2, e_3 = posture_error(pose, leader, vehicle).T[:3]
     (v, omega), (v_d, omega_d) = velocity.T, leader_velocity.T
     turn, turn_d = v / length * np.tan(steering(pose, vehicle)), v_d / length * np.tan(steering(leader, vehicle))
+    if vehicle is DIFFERENTIAL:
+        turn, turn_d = omega, omega_d
     printed = [-v + v_d * np.cos(e_3) + turn * e_2, -turn * e_1 + v_d * np.sin(e_3), turn_d - turn, omega_d - omega]
-    np.testing.assert_allclose(e_dot, np.column_stack(printed), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(e_dot, np.column_stack(printed[: len(vehicle.pose)]), rtol=1e-12, atol=1e-12)
 
 
 def test_range_and_bearing_are_seen_from_the_front_axle_and_relative_to_the_steered_wheel():
@@ -97,12 +107,34 @@ def test_range_and_bearing_of_a_tractor_trailer_are_seen_from_the_tractor():
     np.testing.assert_allclose(q, [math.sqrt(32), math.pi / 4 - 0.1], rtol=1e-15)
 
 
+def test_range_and_bearing_of_a_differential_drive_are_seen_from_its_axle():
+    # Heading along +y; the leader is 4 m ahead of the axle's midpoint and 4 m to the left.
+    q = range_bearing([1.0, 2.0, math.pi / 2], [-3.0, 6.0, 0.0], DIFFERENTIAL)
+    np.testing.assert_allclose(q, [math.sqrt(32), math.pi / 4], rtol=1e-15)
+
+
+def test_a_differential_drive_is_a_tractor_without_its_trailer():
+    """A tractor-trailer in line, seen by a robot at the tractor: the same range, bearing, R, delta and B2."""
+    pose, leader = random_poses(50, vehicle=DIFFERENTIAL)
+    trailer = np.column_stack([pose, pose[:, 2]])
+    trailer[:, :2] -= 1.5 * np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+    behind, at_leader = trailer, np.column_stack([leader, leader[:, 2]])
+    close = {"rtol": 1e-9, "atol": 1e-9}
+    np.testing.assert_allclose(
+        range_bearing(pose, leader, DIFFERENTIAL), range_bearing(behind, at_leader, TRACTOR), **close
+    )
+    own, others = formation_rates(pose, leader, 0.7, DIFFERENTIAL), formation_rates(behind, at_leader, 0.7, TRACTOR)
+    for one, other in zip(own, others, strict=True):
+        np.testing.assert_allclose(one, other, **close)
+    np.testing.assert_allclose(input_matrix(pose, DIFFERENTIAL), input_matrix(behind, TRACTOR), **close)
+
+
 @VEHICLES
 def test_range_and_bearing_do_not_change_when_the_world_is_moved(vehicle):
     pose, leader = random_poses(100, vehicle=vehicle)
-    c, s = math.cos(0.7), math.sin(0.7)
-    move = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    offset = np.array([3.0, -4.0, 0.7, 0.7 if vehicle is TRACTOR else 0.0])
+    c, s, n = math.cos(0.7), math.sin(0.7), len(vehicle.pose)
+    move = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])[:n, :n]
+    offset = np.array([3.0, -4.0, 0.7, 0.7 if vehicle is TRACTOR else 0.0])[:n]
     moved = range_bearing(pose @ move.T + offset, leader @ move.T + offset, vehicle)
     difference = moved - range_bearing(pose, leader, vehicle)
     np.testing.assert_allclose(difference[:, 0], 0, atol=1e-12)
@@ -173,6 +205,44 @@ def test_input_matrix_of_a_tractor_trailer_is_the_motion_basis_times_b1():
     np.testing.assert_allclose(input_matrix(pose, TRACTOR), B2, rtol=1e-12, atol=1e-12)
 
 
+def test_input_matrix_of_a_differential_drive_is_the_motion_basis_times_b1():
+    """Both wheels push along the heading by tau/r; the right one turns the robot to the left by b tau/r."""
+    pose, _ = random_poses(100, vehicle=DIFFERENTIAL)
+    c, s, b = np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.full(100, 0.4)
+    B1 = np.stack([np.stack([c, s, b], axis=-1), np.stack([c, s, -b], axis=-1)], axis=-1) / 0.15
+    B2 = np.einsum("nki,nkj->nij", motion_basis(pose, DIFFERENTIAL), B1)
+    np.testing.assert_allclose(input_matrix(pose, DIFFERENTIAL), B2, rtol=1e-12, atol=1e-12)
+
+
+@VEHICLES
+def test_rates_of_r_and_delta_are_their_time_derivatives(vehicle):
+    """What feedback linearisation and the formation model differentiate by hand, against differences."""
+    pose, leader = random_poses(100, seed=3, vehicle=vehicle)
+    random, h = np.random.default_rng(4), 1e-6
+    (v, omega), (v_d, omega_d) = random.uniform(-1, 1, (2, 2, 100))
+    own_rate = np.einsum("nij,nj->ni", motion_basis(pose, vehicle), np.column_stack([v, omega]))
+    leader_rate = np.einsum("nij,nj->ni", motion_basis(leader, vehicle), np.column_stack([v_d, omega_d]))
+    ahead, behind = (
+        formation_rates(pose + d * own_rate, leader + d * leader_rate, v_d + 0.3 * d, vehicle) for d in (h, -h)
+    )
+    R, delta = formation_rates(pose, leader, v_d, vehicle)
+    car = kinematics.geometry_of(vehicle)
+    for i in range(100):
+        error = kinematics.posture_error(pose[i], leader[i], car)
+        rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, car.ahead)
+        steers, steers_d = float(steering(pose[i], vehicle)), float(steering(leader[i], vehicle))
+        rho_dot, bearing_dot = R[i] @ [v[i], omega[i]] + delta[i]
+        turn = kinematics.body_turn(v[i], omega[i], steers, car)
+        turn_d = kinematics.body_turn(v_d[i], omega_d[i], steers_d, car)
+        assert turn == pytest.approx(own_rate[i, 2], rel=1e-12)
+        h_dot = kinematics.steering_rate(omega[i], turn, car)
+        moved = rho_dot, bearing_dot + h_dot
+        column = kinematics.rate_matrix_dot(rho, phi, steers, *moved, h_dot, car)
+        shift = kinematics.leader_rates_dot(rho, phi, error.e_3, v_d[i], *moved, turn_d - turn, 0.3)
+        np.testing.assert_allclose(column, (ahead[0][i, :, 0] - behind[0][i, :, 0]) / (2 * h), rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(shift, (ahead[1][i] - behind[1][i]) / (2 * h), rtol=1e-5, atol=1e-6)
+
+
 def test_leading_dimensions_broadcast():
     pose, leader = random_poses(6)
     q = range_bearing(pose.reshape(2, 3, 4), leader[0], CAR)
@@ -224,6 +294,8 @@ def test_bearings_without_time_or_with_another_shape_are_refused():
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(ControllerError, match=r"shape \(3,\): the last dimension must be 4"):
         posture_error(np.zeros(3), np.zeros(3))
+    with pytest.raises(ControllerError, match=r"shape \(4,\): the last dimension must be 3"):
+        range_bearing(np.zeros(4), np.zeros(4), DIFFERENTIAL)
     with pytest.raises(ControllerError, match="do not broadcast"):
         range_bearing(np.zeros((2, 4)), np.zeros((3, 4)), CAR)
     with pytest.raises(ControllerError, match="speed"):
@@ -232,7 +304,7 @@ def test_shapes_that_do_not_fit_are_refused():
 
 @pytest.mark.parametrize("vehicle", [None, CarLike, "car_like"])
 def test_a_vehicle_that_is_none_is_refused(vehicle):
-    with pytest.raises(ControllerError, match=r"the vehicle is .*: expected a CarLike or a TractorTrailer"):
+    with pytest.raises(ControllerError, match=r"the vehicle is .*: expected one that states its formation"):
         range_bearing(np.zeros(4), np.zeros(4), vehicle)
 
 
@@ -246,6 +318,12 @@ def test_a_wheelbase_that_is_no_length_is_refused(wheelbase):
 def test_a_tractor_trailer_without_its_lengths_is_refused(lengths):
     with pytest.raises(ControllerError, match=r"the (hitch length|wheel radius|half track) is .* a positive length"):
         TractorTrailer(*lengths)
+
+
+@pytest.mark.parametrize("lengths", [(0, 1), (1, -1), (math.inf, 1), (1, None)])
+def test_a_differential_drive_without_its_lengths_is_refused(lengths):
+    with pytest.raises(ControllerError, match=r"the (wheel radius|half track) is .* a positive length"):
+        DifferentialDrive(*lengths)
 
 
 def test_an_unknown_drive_is_refused_with_the_nearest():

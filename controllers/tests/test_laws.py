@@ -18,19 +18,21 @@ from formation_controllers import (
     CarLike,
     ControllerError,
     Desired,
+    DifferentialDrive,
     GainError,
     Leader,
     Team,
     TractorTrailer,
-    sight,
+    singularities,
 )
 from formation_controllers import load as find
+from formation_controllers.analysis.formation_model import ReducedDynamics, formation_model
+from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.controller import Controller
-from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
+from formation_controllers.dynamics import DIFFERENTIAL_DRIVE_MODEL, TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
-from formation_controllers.formation_model import ReducedDynamics, formation_model
 from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
-from formation_controllers.lqg import Lqg, LqgGains, linearised
+from formation_controllers.lqg import Lqg, LqgGains
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
 from formation_controllers.neural_high_gain import NeuralHighGain, NeuralHighGainGains
 from formation_controllers.observer_pid import ObserverPid, ObserverPidGains
@@ -51,6 +53,12 @@ SETTLING = {
         "neural-adaptive-pid": ON_A_CIRCLE,
         "feedback-linearisation": FeedbackLinearisationGains(**TRACTOR_TRAILER_MODEL),
         "lqg": LqgGains(**TRACTOR_TRAILER_MODEL),
+    },
+    "differential": {
+        "neural-adaptive-pid": ON_A_CIRCLE,
+        "feedback-linearisation": FeedbackLinearisationGains(**DIFFERENTIAL_DRIVE_MODEL),
+        "lqg": LqgGains(**DIFFERENTIAL_DRIVE_MODEL),
+        "neural-high-gain": NeuralHighGainGains(K_2=(60, 15)),  # a quarter of the car's inertia turns with omega
     },
 }
 
@@ -79,9 +87,14 @@ def test_every_law_serves_followers_with_gains_of_their_own(name):
 @pytest.mark.parametrize("course", SETTLING)
 @ALL
 def test_every_law_settles_under_noise(name, course, request):
-    """On the line, on the circle, with tractor-trailers: the last 20 of 100 s, all four followers."""
+    """On the line, on the circle, with the other two vehicles: the last 20 of 100 s, all four followers."""
     pytest.importorskip("control") if name == "lqg" else None
-    fixture = {"line": "first_simulation", "circle": "second_simulation", "tractor_trailer": "third_simulation"}
+    fixture = {
+        "line": "first_simulation",
+        "circle": "second_simulation",
+        "tractor_trailer": "third_simulation",
+        "differential": "differential_simulation",
+    }
     simulation = request.getfixturevalue(fixture[course])(
         law=load(name), gains=SETTLING[course].get(name), noise=1e-3, seed=3
     )
@@ -118,21 +131,23 @@ def test_observer_pid_is_the_papers_law_without_adaptation(first_simulation):
 
 # Feedback linearisation ------------------------------------------------------------------------------------
 
-CAR, TRACTOR = CarLike(1.2), TractorTrailer(1.5, 0.15, 0.4)
+CAR, TRACTOR, DIFFERENTIAL = CarLike(1.2), TractorTrailer(1.5, 0.15, 0.4), DifferentialDrive(0.15, 0.4)
 MODELS = pytest.mark.parametrize(
     ("vehicle", "gains"),
     [
         (CAR, FeedbackLinearisationGains(K_0=(1, 2), K_1=(3, 2.5))),
         (TRACTOR, FeedbackLinearisationGains(**TRACTOR_TRAILER_MODEL, K_0=(1, 2), K_1=(3, 2.5))),
+        (DIFFERENTIAL, FeedbackLinearisationGains(**DIFFERENTIAL_DRIVE_MODEL, K_0=(1, 2), K_1=(3, 2.5))),
     ],
-    ids=["car_like", "tractor_trailer"],
+    ids=["car_like", "tractor_trailer", "differential_drive"],
 )
 
 
 def situation(n, vehicle, seed=0):
     random = np.random.default_rng(seed)
-    pose = random.uniform([-6, -3, -0.6, -0.6], [-4, 3, 0.6, 0.6], (n, 4))
-    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]), np.array([0.1, 0.2]))
+    entries = len(vehicle.pose)
+    pose = random.uniform([-6, -3, -0.6, -0.6], [-4, 3, 0.6, 0.6], (n, 4))[:, :entries]
+    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2])[:entries], np.array([0.4, -0.1]), np.array([0.1, 0.2]))
     q = range_bearing(pose, leader.pose, vehicle)
     return random, pose, leader, Desired(q + random.normal(0, 0.3, (n, 2)), *random.normal(0, 0.3, (2, n, 2)))
 
@@ -235,21 +250,29 @@ def test_a_high_gain_observer_that_the_period_makes_unstable_is_refused(epsilon,
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "gains"), [(CAR, LqgGains()), (TRACTOR, LqgGains(**TRACTOR_TRAILER_MODEL))], ids=["car", "tractor"]
+    ("vehicle", "gains"),
+    [
+        (CAR, LqgGains()),
+        (TRACTOR, LqgGains(**TRACTOR_TRAILER_MODEL)),
+        (DIFFERENTIAL, LqgGains(**DIFFERENTIAL_DRIVE_MODEL)),
+    ],
+    ids=["car", "tractor", "differential"],
 )
 def test_the_linearisation_is_that_of_10(vehicle, gains):
     """epsilon_ddot of (10) against A and B, for small deviations from the straight motion."""
     rho, bearing = 3.0, 0.6
-    A, B, _ = linearised(vehicle, gains, rho, bearing)
+    A, B, _ = linearised(vehicle, gains, gains.v_0, rho, bearing)
     reduced = ReducedDynamics.of_vehicle(vehicle, gains)
-    length = 1.2 if vehicle is CAR else 1.5
+    ahead = {CAR: 1.2, TRACTOR: 1.5, DIFFERENTIAL: 0.0}[vehicle]
+    own = np.zeros(len(vehicle.pose))
     random = np.random.default_rng(2)
     for _ in range(20):
         x, u = 1e-5 * random.normal(size=4), 1e-5 * random.normal(size=2)
         q_1, q_2 = rho + x[0], bearing + x[1]
-        leader = Leader(np.array([length + q_1 * math.cos(q_2), q_1 * math.sin(q_2), 0, 0]), np.array([gains.v_0, 0]))
-        model = formation_model(np.zeros(4), leader, x[2:], vehicle, reduced, exact=True)
-        pace = np.linalg.solve(model.R.T, reduced.at(np.zeros(4))[1] @ [gains.v_0, 0])
+        leader = Leader(own.copy(), np.array([gains.v_0, 0]))
+        leader.pose[:2] = ahead + q_1 * math.cos(q_2), q_1 * math.sin(q_2)
+        model = formation_model(own, leader, x[2:], vehicle, reduced, exact=True)
+        pace = np.linalg.solve(model.R.T, reduced.at(own)[1] @ [gains.v_0, 0])
         q_ddot = np.linalg.solve(model.M, u + pace - model.force(x[2:], np.zeros(2)))
         np.testing.assert_allclose(q_ddot, (A @ x + B @ u)[2:], atol=1e-8)
 
@@ -283,6 +306,7 @@ PLACES = pytest.mark.parametrize(
     [
         *((signal, CAR) for signal in ("relative_range", "cos_bearing", "cos_steering", "drive_gain")),
         *((signal, TRACTOR) for signal in ("relative_range", "cos_bearing", "cos_steering")),  # whose gain has no zero
+        *((signal, DIFFERENTIAL) for signal in ("relative_range", "cos_bearing")),  # and nothing of this one steers
     ],
     ids=lambda value: getattr(value, "kind", value),
 )
@@ -292,6 +316,11 @@ NEAR = (-1e-3, -1e-9, 0.0, 1e-9, 1e-3)
 
 def beside(signal, vehicle, distance):
     """Return poses of a follower and of the leader at this distance from where the signal is zero."""
+    if vehicle is DIFFERENTIAL:
+        return {
+            "relative_range": ([-distance, 0, 0], [0, 0, 0]),
+            "cos_bearing": ([0, 0, distance], [0, 2, 0]),
+        }[signal]
     length = 1.2 if vehicle is CAR else 1.5
     return {
         "relative_range": ([-distance, 0, 0, 0], [length, 0, 0, 0]),
@@ -320,7 +349,7 @@ def told(controller, signal):
 def expected(signal, vehicle, distance):
     """Return the signal's value there, written anew from its definition."""
     if signal == "relative_range":
-        return abs(distance) / (1.2 if vehicle is CAR else 1.5)
+        return abs(distance) / {CAR: 1.2, TRACTOR: 1.5, DIFFERENTIAL: 0.4}[vehicle]
     if signal == "drive_gain":
         return 1 - math.tan(math.atan(math.sqrt(2)) - distance) / math.sqrt(2)
     return math.sin(distance)
@@ -416,7 +445,7 @@ def test_the_drive_gain_of_a_tractor_trailer_has_no_unit_and_needs_no_guard(name
 def test_every_law_tells_how_near_each_singularity_is(name):
     """Once: det R is one cosine over the other, and drive gain and range are what else a law divides by."""
     flagged = {s.name: s.singular_below for s in load(name).signals if s.singular_at_zero}
-    assert flagged == dict.fromkeys(("drive_gain", "relative_range", "cos_bearing", "cos_steering"), sight.NEAR)
+    assert flagged == dict.fromkeys(("drive_gain", "relative_range", "cos_bearing", "cos_steering"), singularities.NEAR)
 
 
 # Saturation ------------------------------------------------------------------------------------------------
@@ -489,14 +518,16 @@ def second_package(disable_jit):
             sys.modules.update(first)
 
 
-def test_plain_python_gives_the_same_bits(first_simulation, second_simulation, third_simulation, bits_of_a_run):
+def test_plain_python_gives_the_same_bits(
+    first_simulation, second_simulation, third_simulation, differential_simulation, bits_of_a_run
+):
     """The same formulas uncompiled: not a bit differs after 2 s, in any law."""
     names = [name for name in NAMES if name != "lqg" or importlib.util.find_spec("control")]
-    courses = first_simulation, second_simulation, third_simulation
+    courses = first_simulation, second_simulation, third_simulation, differential_simulation
     compiled = [bits_of_a_run(name, course) for name in names for course in courses]
     with second_package(1 - numba.config.DISABLE_JIT) as other:  # what this process is not
         assert (type(other.euler) is FunctionType) == bool(numba.config.DISABLE_JIT)
-        courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation
+        courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation, other.DifferentialSimulation
         found = [other.bits(name, course) for name in names for course in courses]
     assert found == compiled
 

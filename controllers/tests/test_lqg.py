@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, Desired, Leader, Team, TractorTrailer
+from formation_controllers import CarLike, Desired, DifferentialDrive, Leader, Team, TractorTrailer
+from formation_controllers.analysis.formation_model import ReducedDynamics
+from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
-from formation_controllers.formation_model import ReducedDynamics
 from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
-from formation_controllers.lqg import Lqg, LqgGains, linearised
+from formation_controllers.lqg import Lqg, LqgGains
 
 pytest.importorskip("control")
 linalg = pytest.importorskip("scipy.linalg")
@@ -19,8 +20,12 @@ H, N = 0.02, 6
 C = np.eye(2, 4)
 VEHICLES = pytest.mark.parametrize(
     ("vehicle", "model"),
-    [(CarLike(1.2), {}), (TractorTrailer(1.5, 0.15, 0.4), TRACTOR_TRAILER_MODEL)],
-    ids=["car_like", "tractor_trailer"],
+    [
+        (CarLike(1.2), {}),
+        (TractorTrailer(1.5, 0.15, 0.4), TRACTOR_TRAILER_MODEL),
+        (DifferentialDrive(0.15, 0.4), {"I_1": 0.0, "I_2": 2.3, "S_0": 2.25}),
+    ],
+    ids=["car_like", "tractor_trailer", "differential_drive"],
 )
 
 
@@ -37,8 +42,9 @@ def design_problem(vehicle, model):
         )
         for i in range(N)
     ]
-    pose = random.uniform([-6, -3, -0.5, -0.5], [-4, 3, 0.5, 0.5], (N, 4))
-    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]), np.array([0.7, 0.2]))
+    entries = len(vehicle.pose)
+    pose = random.uniform([-6, -3, -0.5, -0.5], [-4, 3, 0.5, 0.5], (N, 4))[:, :entries]
+    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2])[:entries], np.array([0.4, -0.1]), np.array([0.7, 0.2]))
     q = range_bearing(pose, leader.pose, vehicle)
     desired = Desired(q + random.uniform(-0.3, 0.3, (N, 2)), *random.normal(size=(2, N, 2)))
     controller = Lqg(Team(vehicle, N, H), gains)
@@ -51,7 +57,7 @@ def test_the_design_solves_the_riccati_equations_of_control_and_filter(vehicle, 
     _, gains, _, _, desired, controller = design_problem(vehicle, model)
     state = controller.get_state()
     for i, g in enumerate(gains):
-        A, B, M = linearised(vehicle, g, *desired.q[i])
+        A, B, M = linearised(vehicle, g, g.v_0, *desired.q[i])
         held = linalg.expm(np.block([[A, B], [np.zeros((2, 6))]]) * H)  # input constant over a period
         Phi, Gamma = held[:4, :4], held[:4, 4:]
         F = np.block([[Phi, np.zeros((4, 2))], [H * C, np.eye(2)]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from formation_controllers import projection, rbf
+from formation_controllers import network, projection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -16,16 +16,16 @@ def test_basis_and_output_are_the_formula():
     random = np.random.default_rng(0)
     x, centres, widths = random.normal(size=13), np.arange(-4.0, 5.0), random.uniform(1, 10, HIDDEN)
     sigma = np.empty(HIDDEN)
-    rbf.basis(x, centres, widths, sigma)
+    network.basis(x, centres, widths, sigma)
     expected = np.exp(-((x - centres[:, None]) ** 2).sum(axis=1) / widths**2)
     np.testing.assert_allclose(sigma, expected, rtol=1e-13)
     W = random.normal(size=(2, HIDDEN))
-    np.testing.assert_allclose([rbf.output(W, sigma, m) for m in range(2)], W @ sigma, rtol=1e-13)
+    np.testing.assert_allclose([network.output(W, sigma, m) for m in range(2)], W @ sigma, rtol=1e-13)
 
 
 def test_a_basis_function_is_one_at_its_centre():
     sigma = np.empty(HIDDEN)
-    rbf.basis(np.full(13, 2.0), np.arange(-4.0, 5.0), np.full(HIDDEN, 10.0), sigma)
+    network.basis(np.full(13, 2.0), np.arange(-4.0, 5.0), np.full(HIDDEN, 10.0), sigma)
     assert sigma[6] == 1.0
     assert np.argmax(sigma) == 6
 

@@ -7,7 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, Desired, Leader, Team, TractorTrailer
+from formation_controllers import CarLike, ControllerError, Desired, DifferentialDrive, Leader, Team, TractorTrailer
 from formation_controllers.geometry import formation_rates, input_matrix, posture_error, range_bearing
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
 from hypothesis import given, settings
@@ -86,7 +86,11 @@ def test_a_smaller_weight_bound_lets_all_followers_settle_under_noise(first_simu
 
 @pytest.mark.parametrize(
     "vehicle",
-    [*(CarLike(1.2, drive) for drive in ("as_printed", "front_wheel", "rear_wheel")), TractorTrailer(1.5, 0.15, 0.4)],
+    [
+        *(CarLike(1.2, drive) for drive in ("as_printed", "front_wheel", "rear_wheel")),
+        TractorTrailer(1.5, 0.15, 0.4),
+        DifferentialDrive(0.15, 0.4),
+    ],
     ids=lambda vehicle: getattr(vehicle, "drive", vehicle.kind),
 )
 def test_one_tick_is_the_law_in_matrix_form(vehicle):
@@ -96,9 +100,10 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle):
     gains = NeuralAdaptivePidGains(
         K_p=(10, 7), Lambda_0=(2, 3), Lambda_1=(0.05, 0.1), k_d=8, theta_m=5, W_m=20, widths=np.linspace(5, 12, 9)
     )
-    pose = random.uniform([-6, -3, -1, -1], [-4, 3, 1, 1], (n, 4))
-    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2]), np.array([0.4, -0.1]))
-    gamma_d = leader.pose[3] - leader.pose[2] if vehicle.kind == "tractor_trailer" else leader.pose[3]
+    entries = len(vehicle.pose)
+    pose = random.uniform([-6, -3, -1, -1], [-4, 3, 1, 1], (n, 4))[:, :entries]
+    leader = Leader(np.array([1.0, 0.5, 0.3, 0.2])[:entries], np.array([0.4, -0.1]))
+    gamma_d = {"tractor_trailer": [-0.1], "car_like": [0.2], "differential_drive": []}[vehicle.kind]
     desired = Desired(*random.normal(size=(3, n, 2)))
     controller = NeuralAdaptivePid(Team(vehicle, n, h), gains)
     controller.start(pose, leader, desired)
@@ -110,7 +115,7 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle):
 
     q = range_bearing(pose, leader.pose, vehicle)
     q[:, 1] += 2 * np.pi * np.round((state["bearing"] - q[:, 1]) / (2 * np.pi))
-    e = posture_error(pose, leader.pose)
+    e = posture_error(pose, leader.pose, vehicle)
     R, delta = formation_rates(pose, leader.pose, leader.velocity[0], vehicle)
     B2 = input_matrix(pose, vehicle)
     K_p, L0, L1 = np.diag(gains.K_p), np.diag(gains.Lambda_0), np.diag(gains.Lambda_1)
@@ -121,7 +126,7 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle):
         q_hat_dot = R[i] @ v_hat + delta[i]
         eps_hat_dot = q_hat_dot - desired.q_dot[i]
         s = eps_hat_dot + L0 @ (eps + tilde) + L1 @ own["epsilon_q_tilde_integral"]  # (25)
-        x = np.concatenate([e[i], [gamma_d], leader.velocity, q_hat_dot, desired.q_dot[i], desired.q_ddot[i]])
+        x = np.concatenate([e[i], gamma_d, leader.velocity, q_hat_dot, desired.q_dot[i], desired.q_ddot[i]])
         sigma = np.exp(-((x - np.array(gains.centres)[:, None]) ** 2).sum(axis=1) / np.array(gains.widths) ** 2)
         u = -K_p @ eps_hat_dot - K_p @ L0 @ eps_hat - K_p @ L1 @ own["epsilon_hat_integral"] - own["W"] @ sigma
         u -= s * own["theta"] ** 2 / (own["theta"] * np.linalg.norm(s) + gains.epsilon_t)
@@ -145,7 +150,7 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle):
         np.testing.assert_allclose([told["speed_estimate"][i], told["steering_rate_estimate"][i]], v_hat, rtol=1e-9)
         np.testing.assert_allclose(told["weight_norm"][i], np.linalg.norm(own["W"]), rtol=1e-12)
         np.testing.assert_allclose(told["det_R"][i], np.linalg.det(R[i]), rtol=1e-9)
-        radius = vehicle.wheel_radius if vehicle.kind == "tractor_trailer" else 1.0
+        radius = 1.0 if vehicle.kind == "car_like" else vehicle.wheel_radius
         assert told["drive_gain"][i] == B2[i, 0, 0] * radius
     np.testing.assert_array_equal(told["torque_command"], torque)
 

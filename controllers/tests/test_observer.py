@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, Desired, Leader, Team, observer, sight
+from formation_controllers import CarLike, Desired, Leader, Team, robot_view
+from formation_controllers import velocity_observer as observer
 from formation_controllers.observer_pid import ObserverPid, ObserverPidGains, estimate, no_errors
 
 
@@ -37,8 +38,9 @@ def test_the_approximation_25_and_its_error_26_add_up_to_17_and_18():
     controller.set_state({name: random.normal(size=value.shape) for name, value in controller.get_state().items()})
     errors = no_errors()
     for i, own in enumerate(controller._state):
-        seen = sight.look(pose[i], leader.pose, leader.velocity[0], own["bearing"], controller._vehicle[0], 0.0)
-        estimate(seen, own, controller._gains[i], desired.q[i], desired.q_dot[i], errors)
+        records = controller._records
+        view = robot_view.view_of(pose[i], leader.pose, leader.velocity[0], own["bearing"], records.vehicle, 0.0)
+        estimate(view, own, records.gains[i], desired.q[i], desired.q_dot[i], errors)
         q_dot, integral_of_tilde = random.normal(size=(2, 2))
         integral_of_epsilon = own["epsilon_q_tilde_integral"] - integral_of_tilde
         epsilon, tilde_dot = errors.q - desired.q[i], q_dot - errors.q_hat_dot

@@ -60,6 +60,17 @@ def test_a_new_process_imports_no_more_than_it_needs_and_compiles_nothing_if_tol
     assert run(code, NUMBA_DISABLE_JIT="1").split() == ["False", "True", "False", "function"]
 
 
+def test_modules_that_have_moved_are_found_under_their_older_names():
+    for older, newer in {
+        "formation_model": ["formation_model"],
+        "gain_conditions": ["gain_conditions", "region_of_attraction"],
+    }.items():
+        old = importlib.import_module(f"formation_controllers.{older}")
+        new = [importlib.import_module(f"formation_controllers.analysis.{name}") for name in newer]
+        for name in old.__all__:
+            assert any(getattr(old, name) is getattr(module, name, None) for module in new), name
+
+
 def test_without_python_control_its_law_is_refused_with_what_to_install(monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(

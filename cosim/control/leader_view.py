@@ -6,7 +6,7 @@ import math
 
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.vehicles import Vehicle
+from formation_controllers.vehicles import Vehicle, formation_of
 from numpy.typing import NDArray
 
 
@@ -49,4 +49,7 @@ def alike(vehicle: Vehicle, leader: Vehicle) -> bool:
 
 
 def _length(vehicle: Vehicle) -> float:
-    return vehicle.hitch_length if isinstance(vehicle, fc.TractorTrailer) else vehicle.wheelbase
+    formation = formation_of(vehicle)
+    if formation is None:
+        raise TypeError(f"a {vehicle.kind} does not state how it sees a leader")
+    return formation.length

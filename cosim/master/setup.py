@@ -10,7 +10,6 @@ from typing import Any
 
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 import plants
@@ -37,7 +36,10 @@ MAX_BYTES = 4 * 1024**3
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
 """Names in a result that no channel can have: dimensions, and what follows from the channels."""
 
-_VEHICLES: Mapping[str, type[Vehicle]] = {"car_like": fc.CarLike, "tractor_trailer": fc.TractorTrailer}
+_VEHICLES: Mapping[str, type[fc.CarLike | fc.TractorTrailer]] = {
+    "car_like": fc.CarLike,
+    "tractor_trailer": fc.TractorTrailer,
+}
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class RobotSetup:
         How its plant is run.
     parameters : tuple of ParameterValue
         Those of its plant, with its own in their place.
-    vehicle : formation_controllers.vehicles.Vehicle
+    vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
         Its geometry, as controllers are told.
     pose : tuple of float
         Initial pose in the contract's order and units.
@@ -73,7 +75,7 @@ class RobotSetup:
     fmu: Fmu
     source: PlantSource
     parameters: tuple[ParameterValue, ...]
-    vehicle: Vehicle
+    vehicle: fc.CarLike | fc.TractorTrailer
     pose: tuple[float, ...]
     sensor: tuple[Effect, ...]
     actuator: tuple[Effect, ...]

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from formation_controllers.compiled import compiled
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Desired, Floats, Leader
+from formation_controllers.vehicles import Vehicle, names
 
-VELOCITY: Final = ("v", "omega")
 RANGE_BEARING: Final = ("range", "bearing")
 
 _FLOAT = np.dtype(np.float64)
@@ -66,15 +66,17 @@ def checked(name: str, value: ArrayLike, shape: tuple[int, ...], components: tup
     return array
 
 
-def checked_leader(leader: Leader, components: tuple[str, ...]) -> Leader:
-    """Return a leader whose arrays are `checked`; the components are those of its pose."""
+def checked_leader(leader: Leader, vehicle: Vehicle) -> Leader:
+    """Return a leader whose arrays are `checked`; it is told as if it were this vehicle."""
     if not isinstance(leader, Leader):
         raise ControllerError(f"the leader is a {type(leader).__name__}: expected a Leader, of pose and velocity")
-    acceleration = leader.acceleration
+    pose, velocity, acceleration = names(vehicle.pose), names(vehicle.velocity), leader.acceleration
     return Leader(
-        checked("the leader's pose", leader.pose, (4,), components),
-        checked("the leader's velocity", leader.velocity, (2,), VELOCITY),
-        None if acceleration is None else checked("the leader's acceleration", acceleration, (2,), VELOCITY),
+        checked("the leader's pose", leader.pose, (len(pose),), pose),
+        checked("the leader's velocity", leader.velocity, (len(velocity),), velocity),
+        None
+        if acceleration is None
+        else checked("the leader's acceleration", acceleration, (len(velocity),), velocity),
     )
 
 

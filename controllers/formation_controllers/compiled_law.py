@@ -1,0 +1,119 @@
+"""The base class of compiled laws of range and bearing: it owns their records and calls them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation_controllers.compiled import compiled_for
+from formation_controllers.controller import Controller, G
+from formation_controllers.errors import ControllerError
+from formation_controllers.gains import gain_records
+from formation_controllers.geometry import first_range_bearing
+from formation_controllers.interface import Desired, Floats, Leader, Team
+from formation_controllers.kinematics import Geometry, geometry_of
+from formation_controllers.vehicles import OTHERS, VEHICLES, states_all
+
+
+class TickInputs(NamedTuple):
+    """What a team is given at a tick; arrays of `Controller.step`, checked.
+
+    Attributes
+    ----------
+    pose : ndarray
+        Poses of the followers.
+    velocity : ndarray
+        Their measured velocities; NaN for a law that does not need them.
+    leader : Leader
+        The leader; its acceleration is zero where it is not known.
+    desired : Desired
+        Desired range and bearing.
+    """
+
+    pose: Floats
+    velocity: Floats
+    leader: Leader
+    desired: Desired
+
+
+class TeamRecords(NamedTuple):
+    """What a law keeps from one tick to the next; arrays of records have one a follower.
+
+    Attributes
+    ----------
+    vehicle : Geometry
+        The followers' vehicle.
+    period : float
+        Time between two ticks [s].
+    gains, state, telemetry : ndarray
+        Records with a field for each gain, state and signal.
+    """
+
+    vehicle: Geometry
+    period: float
+    gains: NDArray[np.void]
+    state: NDArray[np.void]
+    telemetry: NDArray[np.void]
+
+
+Tick: TypeAlias = Callable[["TickInputs", "TeamRecords", Floats], None]
+"""A compiled law: fills the torques of a team and its telemetry, and advances its state by one period."""
+
+
+class CompiledLaw(Controller[G], Generic[G]):
+    """A law of range and bearing whose tick is one compiled function.
+
+    It serves every vehicle that states its `FormationGeometry` and its `TorqueMap`, whatever its kind. To write one,
+    state `tick`, `gains_type` and `signals`, and implement `own_state_shapes`.
+    """
+
+    interface: ClassVar[str] = "1.2"
+    vehicles: ClassVar[tuple[str, ...]] = (*(vehicle.kind for vehicle in VEHICLES), OTHERS)
+    tick: ClassVar[staticmethod[[TickInputs, TeamRecords, Floats], None]]
+
+    def __init__(self, team: Team, gains: G | Sequence[G] | None = None) -> None:
+        super().__init__(team, gains)
+        if not states_all(team.vehicle):
+            raise ControllerError(
+                f"{type(self).__name__} needs a vehicle that states its formation and torques, and a "
+                f"{team.vehicle.kind} does not"
+            )
+        self._records = TeamRecords(
+            geometry_of(team.vehicle), float(team.period), gain_records(self.robot_gains), self._state, self._telemetry
+        )
+        self._call: Tick | None = None
+
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state of the law."""
+        return {"bearing": (), **self.own_state_shapes()}  # the bearing of the last tick, to unwrap the next one
+
+    @abstractmethod
+    def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of every state but the bearing."""
+
+    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
+        """Choose the turn of the bearing; then `start_states`."""
+        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
+        self._state["bearing"] = q[:, 1]
+        self.start_states(q, desired)
+
+    def start_states(self, q: Floats, desired: Desired) -> None:
+        """Set those states that do not start at zero, given range and bearing at time zero."""
+
+    def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
+        """Return the torques of this tick, then advance the states."""
+        if leader.acceleration is None:
+            leader = Leader(leader.pose, leader.velocity, self._no_acceleration)
+        inputs, torque = TickInputs(pose, self._velocity, leader, desired), np.empty(self._command_shape)
+        if self._call is None:
+            self._call = compiled_for(type(self).tick, inputs, self._records, torque)
+        self._call(inputs, self._records, torque)
+        return torque
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the compiled code, which another process has at another place."""
+        return {**self.__dict__, "_call": None}

@@ -1,0 +1,42 @@
+"""What a law does while its torque is beyond the limit of the actuators."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from formation_controllers.compiled import compiled
+from formation_controllers.gains import gain
+from formation_controllers.interface import Signal
+from formation_controllers.singularities import GuardGains
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitGains(GuardGains):
+    """What a law with integrals or adaptation can be told about actuators."""
+
+    torque_limit: float = gain(
+        math.inf,
+        "-",
+        "N.m",
+        "integrals and adaptation are held at ticks at which a torque is beyond it; infinity never holds them",
+        above=0,
+        finite=False,
+    )
+
+
+HELD_SIGNAL: Final = Signal("held", "1", "1 where the gain `torque_limit` held integrals and adaptation, else 0")
+"""Telemetry of every law that has a `torque_limit`."""
+
+
+@compiled
+def beyond(tau_1: float, tau_2: float, limit: float) -> bool:
+    """Tell whether a torque is beyond the limit of the actuators."""
+    return abs(tau_1) > limit or abs(tau_2) > limit
+
+
+@compiled
+def clipped(torque: float, limit: float) -> float:
+    """Return what an actuator with this limit applies."""
+    return min(max(torque, -limit), limit)
