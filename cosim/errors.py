@@ -36,6 +36,37 @@ class InputError(FormationError):
         super().__init__(f"{where}: {message}" if where else message)
 
 
+class UnboundVelocities(InputError):
+    """A robot's FMU lacks velocities that are needed; no variable is bound to them.
+
+    Attributes
+    ----------
+    fmu : str
+        Its file.
+    vehicle : str
+        The kind of vehicle that it is bound as.
+    roles : tuple of str
+        The velocities.
+    played : tuple of str
+        The names of its numbers that play a role.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        where: Location | None,
+        fmu: str,
+        vehicle: str,
+        roles: tuple[str, ...],
+        played: tuple[str, ...],
+    ) -> None:
+        super().__init__(message, where)
+        self.fmu = fmu
+        self.vehicle = vehicle
+        self.roles = roles
+        self.played = played
+
+
 class OutputError(FormationError):
     """A result could not be written."""
 

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cosim.cli.advice import advice
 from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
@@ -123,7 +124,7 @@ def report(error: FormationError) -> None:
         place, message = f"{error.where}: ", error.message
     else:
         place, message = "", str(error)
-    err().print(f"{safe(place)}[bold red]error:[/] {safe(message)}", soft_wrap=True)
+    err().print(f"{safe(place)}[bold red]error:[/] {safe(message + advice(error))}", soft_wrap=True)
 
 
 def warn(message: str) -> None:

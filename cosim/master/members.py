@@ -13,7 +13,7 @@ from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
-from cosim.master.setup import RobotSetup
+from cosim.master.robot import RobotSetup
 from cosim.plant.member import Link, Member
 from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
 from cosim.scenario.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource

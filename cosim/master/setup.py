@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 import plants
 from cosim.control.team import Law, find_law, gains_of
-from cosim.errors import InputError, Location
-from cosim.fmu.binding import BoundRole, number_name
+from cosim.errors import InputError, Location, UnboundVelocities
+from cosim.fmu.binding import number_name
 from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
 from cosim.master.recorder import Channel
+from cosim.master.robot import RobotSetup
 from cosim.master.robot_inputs import RobotInputs, robot_inputs
 from cosim.master.timing import timed
 from cosim.results.expectations import Recorded, check, recorded
@@ -27,7 +28,6 @@ from cosim.scenario.scenario import LEADER, Effect, Entries, Event, InputSource,
 from cosim.signals.effects import check_channels, tick_at
 from cosim.signals.places import desired_samples
 from cosim.signals.trajectory import Motion, leader_motion
-from cosim.swap.proposal import velocity_hints
 from cosim.vehicle.contract import Contract, Role, labels
 
 MAX_BYTES = 4 * 1024**3
@@ -40,55 +40,6 @@ _VEHICLES: Mapping[str, type[fc.CarLike | fc.TractorTrailer]] = {
     "car_like": fc.CarLike,
     "tractor_trailer": fc.TractorTrailer,
 }
-
-
-@dataclass(frozen=True)
-class RobotSetup:
-    """One robot, ready to be started.
-
-    Attributes
-    ----------
-    source : PlantSource
-        How its plant is run.
-    parameters : tuple of ParameterValue
-        Those of its plant, with its own in their place.
-    vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
-        Its geometry, as controllers are told.
-    pose : tuple of float
-        Initial pose in the contract's order and units.
-    sensor, actuator : tuple of Effect
-        What lies between it and the controllers.
-    torque : ndarray
-        Torques (ticks + 1, 2) [N.m] that act besides the controller's; a leader's are all of them.
-    inputs : tuple of BoundRole
-        Other inputs of the FMU that are given.
-    samples : ndarray
-        Their values (ticks + 1, inputs) in the roles' units.
-    held : tuple of ParameterValue
-        Inputs that are no real numbers, at the start.
-    changes : dict
-        Parameters and such inputs that change, by tick.
-    """
-
-    name: str
-    where: Location
-    fmu: Fmu
-    source: PlantSource
-    parameters: tuple[ParameterValue, ...]
-    vehicle: fc.CarLike | fc.TractorTrailer
-    pose: tuple[float, ...]
-    sensor: tuple[Effect, ...]
-    actuator: tuple[Effect, ...]
-    torque: NDArray[np.float64]
-    inputs: tuple[BoundRole, ...]
-    samples: NDArray[np.float64]
-    held: tuple[ParameterValue, ...]
-    changes: Mapping[int, tuple[ParameterValue, ...]]
-
-    @property
-    def contract(self) -> Contract:
-        """The kind of vehicle that it is."""
-        return self.fmu.binding.contract
 
 
 @dataclass(frozen=True)
@@ -381,12 +332,13 @@ def _check_velocities_of(robot: RobotSetup, why: str) -> None:
     bound = robot.fmu.binding.bound
     missing = [role.name for role in robot.contract.velocity if role.name not in bound]
     if missing:
-        played = {number_name(b.played_by) for b in bound.values() if b.played_by is not None}
-        hints = velocity_hints(robot.fmu.description, robot.contract, missing, played)
-        raise InputError(
-            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}{' that is bound' if hints else ''}, but "
-            f"{why}: {robot.name} cannot be it{''.join(f'; {hint}' for hint in hints)}",
+        raise UnboundVelocities(
+            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: {robot.name} cannot be it",
             robot.where,
+            fmu=str(robot.fmu.path),
+            vehicle=robot.contract.vehicle,
+            roles=tuple(missing),
+            played=tuple(number_name(b.played_by) for b in bound.values() if b.played_by is not None),
         )
 
 

@@ -20,7 +20,8 @@ from cosim.master.interrupt import HeldSignals
 from cosim.master.members import member
 from cosim.master.pacing import Pacer
 from cosim.master.recorder import Recorder
-from cosim.master.setup import RobotSetup, set_up
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import set_up
 from cosim.master.timing import timed
 from cosim.plant.fleet import Fleet, returning
 from cosim.scenario.scenario import LEADER, Scenario

@@ -1,0 +1,26 @@
+"""What a command adds to an error that tells its cause as data."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+from cosim.errors import FormationError, InputError, UnboundVelocities
+
+
+def advice(error: FormationError) -> str:
+    """Return what could be done about an error, to follow its message; empty if that says it all."""
+    if not isinstance(error, UnboundVelocities):
+        return ""
+    from cosim.fmu.package import open_package  # which is slow to import
+    from cosim.swap.proposal import velocity_hints
+    from cosim.vehicle.contract import CONTRACTS
+
+    try:
+        package = open_package(Path(error.fmu))
+    except InputError:  # it has changed meanwhile
+        return ""
+    (contract,) = (contract for contract in CONTRACTS if contract.vehicle == error.vehicle)
+    with closing(package):
+        hints = velocity_hints(package.description, contract, error.roles, error.played)
+    return "".join(f"; {hint}" for hint in hints)

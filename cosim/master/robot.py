@@ -1,0 +1,66 @@
+"""A robot of a run, ready to be started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import formation_controllers as fc
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import Location
+from cosim.fmu.binding import BoundRole
+from cosim.fmu.package import Fmu
+from cosim.fmu.parameters import ParameterValue
+from cosim.scenario.scenario import Effect, PlantSource
+from cosim.vehicle.contract import Contract
+
+
+@dataclass(frozen=True)
+class RobotSetup:
+    """One robot, ready to be started.
+
+    Attributes
+    ----------
+    source : PlantSource
+        How its plant is run.
+    parameters : tuple of ParameterValue
+        Those of its plant, with its own in their place.
+    vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
+        Its geometry, as controllers are told.
+    pose : tuple of float
+        Initial pose in the contract's order and units.
+    sensor, actuator : tuple of Effect
+        What lies between it and the controllers.
+    torque : ndarray
+        Torques (ticks + 1, 2) [N.m] that act besides the controller's; a leader's are all of them.
+    inputs : tuple of BoundRole
+        Other inputs of the FMU that are given.
+    samples : ndarray
+        Their values (ticks + 1, inputs) in the roles' units.
+    held : tuple of ParameterValue
+        Inputs that are no real numbers, at the start.
+    changes : dict
+        Parameters and such inputs that change, by tick.
+    """
+
+    name: str
+    where: Location
+    fmu: Fmu
+    source: PlantSource
+    parameters: tuple[ParameterValue, ...]
+    vehicle: fc.CarLike | fc.TractorTrailer
+    pose: tuple[float, ...]
+    sensor: tuple[Effect, ...]
+    actuator: tuple[Effect, ...]
+    torque: NDArray[np.float64]
+    inputs: tuple[BoundRole, ...]
+    samples: NDArray[np.float64]
+    held: tuple[ParameterValue, ...]
+    changes: Mapping[int, tuple[ParameterValue, ...]]
+
+    @property
+    def contract(self) -> Contract:
+        """The kind of vehicle that it is."""
+        return self.fmu.binding.contract
