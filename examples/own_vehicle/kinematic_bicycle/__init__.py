@@ -1,4 +1,5 @@
-"""A kinematic bicycle with speed and steering-angle commands: `model` is its plant.
+"""A kinematic bicycle with speed and steering-angle commands.
 
+`model` is its plant, `vehicle` states the facts about it, `law` is a formation controller for it.
 ``python -m kinematic_bicycle`` makes the plant's FMU.
 """
