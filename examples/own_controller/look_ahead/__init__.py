@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from formation_controllers import Desired, Gains, Leader, Signal
+from formation_controllers import OTHERS, Desired, Gains, Leader, Signal
 from formation_controllers.controller import Controller
 from formation_controllers.gains import gain
 from formation_controllers.geometry import formation_rates, input_matrix, range_bearing, unwrapped_bearing
@@ -27,8 +27,8 @@ class LookAhead(Controller[LookAheadGains]):
     The filter is of first order: the rate is (error - lag)/T, and the lag follows the error with that rate.
     """
 
-    interface = "1.1"
-    vehicles = ("car_like", "tractor_trailer")
+    interface = "1.2"
+    vehicles = ("car_like", "tractor_trailer", "differential_drive", OTHERS)
     gains_type = LookAheadGains
     signals = (
         Signal("error", "m, rad", "error of range and bearing", ("range", "bearing")),
