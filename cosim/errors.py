@@ -21,7 +21,19 @@ class Location:
         return ":".join([self.file, *(str(n) for n in (self.line, self.column) if n)])
 
 
-class FormationError(Exception):
+def _restored(kind: type[BaseException], args: tuple[object, ...]) -> BaseException:
+    return kind.__new__(kind, *args)
+
+
+class Picklable(BaseException):
+    """An exception that is pickled by its fields, whatever its constructor takes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how it is made again: without its constructor, which takes something other than the text."""
+        return _restored, (type(self), self.args), self.__dict__
+
+
+class FormationError(Picklable, Exception):
     """Base of all errors that a user sees: a sentence on what is wrong and what would be right."""
 
     exit_status: ClassVar[int] = 2
@@ -125,7 +137,7 @@ class SimulationError(FormationError):
         super().__init__(str(self.failure))
 
 
-class RunInterrupted(KeyboardInterrupt):
+class RunInterrupted(Picklable, KeyboardInterrupt):
     """The user stopped the run (Ctrl-C); `result` holds everything recorded up to then."""
 
     def __init__(self, time: float, result: Any) -> None:

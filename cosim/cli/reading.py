@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+
+from lxml import etree
 
 import plants
 from cosim.cli.console import warn
 from cosim.control.team import installed
 from cosim.errors import InputError
 from cosim.missing_file import absent
-from cosim.scenario.edits import Change, Option, in_words, set_binding, set_controller, set_fmu, set_seed, split_setting
+from cosim.scenario.edits import Edit, set_binding, set_controller, set_fmu, set_seed, split_setting
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 
@@ -32,7 +33,7 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     return scenario
 
 
-def _changes(options: argparse.Namespace) -> Iterator[Change]:
+def _changes(options: argparse.Namespace) -> Iterator[Edit]:
     if options.seed is not None:
         yield set_seed(options.seed)
     for plant, fmu in pairs("--plant", options.plant, "ID=FMU"):
@@ -44,18 +45,17 @@ def _changes(options: argparse.Namespace) -> Iterator[Change]:
         yield set_controller(controller, name, found.package, found.version)
 
 
-def _of_file(option: str, file: str, change: Change) -> Change:
-    """Return a change to a file that an option names, which refuses a file that is not there."""
+def _of_file(option: str, file: str, edit: Edit) -> Edit:
+    """Return an edit that refuses a file that is not there; `option` is what stands before the file's name."""
+    return Edit(edit.words, _with_file, (option, file, edit))
 
-    def checked(root: Any) -> None:
-        change(root)
-        path = Path(file)
-        if not path.exists():
-            is_model = file in plants.models()
-            hint = f': "formation build {file}" makes the FMU of the built-in model' if is_model else ""
-            raise InputError(f"{option}{file}: {absent(path)}{hint}")
 
-    return Option(in_words(change), checked)
+def _with_file(root: etree._Element, option: str, file: str, edit: Edit) -> None:
+    edit(root)
+    path = Path(file)
+    if not path.exists():
+        hint = f': "formation build {file}" makes the FMU of the built-in model' if file in plants.models() else ""
+        raise InputError(f"{option}{file}: {absent(path)}{hint}")
 
 
 def pairs(option: str, values: list[str], form: str) -> Iterator[tuple[str, str]]:

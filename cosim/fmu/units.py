@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from cosim.errors import Picklable
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.quantity import split
 from plants import UnitError, units
@@ -17,7 +18,7 @@ _EXACT = 1e-9
 _ANGLE = units.BASE_UNITS.index("rad")
 
 
-class UnitContradiction(UnitError):
+class UnitContradiction(Picklable, UnitError):
     """A unit's name says one thing and its definition in the FMU another.
 
     Parameters

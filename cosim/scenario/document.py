@@ -19,7 +19,7 @@ from lxml import etree
 
 from cosim.errors import InputError, Location
 from cosim.missing_file import absent
-from cosim.scenario.edits import Change
+from cosim.scenario.edits import Change, in_words
 from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
 from cosim.scenario.malformed_xml import reason
 from cosim.scenario.variant import vary
@@ -75,6 +75,8 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
         try:
             for change in changes:
                 change(root)
+                for element in root.iter("*"):
+                    places.setdefault(element, Location(in_words(change)))
         finally:
             _add_namespace(root)
         _collapse(root)

@@ -1,7 +1,7 @@
 """Changes to a scenario before it is checked, as options of the command line ask for them.
 
 A change is made in the document itself, so that the text which is kept with a result is the text that was run. It sees
-elements without their namespace.
+elements without their namespace. Each change here is a value: two of the same are equal, and it can be pickled.
 """
 
 from __future__ import annotations
@@ -15,99 +15,76 @@ from typing import Any
 from lxml import etree
 
 from cosim.errors import InputError, nearest
-from cosim.scenario.xpath_advice import advice, unclosed
+from cosim.scenario.selection import assign, selected_or_added
+from cosim.scenario.xpath_advice import unclosed
 
 Change = Callable[[etree._Element], None]
 
 
 @dataclass(frozen=True)
-class Option:
+class Edit:
     """A change that an option of the command line asks for.
 
     Attributes
     ----------
     words : str
         That option, as a shell would take it.
-    change : callable
-        Makes the change.
+    make : callable
+        Makes the change, given the root and `about`; a function of a module, so that it can be pickled.
+    about : tuple
+        What it is about.
     """
 
     words: str
-    change: Change
+    make: Callable[..., None]
+    about: tuple[Any, ...]
 
     def __call__(self, root: etree._Element) -> None:
         """Make the change."""
-        self.change(root)
+        self.make(root, *self.about)
 
 
 def in_words(change: Change) -> str:
     """Return what a change is called."""
-    return change.words if isinstance(change, Option) else getattr(change, "__name__", type(change).__name__)
+    return change.words if isinstance(change, Edit) else getattr(change, "__name__", type(change).__name__)
 
 
-def _quoted(text: str) -> str:
-    """Return a text as a shell takes it, in double quotes where it has single ones, as XPaths often do."""
-    return f'"{text}"' if "'" in text and not set('"$`\\!') & set(text) else shlex.quote(text)
+def set_value(setting: str) -> Edit:
+    """Return the change that ``XPATH=VALUE`` asks for: what the XPath selects gets the value.
+
+    A gain or parameter that the XPath names and its element lacks is added; see `selected_or_added`.
+
+    Raises
+    ------
+    InputError
+        The setting has no two sides.
+    """
+    split_setting(setting)
+    return Edit(f"--set {_quoted(setting)}", _set_value, (setting,))
 
 
-def set_value(replacement: str) -> Change:
-    """Return the change that ``XPATH=VALUE`` asks for: what the XPath selects gets the value."""
-    xpath, value = split_setting(replacement)
-
-    def change(root: etree._Element) -> None:
-        try:
-            for node in select(root, xpath):
-                assign(node, value)
-        except ValueError as error:
-            raise InputError(f"--set {replacement}: {error}") from None
-
-    return Option(f"--set {_quoted(replacement)}", change)
-
-
-def set_seed(seed: int) -> Change:
+def set_seed(seed: int) -> Edit:
     """Return the change to another seed of the noise."""
-    return Option(f"--seed {seed}", set_value(f"simulation/@seed={seed}"))
+    return Edit(f"--seed {seed}", _set_value, (f"simulation/@seed={seed}",))
 
 
-def set_fmu(plant: str, fmu: Path) -> Change:
+def set_fmu(plant: str, fmu: Path) -> Edit:
     """Return the change of one plant to another FMU; its parameters are kept."""
-
-    def change(root: etree._Element) -> None:
-        element = _by_id(root, "plant", plant)
-        element.attrib.pop("model", None)
-        element.set("fmu", str(fmu.absolute()))
-
-    return Option(f"--plant {_quoted(f'{plant}={fmu}')}", change)
+    return Edit(f"--plant {_quoted(f'{plant}={fmu}')}", _set_fmu, (plant, fmu))
 
 
-def set_binding(plant: str, file: Path) -> Change:
+def set_binding(plant: str, file: Path) -> Edit:
     """Return the change of one plant to the binding in a file."""
-
-    def change(root: etree._Element) -> None:
-        element = _by_id(root, "plant", plant)
-        for binding in element.findall("binding"):
-            element.remove(binding)
-        element.set("binding", str(file.absolute()))
-
-    return Option(f"--binding {_quoted(f'{plant}={file}')}", change)
+    return Edit(f"--binding {_quoted(f'{plant}={file}')}", _set_binding, (plant, file))
 
 
-def set_controller(controller: str, name: str, package: str, version: str) -> Change:
+def set_controller(controller: str, name: str, package: str, version: str) -> Edit:
     """Return the change of one controller to another law, at that law's default gains: gains belong to a law."""
-
-    def change(root: etree._Element) -> None:
-        element = _by_id(root, "controller", controller)
-        if element.get("name") == name:
-            return
-        for attribute, value in (("name", name), ("package", package), ("version", f"=={version}")):
-            element.set(attribute, value)
-        for gain in element.findall("gain"):
-            element.remove(gain)
-
-    return Option(f"--controller {_quoted(f'{controller}={name}')}", change)
+    words = f"--controller {_quoted(f'{controller}={name}')}"
+    return Edit(words, _set_controller, (controller, name, package, version))
 
 
-def split_setting(replacement: str) -> tuple[str, str]:
+def split_setting(setting: str) -> tuple[str, str]:
     """Return the two sides of ``XPATH=VALUE``, split at the first '=' that is not in the XPath's brackets or quotes.
 
     Raises
@@ -116,7 +93,7 @@ def split_setting(replacement: str) -> tuple[str, str]:
         There is no such '='.
     """
     depth, quote = 0, ""
-    for index, character in enumerate(replacement):
+    for index, character in enumerate(setting):
         if quote:
             quote = "" if character == quote else quote
         elif character in "'\"":
@@ -126,52 +103,48 @@ def split_setting(replacement: str) -> tuple[str, str]:
         elif character in "])":
             depth -= 1
         elif character == "=" and depth == 0:
-            return replacement[:index], replacement[index + 1 :]
-    problem = unclosed(replacement)
+            return setting[:index], setting[index + 1 :]
+    problem = unclosed(setting)
     raise InputError(
-        f"--set {replacement}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
-        + (f"; {problem}" if problem else "")
+        f"--set {setting}: expected XPATH=VALUE, such as '//simulation/@seed=2'" + (f"; {problem}" if problem else "")
     )
 
 
-def select(root: etree._Element, xpath: str) -> list[Any]:
-    """Return the nodes that an XPath selects from the root, at least one.
+def _quoted(text: str) -> str:
+    """Return a text as a shell takes it, in double quotes where it has single ones, as XPaths often do."""
+    return f'"{text}"' if "'" in text and not set('"$`\\!') & set(text) else shlex.quote(text)
 
-    Raises
-    ------
-    ValueError
-        It is no XPath, or selects nothing.
-    """
+
+def _set_value(root: etree._Element, setting: str) -> None:
+    xpath, value = split_setting(setting)
     try:
-        selected = root.xpath(xpath)
-    except etree.XPathError as error:
-        raise ValueError(f"{xpath!r} is not an XPath: {unclosed(xpath) or error}") from None
-    if not isinstance(selected, list) or not selected:
-        raise ValueError(f"{xpath!r} selects nothing in the scenario{advice(root, xpath)}")
-    return selected
+        for node in selected_or_added(root, xpath):
+            assign(node, value)
+    except ValueError as error:
+        raise InputError(f"--set {setting}: {error}") from None
 
 
-def assign(node: object, value: str) -> etree._Element:
-    """Give an attribute or an element of text another value; return the element.
+def _set_fmu(root: etree._Element, plant: str, fmu: Path) -> None:
+    element = _by_id(root, "plant", plant)
+    element.attrib.pop("model", None)
+    element.set("fmu", str(fmu.absolute()))
 
-    Raises
-    ------
-    ValueError
-        It is something else, or no XML file can hold the value.
-    """
-    if isinstance(node, etree._ElementUnicodeResult) and node.is_attribute:
-        parent, name = node.getparent(), node.attrname
-        assert parent is not None
-        assert name is not None
-        parent.set(name, value)
-        return parent
-    if isinstance(node, etree._Element) and isinstance(node.tag, str) and len(node) == 0:
-        if node.attrib:
-            attributes = " or ".join(f"/@{name}" for name in node.attrib)
-            raise ValueError(f"selects a <{node.tag}>, which has no text: an attribute of it ends in {attributes}")
-        node.text = value
-        return node
-    raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
+
+def _set_binding(root: etree._Element, plant: str, file: Path) -> None:
+    element = _by_id(root, "plant", plant)
+    for binding in element.findall("binding"):
+        element.remove(binding)
+    element.set("binding", str(file.absolute()))
+
+
+def _set_controller(root: etree._Element, controller: str, name: str, package: str, version: str) -> None:
+    element = _by_id(root, "controller", controller)
+    if element.get("name") == name:
+        return
+    for attribute, value in (("name", name), ("package", package), ("version", f"=={version}")):
+        element.set(attribute, value)
+    for gain in element.findall("gain"):
+        element.remove(gain)
 
 
 def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:

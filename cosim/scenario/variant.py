@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, MutableMapping
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from lxml import etree
 
 from cosim.errors import InputError, Location
-from cosim.scenario.edits import assign, select
 from cosim.scenario.grammar import children_of, described_children
+from cosim.scenario.selection import assign, select, selected_or_added
+from cosim.scenario.tree import insert, is_element, put, take_out
 
 MAX_ELEMENTS = 200_000
 """Of a scenario with all its variants: a rule that inserts many elements into many multiplies them."""
-
-_INDENT = "  "
 
 Places = MutableMapping[etree._Element, Location]
 
@@ -47,15 +46,15 @@ def vary(base: etree._Element, variant: etree._Element, places: Places) -> None:
     for tag in ("title", "description"):
         own, old = variant.find(tag), base.find(tag)
         if own is not None:
-            _insert_into(base, [_copied(own, places)])
+            insert(base, [_copied(own, places)])
         if old is not None:
-            _take_out(old)
+            take_out(old)
     for rule in variant.iterchildren(*_RULES):
         _RULES[rule.tag](base, rule, places)
 
 
 def _set(base: etree._Element, rule: etree._Element, places: Places) -> None:
-    for node in _selected(base, rule, "select", places):
+    for node in _selected(base, rule, "select", places, selected_or_added):
         try:
             element = assign(node, rule.get("value"))
         except ValueError as error:
@@ -65,24 +64,24 @@ def _set(base: etree._Element, rule: etree._Element, places: Places) -> None:
 
 def _replace(base: etree._Element, rule: etree._Element, places: Places) -> None:
     nodes = _selected(base, rule, "select", places)
-    if len(nodes) != 1 or not _is_element(nodes[0]):
+    if len(nodes) != 1 or not is_element(nodes[0]):
         _refuse(rule, f'select="{rule.get("select")}" selects {len(nodes)} nodes: expected is one element', places)
     (old,) = nodes
     parent = old.getparent()
     if parent is None:
         _refuse(rule, "the scenario itself cannot be replaced", places)
     _check_children(parent, rule, places)
-    _put(parent, parent.index(old) + 1, [_copied(child, places) for child in rule])
-    _take_out(old)
+    put(parent, parent.index(old) + 1, [_copied(child, places) for child in rule])
+    take_out(old)
 
 
 def _insert(base: etree._Element, rule: etree._Element, places: Places) -> None:
     for parent in _selected(base, rule, "into", places):
-        if not _is_element(parent):
+        if not is_element(parent):
             _refuse(rule, f'into="{rule.get("into")}" selects something other than an element', places)
         _check_children(parent, rule, places)
         for group in _with_comments(rule):
-            _insert_into(parent, [_copied(child, places) for child in group])
+            insert(parent, [_copied(child, places) for child in group])
 
 
 def _remove(base: etree._Element, rule: etree._Element, places: Places) -> None:
@@ -90,8 +89,8 @@ def _remove(base: etree._Element, rule: etree._Element, places: Places) -> None:
         parent = node.getparent() if hasattr(node, "getparent") else None
         if parent is None:
             _refuse(rule, f'select="{rule.get("select")}": only elements and attributes can be removed', places)
-        if _is_element(node):
-            _take_out(node)
+        if is_element(node):
+            take_out(node)
         elif getattr(node, "is_attribute", False):
             del parent.attrib[node.attrname]
             places[parent] = places[rule]
@@ -110,9 +109,15 @@ _RULES: dict[str, Callable[[etree._Element, etree._Element, Places], None]] = {
 # Parts of rules ---------------------------------------------------------------------------------------------
 
 
-def _selected(base: etree._Element, rule: etree._Element, attribute: str, places: Places) -> list[etree._Element]:
+def _selected(
+    base: etree._Element,
+    rule: etree._Element,
+    attribute: str,
+    places: Places,
+    selecting: Callable[[etree._Element, str], list[Any]] = select,
+) -> list[Any]:
     try:
-        return select(base, rule.get(attribute))
+        return selecting(base, rule.get(attribute, ""))
     except ValueError as error:
         _refuse(rule, f"{attribute}: {error}", places)
 
@@ -145,48 +150,7 @@ def _with_comments(rule: etree._Element) -> Iterator[list[etree._Element]]:
     group: list[etree._Element] = []
     for child in rule:
         group.append(child)
-        if _is_element(child) and any(map(_is_element, child.itersiblings())):
+        if is_element(child) and any(map(is_element, child.itersiblings())):
             yield group
             group = []
     yield group
-
-
-def _is_element(node: object) -> bool:
-    return isinstance(node, etree._Element) and isinstance(node.tag, str)
-
-
-# The tree and its white space -------------------------------------------------------------------------------
-
-
-def _insert_into(parent: etree._Element, nodes: list[etree._Element]) -> None:
-    """Insert nodes, one of them an element, after the last child that the schema has not after that element."""
-    ranks = children_of(parent.tag)
-    rank = next(ranks[node.tag] for node in nodes if _is_element(node))
-    index = max((i + 1 for i, c in enumerate(parent) if _is_element(c) and ranks.get(c.tag, 0) <= rank), default=0)
-    while 0 < index < len(parent) and not _is_element(parent[index]) and "\n" not in (parent[index - 1].tail or ""):
-        index += 1  # a comment on the same line
-    _put(parent, index, nodes)
-
-
-def _put(parent: etree._Element, index: int, nodes: list[etree._Element]) -> None:
-    """Insert nodes before the child of an index, each on a line of its own."""
-    outer = "\n" + _INDENT * sum(1 for _ in parent.iterancestors())
-    for i, node in enumerate(nodes, index):
-        if _is_element(node) and len(node):
-            etree.indent(node, _INDENT, level=outer.count(_INDENT) + 1)
-        if i > 0:
-            node.tail, parent[i - 1].tail = parent[i - 1].tail, outer + _INDENT
-        else:
-            node.tail, parent.text = parent.text if len(parent) else outer, outer + _INDENT
-        parent.insert(i, node)
-
-
-def _take_out(element: etree._Element) -> None:
-    """Remove an element and the white space after it, or before it if it is the last."""
-    parent, previous = element.getparent(), element.getprevious()
-    if element.getnext() is None:
-        if previous is not None:
-            previous.tail = element.tail
-        else:
-            parent.text = None
-    parent.remove(element)

@@ -1,0 +1,162 @@
+"""A run is a value: what goes into it and what comes out of it can be pickled and comes back as itself."""
+
+import copy
+import importlib
+import inspect
+import pickle
+import pkgutil
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import formation_controllers
+import numpy as np
+import pytest
+import xarray as xr
+
+import cosim
+import plants
+from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError
+from cosim.fmu.units import UnitContradiction
+from cosim.master.setup import set_up
+from cosim.results.summary import summarise
+from cosim.scenario.edits import set_binding, set_controller, set_fmu, set_seed, set_value
+from plants import units
+
+EXAMPLE = Path(__file__).with_name("example.xml")
+HERE = Location("scenario.xml", 3, 5)
+RESULT = xr.Dataset({"pose": ("time", [1.0, np.nan])}, attrs={"status": "incomplete"})
+
+
+def again(value: Any) -> Any:
+    return pickle.loads(pickle.dumps(value))
+
+
+# Errors -----------------------------------------------------------------------------------------------------
+
+
+def exceptions() -> Iterator[type[BaseException]]:
+    """Return the public exception classes of the three packages."""
+    found = set()
+    for package in (cosim, plants, formation_controllers):
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            if "tests" not in module.name.split(".") and not module.name.endswith("__main__"):
+                members = inspect.getmembers(importlib.import_module(module.name), inspect.isclass)
+                found |= {c for _, c in members if issubclass(c, BaseException) and not c.__name__.startswith("_")}
+    return (c for c in found if c.__module__.partition(".")[0] in ("cosim", "plants", "formation_controllers"))
+
+
+MADE: dict[type[BaseException], Callable[[], BaseException]] = {
+    InputError: lambda: InputError("there is no such thing", HERE),
+    SimulationError: lambda: failed(RESULT),
+    RunInterrupted: lambda: RunInterrupted(0.1, RESULT),
+    UnitContradiction: lambda: UnitContradiction("v", "kn", units.Unit(), units.Unit(factor=2.0)),
+    formation_controllers.ControllerError: lambda: formation_controllers.ControllerError("a gain is wrong", robot=2),
+}
+"""How those are made that need more than a sentence, or can have more."""
+
+
+def failed(result: xr.Dataset | None) -> SimulationError:
+    error = SimulationError("follower_1", 0.34, "it has diverged", "v")
+    error.result = result
+    return error
+
+
+@pytest.mark.parametrize("kind", sorted(exceptions(), key=lambda kind: kind.__qualname__))
+@pytest.mark.parametrize("sent", [again, copy.copy, copy.deepcopy])
+def test_an_error_comes_back_as_itself(kind: type[BaseException], sent: Callable[[Any], Any]) -> None:
+    error = MADE.get(kind, lambda: kind("a sentence on what is wrong"))()
+    error.add_note("and where it was")
+    back = sent(error)
+    assert type(back) is type(error)
+    assert str(back) == str(error)
+    assert back.args == error.args
+    assert vars(back).keys() == vars(error).keys()
+    for name, value in vars(error).items():
+        assert value.identical(vars(back)[name]) if isinstance(value, xr.Dataset) else value == vars(back)[name]
+
+
+def test_the_walk_finds_them() -> None:
+    names = {kind.__name__ for kind in exceptions()}
+    assert {
+        "FormationError",
+        "OutputError",
+        "PlantError",
+        "NoCompiler",
+        "GainError",
+        *(k.__name__ for k in MADE),
+    } <= names
+
+
+def test_an_error_is_raised_in_another_process_as_it_was() -> None:
+    """`multiprocessing` and its like pickle an error, and raise what comes of it."""
+    with pytest.raises(SimulationError, match=r"follower_1 at t = 0.34 s: it has diverged") as raised:
+        raise again(failed(None))
+    assert raised.value.failure == Failure("follower_1", 0.34, "v", "it has diverged")
+    assert raised.value.exit_status == 3
+    assert raised.value.result is None
+
+
+# Edits and scenarios ----------------------------------------------------------------------------------------
+
+
+EDITS = {
+    "value": lambda: set_value("simulation/@seed=3"),
+    "seed": lambda: set_seed(3),
+    "fmu": lambda: set_fmu("clmr", Path("own.fmu")),
+    "binding": lambda: set_binding("clmr", Path("own.xml")),
+    "controller": lambda: set_controller("pid", "lqg", "formation-controllers", "0.1.0"),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_an_edit_comes_back_as_itself(name: str) -> None:
+    edit = EDITS[name]()
+    assert again(edit) == edit == EDITS[name]()
+    assert hash(again(edit)) == hash(edit)
+    assert edit not in [other() for key, other in EDITS.items() if key != name]
+    assert str(again(edit).words) == edit.words
+
+
+def test_an_edit_that_was_pickled_does_the_same() -> None:
+    edits = [edit() for name, edit in EDITS.items() if name != "binding"]
+    assert cosim.read_scenario(EXAMPLE, again(edits)) == cosim.read_scenario(EXAMPLE, edits)
+
+
+def test_scenarios_come_back_as_themselves(scenarios: Path) -> None:
+    paths = sorted(scenarios.glob("*.xml"))
+    assert paths
+    for path in paths:
+        scenario = cosim.read_scenario(path)
+        assert again(scenario) == scenario, path.name
+
+
+def test_a_scenario_that_was_pickled_is_set_up_alike() -> None:
+    """The setup of a scenario can be pickled, too: it is plain data, and the folders that its FMUs are unpacked in."""
+    with ExitStack() as cleanup:
+        setup = set_up(cosim.read_scenario(EXAMPLE), cleanup, {})
+        for other in (again(setup), set_up(again(cosim.read_scenario(EXAMPLE)), cleanup, {})):
+            for one, two in zip((setup.leader, *setup.followers), (other.leader, *other.followers), strict=True):
+                assert (one.name, one.vehicle, one.pose, one.contract) == (
+                    two.name,
+                    two.vehicle,
+                    two.pose,
+                    two.contract,
+                )
+            assert other.gains == setup.gains
+            assert other.channels == setup.channels
+            np.testing.assert_array_equal(other.desired.q, setup.desired.q)
+
+
+# Results ----------------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_pickled_gives_the_same_result() -> None:
+    scenario = cosim.read_scenario(EXAMPLE, ["simulation/@horizon=0.2 s"])
+    result = cosim.run(again(scenario))
+    assert again(result).identical(result)
+    assert result.identical(cosim.run(scenario))
+    for summary in (summarise(scenario, result), cosim.summary_of(result)):
+        assert again(summary) == summary
+        assert again(summary).to_json() == summary.to_json()
