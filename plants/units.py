@@ -8,6 +8,7 @@ pure numbers, so that ``rad/s`` and ``Hz`` are not taken for one another. Units 
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, overload
 
 from plants.errors import UnitError
@@ -127,6 +128,7 @@ def is_unit(text: str) -> bool:
     return True
 
 
+@lru_cache(maxsize=256)  # a scenario writes the same few again and again
 def _parsed(text: str) -> Unit:
     numerator, slash, denominator = text.partition("/")
     if slash and denominator.startswith("(") and denominator.endswith(")"):

@@ -1,0 +1,98 @@
+"""From a document that satisfies the schema to a scenario; checks what a schema cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from cosim.errors import InputError, printable
+from cosim.scenario.document import Document, parse_document, read_document
+from cosim.scenario.edits import Change, in_words, set_value
+from cosim.scenario.reader.effects import effects
+from cosim.scenario.reader.element import Element, table
+from cosim.scenario.reader.events import events
+from cosim.scenario.reader.expectations import expectations
+from cosim.scenario.reader.inputs import inputs
+from cosim.scenario.reader.plants import controller, plant, read_binding
+from cosim.scenario.reader.robots import follower, leader
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import LEADER, Expectation, Scenario
+
+__all__ = ["read_binding", "read_expectations", "read_scenario"]
+
+
+def read_scenario(
+    path: str | Path, changes: Iterable[str | Change] = (), untrusted: Iterable[str | Path] = ()
+) -> Scenario:
+    """Read a scenario file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    changes
+        Made before the document is checked: ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.scenario.edits`.
+    untrusted
+        Folders: each robot whose FMU lies in one of them gets a process of its own, also in scenarios to compare with.
+
+    Raises
+    ------
+    InputError
+        What the file says is not a scenario; with file, line and column.
+    """
+    made = [set_value(change) if isinstance(change, str) else change for change in changes]
+    document = read_document(Path(path), made)
+    scenario = _scenario(document, tuple(Path(folder).resolve() for folder in untrusted))
+    return replace(scenario, changes=tuple(in_words(change) for change in made))
+
+
+def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
+    """Read what is expected of a run from the text of its scenario; no other file is read.
+
+    Parameters
+    ----------
+    text
+        The resolved text, as a result keeps it.
+    path
+        The file that it is of, to which other files are relative.
+
+    Raises
+    ------
+    InputError
+        The text is not a scenario.
+    """
+    document = parse_document(text, Path(path))
+    root = Element.root(document)
+    return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")], ())
+
+
+def _scenario(document: Document, untrusted: tuple[Path, ...]) -> Scenario:
+    root = Element.root(document)
+    times = Times.of(root)
+    simulation = root.child("simulation")
+    plants = table(root, "plant", lambda element: plant(element, times, untrusted))
+    controllers = table(root, "controller", controller)
+    leading = leader(root.child("leader"), times, plants)
+    sensor, actuator = effects(root, "sensor", times), effects(root, "actuator", times)
+    followers = table(root, "follower", lambda e: follower(e, times, plants, controllers, sensor, actuator))
+    if LEADER in followers:
+        raise InputError(f"a follower cannot have the id {LEADER!r}", followers[LEADER].where)
+    happening = [event for element in root.children("event") for event in events(element, times, list(followers))]
+    return Scenario(
+        path=document.path,
+        text=document.text,
+        name=root.get("name"),
+        title=printable(root.child("title").text),
+        step=times.step,
+        ticks=times.ticks,
+        period=times.steps(simulation, "period", least=1) if "period" in simulation else 1,
+        seed=int(simulation.get("seed", "0")),
+        plants=plants,
+        controllers=controllers,
+        inputs=inputs(root, times),
+        leader=leading,
+        followers=tuple(followers.values()),
+        events=tuple(sorted(happening, key=lambda event: event.time)),
+        expectations=expectations(root, times, list(followers), untrusted),
+    )

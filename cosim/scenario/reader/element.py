@@ -1,0 +1,110 @@
+"""The elements of a document that satisfies the schema, with those within them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Self, TypeVar
+
+from lxml import etree
+
+from cosim.errors import InputError, Location, nearest
+from cosim.scenario.document import Document
+from cosim.scenario.scenario import Setting
+from cosim.scenario.written import Written
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, eq=False)
+class Element(Written):
+    """An element of a document.
+
+    Attributes
+    ----------
+    inside : tuple of Element
+        The elements within it.
+    text : str
+        The text in it, without needless white space.
+    """
+
+    inside: tuple[Element, ...]
+    text: str
+
+    @classmethod
+    def root(cls, document: Document) -> Self:
+        """Return the root element of a document."""
+        return cls._of(document.root, document)
+
+    @classmethod
+    def _of(cls, node: etree._Element, document: Document) -> Self:
+        return cls(
+            kind=node.tag.rpartition("}")[2],
+            attributes=dict(node.attrib),
+            where=document.where(node),
+            folder=document.path.parent,
+            inside=tuple(cls._of(child, document) for child in node.iterchildren("*")),
+            text=" ".join((node.text or "").split()),
+        )
+
+    def children(self, kind: str) -> Iterator[Element]:
+        """Return the elements of a kind within it."""
+        return (child for child in self.inside if child.kind == kind)
+
+    def find(self, kind: str) -> Element | None:
+        """Return the first element of a kind within it, if there is any."""
+        return next(self.children(kind), None)
+
+    def child(self, kind: str) -> Element:
+        """Return the element of a kind that the schema demands within it."""
+        child = self.find(kind)
+        assert child is not None, f"the schema demands <{kind}>"
+        return child
+
+
+def table(root: Element, tag: str, read: Callable[[Element], _T]) -> dict[str, _T]:
+    """Read all elements of a name, by their ids, none of which may be given twice."""
+    found: dict[str, _T] = {}
+    first: dict[str, Location] = {}
+    for element in root.children(tag):
+        key = element.get("id")
+        if key in found:
+            place = _seen_from(element.where, first[key])
+            raise element.error(f"the id {key!r} is given to a second <{tag}>; first {place}")
+        found[key] = read(element)
+        first[key] = element.where
+    return found
+
+
+def settings(element: Element, tag: str) -> tuple[Setting, ...]:
+    """Read the named values in the elements of a name, none of which may be given twice."""
+    seen: dict[str, Setting] = {}
+    found = [Setting(child.get("name"), child.get("value"), child.where) for child in element.children(tag)]
+    for setting in found:
+        if setting.name in seen:
+            first = _seen_from(setting.where, seen[setting.name].where)
+            raise InputError(f"the {tag} {setting.name!r} is given twice; first {first}", setting.where)
+        seen[setting.name] = setting
+    return tuple(found)
+
+
+def known(element: Element, what: str, among: Mapping[str, object]) -> str:
+    """Return the id that an attribute names, which must be one of those that there are."""
+    key = element.get(what)
+    if key not in among:
+        raise element.error(f"the scenario has no {what} {key!r}: {nearest(key, list(among))}")
+    return key
+
+
+def robots(element: Element, among: list[str]) -> tuple[str, ...]:
+    """Return the ids in the attribute ``robots``, each of which must be one of those that there are."""
+    named = tuple(dict.fromkeys(element.get("robots").split()))
+    for robot in named:
+        if robot not in among:
+            raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, among)}")
+    return named
+
+
+def _seen_from(here: Location, there: Location) -> str:
+    """Return where another place is: a line of the same file, or a place in another."""
+    return f"in line {there.line}" if here.file == there.file else f"at {there}"

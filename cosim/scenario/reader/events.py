@@ -1,0 +1,35 @@
+"""What happens to robots at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cosim.scenario.reader.element import Element, robots, settings
+from cosim.scenario.reader.entries import TORQUE, entries
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import LEADER, Event
+
+
+def events(element: Element, times: Times, followers: list[str]) -> Iterator[Event]:
+    """Read an event, which is one for each robot that it happens to."""
+    time = times.beginning(element, "at")
+    named = robots(element, [LEADER, *followers])
+    for tag in ("torque", "stop"):
+        if len(found := list(element.children(tag))) > 1:
+            raise found[1].error(f"an event has one <{tag}>: this is a second one")
+    for given in element.children("input"):
+        if "value" not in given or given.inside:
+            raise given.error("an <input> of an event has a value, which it keeps from then on")
+    torque = element.find("torque")
+    if torque is not None and named != (LEADER,):
+        raise torque.error('only the torque of robots="leader" can be given: a follower has a controller')
+    for robot in named:
+        yield Event(
+            time=time,
+            robot=robot,
+            parameters=settings(element, "parameter"),
+            inputs=settings(element, "input"),
+            torque=None if torque is None else entries(element, "torque", TORQUE),
+            stops=element.find("stop") is not None,
+            where=element.where,
+        )

@@ -1,0 +1,114 @@
+"""Plants, their bindings, and controllers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cosim.errors import InputError, Location
+from cosim.scenario.document import read_binding_document
+from cosim.scenario.reader.element import Element, settings
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import FIRST_STEP, OPEN, BindingSource, ControllerSource, PlantSource, RoleSource
+
+
+def plant(element: Element, times: Times, untrusted: tuple[Path, ...]) -> PlantSource:
+    """Read a plant; one whose FMU lies in an untrusted folder is isolated."""
+    model, fmu = element.attributes.get("model"), element.attributes.get("fmu")
+    if (model is None) == (fmu is None):
+        raise element.error("a <plant> needs either model=... (a built-in model) or fmu=... (a file)")
+    path = None if fmu is None else element.path("fmu")
+    distrusted = path is not None and any(path.resolve().is_relative_to(folder) for folder in untrusted)
+    return PlantSource(
+        id=element.get("id"),
+        model=model,
+        fmu=path,
+        binding=_binding_of(element),
+        interface=element.get("interface"),
+        solver=element.get("solver"),
+        solver_steps=_solver_steps(element, times.step),
+        tolerance=_tolerance(element),
+        late_outputs=element.get("start") == FIRST_STEP,
+        isolated="isolate" in element or distrusted,
+        time_limit=element.positive("time_limit", "s") if "time_limit" in element else None,
+        logging="log" in element,
+        parameters=settings(element, "parameter"),
+        where=element.where,
+    )
+
+
+def controller(element: Element) -> ControllerSource:
+    """Read a controller."""
+    return ControllerSource(
+        id=element.get("id"),
+        name=element.get("name"),
+        package=element.get("package"),
+        version=element.get("version"),
+        gains=settings(element, "gain"),
+        where=element.where,
+    )
+
+
+def binding(element: Element) -> BindingSource:
+    """Read a binding."""
+    roles: dict[str, RoleSource] = {}
+    for child in element.children("role"):
+        name = child.get("name")
+        if name in roles:
+            raise child.error(f"the role {name!r} is given twice")
+        for attribute, value in child.attributes.items():
+            if value == OPEN:
+                raise child.error(f'the role {name!r} has {attribute}="{OPEN}", which is to be filled in')
+        if ("variable" in child) == ("value" in child):
+            raise child.error("a <role> needs either a variable or a value")
+        if "value" in child and len(child.attributes) > 2:
+            raise child.error("a <role> with a value has nothing else but its name")
+        roles[name] = RoleSource(**child.attributes, where=child.where)
+    return BindingSource(element.get("vehicle"), tuple(roles.values()), element.where)
+
+
+def read_binding(path: str | Path) -> BindingSource:
+    """Read a file with a binding.
+
+    Raises
+    ------
+    InputError
+        What the file says is not a binding; with file, line and column.
+    """
+    document = read_binding_document(Path(path))
+    return binding(Element.root(document))
+
+
+def _binding_of(element: Element) -> BindingSource | None:
+    inside = element.find("binding")
+    if "binding" not in element:
+        return None if inside is None else binding(inside)
+    if inside is not None:
+        raise inside.error('the <plant> has binding="..." already: it is either there or in a file')
+    path = element.path("binding")
+    try:
+        return read_binding(path)
+    except InputError as error:
+        if error.where == Location(str(path)):  # it cannot even be read
+            raise element.error(f'binding="{element.get("binding")}" of <plant>: {error.message}') from None
+        raise
+
+
+def _tolerance(element: Element) -> float | None:
+    if "tolerance" not in element:
+        return None
+    tolerance = float(element.get("tolerance"))
+    if not tolerance > 0:
+        raise element.error(f'tolerance="{element.get("tolerance")}" of <plant> must be greater than zero')
+    return tolerance
+
+
+def _solver_steps(element: Element, step: float) -> int | None:
+    if "solver_step" not in element:
+        return None
+    if element.get("solver") == "cvode":
+        raise element.error("cvode chooses its steps itself: there is no solver_step of it")
+    length = element.positive("solver_step", "s")
+    steps = round(step / length)
+    if steps < 1 or abs(step / length - steps) > 1e-9 * steps:
+        raise element.error(f"the solver_step {length:g} s does not divide the communication step of {step:g} s")
+    return steps

@@ -1,0 +1,62 @@
+"""The leader and the followers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cosim.scenario.reader.effects import effects
+from cosim.scenario.reader.element import Element, known, settings
+from cosim.scenario.reader.entries import POSE, TORQUE, entries
+from cosim.scenario.reader.inputs import inputs
+from cosim.scenario.reader.places import changes, desired_place
+from cosim.scenario.reader.times import Times
+from cosim.scenario.reader.trajectory import trajectory
+from cosim.scenario.scenario import ControllerSource, Effect, Follower, Leader, PlantSource
+
+
+def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) -> Leader:
+    """Read the leader."""
+    plant = known(element, "plant", plants)
+    given = element.find("trajectory")
+    for tag in ("pose", "torque", "input"):
+        found = element.find(tag)
+        if given is not None and found is not None:
+            raise found.error(f"a leader with a <trajectory> has no <{tag}>: its motion follows from the path")
+        if given is None and found is None and tag == "pose":
+            raise element.error("the <leader> needs a <pose> to start from, or a <trajectory> to move along")
+    return Leader(
+        plant=plant,
+        pose=entries(element, "pose", POSE),
+        torque=entries(element, "torque", TORQUE),
+        trajectory=None if given is None else trajectory(given),
+        parameters=settings(element, "parameter"),
+        sensor=effects(element, "sensor", times),
+        inputs=inputs(element, times),
+        where=element.where,
+    )
+
+
+def follower(
+    element: Element,
+    times: Times,
+    plants: Mapping[str, PlantSource],
+    controllers: Mapping[str, ControllerSource],
+    sensor: tuple[Effect, ...],
+    actuator: tuple[Effect, ...],
+) -> Follower:
+    """Read a follower; sensor and actuator are those of the scenario, unless it has its own."""
+    desired = element.child("desired")
+    return Follower(
+        id=element.get("id"),
+        plant=known(element, "plant", plants),
+        controller=known(element, "controller", controllers),
+        pose=entries(element, "pose", POSE),
+        desired=desired_place(desired),
+        changes=changes(desired, times),
+        parameters=settings(element, "parameter"),
+        gains=settings(element, "gain"),
+        sensor=sensor if element.find("sensor") is None else effects(element, "sensor", times),
+        actuator=actuator if element.find("actuator") is None else effects(element, "actuator", times),
+        inputs=inputs(element, times),
+        where=element.where,
+    )
