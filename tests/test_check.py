@@ -21,7 +21,7 @@ def test_the_overview(scenarios: Path, capsys: pytest.CaptureFixture[str]) -> No
         "follower_1 car (car_like) pid (neural-adaptive-pid) 2.5 m, 0 deg",
         "follower_2 car (car_like) pid (neural-adaptive-pid) 3 m, 30 deg "
         "actuator: saturation 200 N.m; effectiveness 0.5 (tau_drive) from 35 s",
-        "sensor of followers, unless another is named: noise 0.001 m (x, y); noise 0.001 rad (psi, gamma)",
+        "sensor of followers without one of their own: noise 0.001 m (x, y); noise 0.001 rad (psi, gamma)",
         "expected: settled by 75 s within 0.1 m, 2 deg",
     ):
         assert line in lines
@@ -50,7 +50,7 @@ def test_the_overview_of_what_happens(scenarios: Path, tmp_path: Path, capsys: p
         "10 to 20 s: 4 m, 45 deg",
         "follower_2 clmr (car_like) pid (neural-adaptive-pid) 3 m, -45 deg m_c = 40 kg",
         "sensor: none",
-        "input tau_d_y: random 1 N + sine 2 N, of every follower",
+        "input tau_d_y: random 1 N + sine 2 N, for every follower",
         "at 50 s, follower_3: m_c = 35 kg, input tau_d_x = 1 N, stops",
         "expected: rms range_error below 0.1 m, 80 to 100 s",
     ):

@@ -98,7 +98,7 @@ def test_swapped_in_it_drives_in_formation_and_moves_as_ours(
     assert main(["swap", str(scenarios / "clmr_line.xml"), "--plant", f"clmr={fmu}", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     binding = tmp_path / f"{fmu.stem}.binding.xml"
-    assert ("once that is filled in" in printed) == bool(OPEN_ROLES[name])
+    assert ("once the binding is complete" in printed) == bool(OPEN_ROLES[name])
     if OPEN_ROLES[name]:
         assert main(["check", str(out)]) == 2
         assert "which is to be filled in" in capsys.readouterr().err

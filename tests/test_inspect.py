@@ -92,10 +92,10 @@ def test_our_own(inspect) -> None:
         ),
         (
             {"execution_tool": True, "variable_step": False},
-            ["constant communication step, says that it needs the tool"],
+            ["constant communication step, needs the tool"],
         ),
         ({"fmi": "1.0", "once": True}, ["FMI version 1.0", "Co-Simulation supported", "only once per process"]),
-        ({"velocities": False}, ["not offered, nor needed by every controller: v, omega, tau_d_x"]),
+        ({"velocities": False}, ["not offered, but not every controller needs them: v, omega, tau_d_x"]),
     ],
 )
 def test_capabilities(inspect, tmp_path: Path, options: dict[str, object], texts: list[str]) -> None:

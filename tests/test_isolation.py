@@ -142,7 +142,7 @@ def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour:
     assert status == 3
     sentence = f"the plant bad.fmu did not complete the step (status {FAILS[behaviour]}): step returns {behaviour} at"
     assert f"error: follower_1 at t = 0.5 s: {sentence} t = 0.5 s, as it was made to" in printed
-    assert "the run ended early, at 0.5 s of 0.6 s; what was recorded is saved" in printed
+    assert "the run ended early, at 0.5 s of 0.6 s; everything recorded up to then is saved" in printed
     assert recorded(result, reference, BEFORE)
 
 

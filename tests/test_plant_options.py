@@ -164,4 +164,4 @@ def test_a_folder_that_no_plant_lies_in(tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "there").mkdir()
     for folder in ("here", "there"):
         assert main(["check", str(path), "--untrusted", str(tmp_path / folder)]) == 0
-    assert capsys.readouterr().err == f"warning: --untrusted {tmp_path / 'there'}: no FMU of {path} lies there\n"
+    assert capsys.readouterr().err == f"warning: --untrusted {tmp_path / 'there'}: no FMU of {path} is in this folder\n"

@@ -32,7 +32,7 @@ def printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
 def test_it_shows_what_moves(printed, fmi: str) -> None:
     names = {"tau_drive": "u1", "tau_steer": "u2", "psi": "heading"}
     text, binding = printed(fmi=fmi, names=names, initial="parameters")
-    assert "What moves in 1 s" in text
+    assert "Movement in 1 s, compared with no input" in text
     assert "output u1 = 1 u2 = 1 all together" in text
     assert "gamma 0 0.049 0.049 v 0.1 0 0.1" in text
     assert "short drive" not in binding
@@ -47,7 +47,7 @@ def test_what_contradicts_the_names_is_a_doubt(printed) -> None:
 
 def test_it_can_be_left_out(printed) -> None:
     text, binding = printed("--no-probe", names=SWAPPED)
-    assert "What moves" not in text
+    assert "Movement in" not in text
     assert "short drive" not in binding
 
 
@@ -58,18 +58,18 @@ def test_what_runs_without_doubt_is_not_driven(
     scenario = tmp_path / "two.xml"
     scenario.write_text(SCENARIO, encoding="utf-8")
     assert main(["swap", str(scenario), "--plant", f"car={make_fmu(tmp_path)}"]) == 0
-    assert "What moves" not in capsys.readouterr().out
+    assert "Movement in" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("behaviour", "reason"), [("segfault", "crashed"), ("error", "did not complete the step")])
 def test_an_fmu_that_fails_costs_a_line(printed, behaviour: str, reason: str) -> None:
     text, _ = printed(behaviour=behaviour, when=0.5)
-    assert "what moves is not known: " in text
+    assert "the short drive to see which outputs move gave no answer: " in text
     assert reason in text
-    assert "once that is filled in" in text
+    assert "once the binding is complete" in text
 
 
 def test_nothing_moves(printed) -> None:
     text, binding = printed(behaviour="nothing", when=0.0)
-    assert "what does not move: x, y, psi, gamma, v, omega" in text
+    assert "outputs that do not move: x, y, psi, gamma, v, omega" in text
     assert "short drive" not in binding, "which tells nothing of one role"

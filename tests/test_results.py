@@ -111,7 +111,7 @@ def test_earlier_results_that_cannot_be_kept_are_told(
     shutil.copytree(ran, tmp_path / "clmr_line")
     (tmp_path / "clmr_line+seed=3").touch()
     assert main(["run", line, "--out", str(tmp_path), "--no-figure"]) == 1
-    assert "warning: the results of the run before could not be kept, and are overwritten: " in capsys.readouterr().err
+    assert "warning: the results of the run before could not be kept and are overwritten: " in capsys.readouterr().err
     assert load(tmp_path / "clmr_line" / "result.nc").attrs["seed"] == "1"
 
 
@@ -134,7 +134,7 @@ def test_results_of_other_changes_are_kept(line: str, tmp_path: Path, capsys: py
     out = str(tmp_path)
     run(capsys, line, "--out", out)
     printed = run(capsys, line, "--out", out, "--seed", "2")
-    assert f"those of the run before ({line}, unchanged) are kept in {out}/clmr_line+unchanged/\n" in printed
+    assert f"results of the run before ({line}, unchanged) are kept in {out}/clmr_line+unchanged/\n" in printed
     printed = run(capsys, line, "--out", out, "--seed", "2")
     assert "kept" not in printed, "a run of the same changes takes the place of the one before"
     printed = run(capsys, line, "--out", out)

@@ -88,13 +88,13 @@ def test_a_new_scenario_of_any_size(followers: int, tmp_path: Path) -> None:
         (["mine"], "error: mine: name a file that ends in .xml, such as mine.xml"),
         (
             ["my scenario.xml"],
-            "error: my scenario.xml: a scenario's name, which is its file's, has letters, digits, '_'",
+            "error: my scenario.xml: the file's name becomes the scenario's name: use at most 100 letters, digits, '_'",
         ),
-        (["x" * 101 + ".xml"], "not longer than 100"),
+        (["x" * 101 + ".xml"], "use at most 100 letters"),
         (["there.xml"], "error: there.xml exists: --force overwrites"),
         (["none/mine.xml"], "none/mine.xml cannot be written: No such file"),
-        (["mine.xml", "--followers", "0"], "--followers 0: from 1 to 50 are possible"),
-        (["mine.xml", "--followers", "51"], "--followers 51: from 1 to 50 are possible"),
+        (["mine.xml", "--followers", "0"], "--followers 0: expected is a number from 1 to 50"),
+        (["mine.xml", "--followers", "51"], "--followers 51: expected is a number from 1 to 50"),
     ],
 )
 def test_a_new_scenario_that_cannot_be(
@@ -195,4 +195,4 @@ def test_bash_completes_files_by_their_ending(tmp_path: Path, capsys: pytest.Cap
 def test_completion_without_its_library(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, "shtab", None)
     assert main(["completion", "bash"]) == 2
-    assert "error: completion needs the package shtab: python -m pip install" in capsys.readouterr().err
+    assert "error: completion needs the package shtab; install it: python -m pip install" in capsys.readouterr().err

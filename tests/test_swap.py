@@ -95,7 +95,7 @@ def test_what_is_written_runs_and_moves_as_the_original(swap, scenario: Path, tm
     assert printed.splitlines() == [
         f"wrote {scenario.with_name('vendor.binding.xml')}",
         f"wrote {written}",
-        f"next, which can be run: formation run {written}",
+        f"next, to run it: formation run {written}",
     ]
     assert warned == ""
     text = written.read_text(encoding="utf-8")
@@ -215,7 +215,7 @@ def test_what_is_open_is_said_and_refused_until_it_is_filled_in(
     binding = out.with_name("stub.binding.xml")
     assert f"to fill in, in {binding}:\n  x: the FMU states no unit of 'x'" in printed
     assert "  drive: state how the drive torque acts" in printed
-    assert f"next, once that is filled in: formation check {out}" in printed
+    assert f"next, once the binding is complete: formation check {out}" in printed
     assert main(["check", str(out)]) == 2
     printed = capsys.readouterr().err
     assert printed.startswith(f"{binding}:")
@@ -332,7 +332,7 @@ def test_nothing_is_overwritten_unasked(swap, scenario: Path, tmp_path: Path) ->
     binding.write_text("mine")
     printed, warned = swap(*arguments, status=2)
     assert printed == ""
-    assert warned == f"error: {binding} exists: --force overwrites it, --binding car={binding} takes it as it is\n"
+    assert warned == f"error: {binding} exists: --force overwrites it, --binding car={binding} takes it unchanged\n"
     assert binding.read_text() == "mine"
     assert not (tmp_path / "mine.xml").exists(), "all or nothing"
     swap(*arguments, "--force")

@@ -227,7 +227,7 @@ def test_it_swaps_in(name: str, road: Road, plain: Path) -> None:
     variant, binding, said = road.swap(fmu)
     for sentence in vehicle.asks:
         assert sentence in said
-    if "once that is filled in" in said:
+    if "once the binding is complete" in said:
         assert "which is to be filled in" in road("check", variant, status=2)
     if vehicle.roles:
         filled(binding, vehicle.roles)
@@ -308,7 +308,7 @@ def test_one_step_late(fmi: str, road: Road, plain: Path) -> None:
     if fmi == "3.0":  # once is enough
         return
     said = road("compare-plants", plain, fmu, "--duration", "0.2 s", "--no-figure", "--out", road.folder / "compared")
-    assert "B is one step late: it shows at each communication point what A showed one before" in said
+    assert "B is one step late: its outputs are those of A one communication step before" in said
 
 
 def in_plant(scenario: Path, attributes: str) -> None:

@@ -1,7 +1,7 @@
 """The command line ``formation``.
 
 Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 the simulation itself failed;
-130 interrupted. What a command needs is imported when it runs, so that the others start at once.
+130 interrupted. A command imports its libraries when it runs, so that the others start at once.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ INTERRUPTED = 130
 def entry() -> None:
     """Run the command line and exit with its status."""
     status = main()
-    gc.freeze()  # else the interpreter looks for garbage in all that the libraries hold, before it ends
+    gc.freeze()  # without it the interpreter searches all objects of the libraries for garbage before it ends
     sys.exit(status)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     options = _parser().parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what Ctrl-C cleans up, `kill` and `timeout` do
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # `kill` and `timeout` clean up as Ctrl-C does
     try:
         return _COMMANDS[options.command](options)
     except FormationError as error:
@@ -145,54 +145,54 @@ def _parser() -> Parser:
         "--pace",
         type=float,
         metavar="FACTOR",
-        help="run at FACTOR times real time (1: as fast as the robots would drive), and tell how well that went",
+        help="keep pace with FACTOR times real time (1: real time), and report ticks that came late",
     )
-    run.add_argument("--timing", action="store_true", help="print what the time was spent on")
+    run.add_argument("--timing", action="store_true", help="print where the time went")
 
-    about = "show the summary of a run again, from its result, with the exit status that it had"
+    about = "show the summary of a finished run, with its exit status"
     show = commands.add_parser("show", help=about, description=about[0].upper() + about[1:] + ".")
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
-    show.add_argument("--figure", type=Path, metavar="FILE.png", help="draw the figure, too")
+    show.add_argument("--figure", type=Path, metavar="FILE.png", help="also draw the figure")
 
-    about = "read and validate scenarios, show what is in them, and run nothing"
+    about = "check scenarios and show their content, without running them"
     check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")
     _add_scenarios(check)
     _add_strict(check)
     check.add_argument(
         "--resolved",
         action="store_true",
-        help="print nothing but the scenario's XML, with all changes made",
+        help="print only the XML of the scenario, with all variants and edits applied",
     )
 
     about = "build FMUs of the built-in models"
     build = commands.add_parser("build", help=about, description=about[0].upper() + about[1:] + ".")
-    build.add_argument("models", nargs="*", metavar="MODEL", help="which (all)")
+    build.add_argument("models", nargs="*", metavar="MODEL", help="built-in models to build (all)")
     build.add_argument("--fmi", choices=["2", "3"], default="2", help="version of FMI (2)")
     build.add_argument(
         "--platform",
         action="append",
         metavar="NAME",
-        help="a platform to build for, such as windows-x86_64, or all (this machine's)",
+        help="platform to build for, such as windows-x86_64, or 'all' (this machine)",
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
-    about = "show what an FMU is, and which vehicle it could be"
+    about = "show the content of an FMU, and the kinds of vehicle that it could be"
     inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
-    inspect.add_argument("--all", action="store_true", help="show all variables and messages, however many")
+    inspect.add_argument("--all", action="store_true", help="show all variables and warnings, however many")
     inspect.add_argument(
-        "--self-test", action="store_true", help="replay the reference experiments that it carries, and compare"
+        "--self-test", action="store_true", help="replay the reference experiments in the FMU, and compare"
     )
     inspect.add_argument(
         "--time-limit",
         type=float,
         default=60.0,
         metavar="SECONDS",
-        help="how long an experiment of --self-test may take (60)",
+        help="time limit for an experiment of --self-test (60)",
     )
     _add_strict(inspect)
 
-    about = "write a variant of a scenario in which plants are other FMUs, and bindings to start from"
+    about = "replace plants of a scenario by other FMUs: write a variant, and bindings to complete"
     swap = commands.add_parser("swap", help=about, description=about[0].upper() + about[1:] + ".")
     swap.add_argument("scenario", type=Path, metavar="SCENARIO.xml")
     swap.add_argument(
@@ -200,23 +200,26 @@ def _parser() -> Parser:
         action="append",
         required=True,
         metavar="ID=FILE.fmu",
-        help="the FMU that takes the place of a plant",
+        help="a plant of the scenario, and the FMU that replaces it",
     )
     swap.add_argument(
         "--binding",
         action="append",
         default=[],
         metavar="ID=FILE.xml",
-        help="a binding for it; without one, it is proposed and written",
+        help="a plant, and the binding of its FMU; without it, a binding is proposed and written",
     )
     swap.add_argument(
         "--no-probe",
         dest="probe",
         action="store_false",
-        help="run nothing of an FMU; else one of which not all is known is driven for a second, to see what moves",
+        help="run no FMU; by default an FMU with open questions is driven for a second, to see which outputs move",
     )
     swap.add_argument(
-        "--out", type=Path, metavar="FILE.xml", help="the variant (beside the scenario, named after both)"
+        "--out",
+        type=Path,
+        metavar="FILE.xml",
+        help="file of the variant (beside the scenario, named after scenario and FMU)",
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")
 
@@ -224,24 +227,26 @@ def _parser() -> Parser:
     compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
     _add_comparison(compare)
 
-    about = "write a scenario to start from, with a comment on each thing in it"
+    about = "write a commented scenario to start from"
     new = commands.add_parser("new", help=about, description=about[0].upper() + about[1:] + ".")
-    new.add_argument("file", type=Path, metavar="NAME.xml", help="the file, named after the scenario")
+    new.add_argument(
+        "file", type=Path, metavar="NAME.xml", help="file of the scenario; its name is the scenario's name"
+    )
     new.add_argument("--vehicle", choices=VEHICLES, default=VEHICLES[0], help=f"kind of vehicle ({VEHICLES[0]})")
-    new.add_argument("--followers", type=int, default=2, metavar="N", help="how many (2)")
+    new.add_argument("--followers", type=int, default=2, metavar="N", help="number of followers (2)")
     new.add_argument("--force", action="store_true", help="overwrite the file")
 
     about = "copy the scenarios that come with Formation into a folder"
     examples = commands.add_parser("examples", help=about, description=about[0].upper() + about[1:] + ".")
     examples.add_argument(
-        "folder", type=Path, nargs="?", default=Path("scenarios"), metavar="DIR", help="which (scenarios)"
+        "folder", type=Path, nargs="?", default=Path("scenarios"), metavar="DIR", help="the folder (scenarios)"
     )
     examples.add_argument("--force", action="store_true", help="overwrite files")
 
-    about = "list plants, controllers and scenarios, and say where the schema is"
+    about = "list plants, controllers and scenarios, and the path of the schema"
     commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
 
-    about = "print the script by which a shell completes the command line"
+    about = "print the script that makes a shell complete the command line"
     completion = commands.add_parser("completion", help=about, description=about[0].upper() + about[1:] + ".")
     completion.add_argument("shell", choices=SHELLS)
 
@@ -249,7 +254,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _add_strict(command: argparse.ArgumentParser, otherwise: str = ", which is a warning otherwise") -> None:
+def _add_strict(command: argparse.ArgumentParser, otherwise: str = " (default: a warning)") -> None:
     command.add_argument("--strict", action="store_true", help=f"refuse an FMU that breaks a rule of FMI{otherwise}")
 
 
@@ -260,16 +265,16 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="XPATH=VALUE",
-        help="set what an XPath selects in the scenario, as in '//gain[@name=\"gamma_w\"]/@value=0.1'",
+        help="set the attribute or text that an XPath selects, as in '//gain[@name=\"gamma_w\"]/@value=0.1'",
     )
-    command.add_argument("--seed", type=int, metavar="N", help="another seed of the noise")
-    command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="another FMU for a plant")
+    command.add_argument("--seed", type=int, metavar="N", help="seed of the noise, in place of the scenario's")
+    command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="use this FMU for the plant ID")
     command.add_argument(
         "--binding",
         action="append",
         default=[],
         metavar="ID=FILE.xml",
-        help="another file that says which variables of a plant's FMU play which roles",
+        help="use this binding for the plant ID; the file assigns variables of the FMU to roles",
     )
     command.add_argument(
         "--untrusted",
@@ -277,14 +282,14 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="DIR",
-        help="run each plant whose FMU lies in this folder in a process of its own",
+        help="run each plant whose FMU is in this folder in a process of its own",
     )
     command.add_argument(
         "--controller",
         action="append",
         default=[],
         metavar="ID=NAME",
-        help="another control law for a controller, at that law's default gains",
+        help="use this control law, with its default gains, for the controller ID",
     )
 
 
@@ -294,25 +299,25 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
     for side in "ab":
         name = side.upper()
         command.add_argument(
-            f"--binding-{side}", metavar="FILE.xml", help=f"which variables of {name} play which roles"
+            f"--binding-{side}", metavar="FILE.xml", help=f"binding of {name}, which assigns its variables to roles"
         )
         command.add_argument(
             f"--interface-{side}",
             choices=["co_simulation", "model_exchange"],
             default="",
-            help=f"which of {name}'s interfaces (Co-Simulation)",
+            help=f"interface of {name} to use (co_simulation)",
         )
         command.add_argument(
             f"--solver-{side}",
             choices=["euler", "runge_kutta_4", "cvode"],
             default="",
-            help=f"what integrates {name} in Model Exchange (runge_kutta_4)",
+            help=f"solver of {name} in Model Exchange (runge_kutta_4)",
         )
         command.add_argument(
             f"--start-{side}",
             choices=["first_step"],
             default="",
-            help=f"from when on the outputs of {name} count (the start)",
+            help=f"ignore the outputs of {name} before its first step",
         )
         command.add_argument(
             f"--parameter-{side}", action="append", default=[], metavar="NAME=VALUE", help=f"a parameter of {name}"
@@ -322,9 +327,9 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a parameter of both, by its name or by the role that it plays, such as 'a=1.5 m'",
+        help="a parameter of both, by its name or its role, such as 'a=1.5 m'",
     )
-    command.add_argument("--duration", default="20 s", metavar="TIME", help="how long (20 s)")
+    command.add_argument("--duration", default="20 s", metavar="TIME", help="length of the drive (20 s)")
     command.add_argument("--step", default="20 ms", metavar="TIME", help="communication step (20 ms)")
     command.add_argument(
         "--pose",
@@ -337,7 +342,7 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
         "--torque",
         type=Path,
         metavar="FILE.csv",
-        help="a table with 'time [s]' and the torques, such as 'tau_drive [N.m]' (without it, steps and sines)",
+        help="a table with 'time [s]' and the torques, such as 'tau_drive [N.m]' (default: steps and sines)",
     )
     command.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the phases of the sines (1)")
     command.add_argument(
@@ -345,7 +350,7 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[ROLE=]VALUE",
-        help="what differences may be, such as '1 mm' or 'psi=0.1 deg'; exit status 1 if they are more",
+        help="largest difference allowed, such as '1 mm' or 'psi=0.1 deg'; exit status 1 beyond it",
     )
     command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (runs/A_and_B)")
     command.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")

@@ -8,7 +8,7 @@ from cosim.fmu.description import summed_up
 from cosim.fmu.package import Package
 
 SHOWN = 10
-"""How many warnings there are about an FMU, unless all are asked for."""
+"""Number of warnings about an FMU that are shown without ``--all``."""
 
 
 def rules_kept(package: Package, strict: bool, *, every: bool = False) -> None:

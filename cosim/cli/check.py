@@ -1,4 +1,4 @@
-"""``formation check``: whether a scenario could be run, and what it is."""
+"""``formation check``: whether a scenario can be run, and its content."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from cosim.master.setup import set_up
 
 
 def check(options: argparse.Namespace) -> int:
-    """Read and validate each scenario with all that it names, show it, and start nothing; return 2 if one is wrong."""
+    """Check each scenario with everything that it names, show it, and start no plant; return 2 if one is wrong."""
     if options.resolved and len(options.scenarios) > 1:
-        raise InputError("--resolved prints one scenario, so that it can be saved as a file: name one")
+        raise InputError(f"--resolved prints one scenario: name one file, not {len(options.scenarios)}")
     status = 0
     for path in options.scenarios:
         try:

@@ -26,7 +26,7 @@ BEYOND = 1
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Drive two plants, say how far apart they are, and draw it; return 1 if that is more than is asked for."""
+    """Drive two plants, print and draw how far apart they are; return 1 if that is beyond ``--within``."""
     a, b = (_plant(options, side) for side in "ab")
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
     arguments: dict[str, Any] = {
@@ -113,12 +113,12 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         console.print(_differences(console, comparison))
     absent = comparison.to_dict()["not_offered"]
     if absent:
-        console.print(f"not compared, as not both offer it: {', '.join(absent)}", style="dim")
+        console.print(f"not compared, because only one of the two offers it: {', '.join(absent)}", style="dim")
     if late := comparison.late:
         other = "BA"["AB".index(late)]
         console.print(
-            f"[yellow]{late} is one step late:[/] it shows at each communication point what {other} showed one before, "
-            f"so that a controller learns of its motion {comparison.step:g} s later",
+            f"[yellow]{late} is one step late:[/] its outputs are those of {other} one communication step before, "
+            f"so a controller sees its motion {comparison.step:g} s later",
             soft_wrap=True,
         )
     for message in comparison.messages:

@@ -1,4 +1,4 @@
-"""``formation completion``: what a shell needs to complete the command line."""
+"""``formation completion``: a script that makes a shell complete the command line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> int:
         import shtab
     except ImportError:
         raise InputError(
-            "completion needs the package shtab: python -m pip install 'formation-cosim[completion]'"
+            "completion needs the package shtab; install it: python -m pip install 'formation-cosim[completion]'"
         ) from None
     for action in _actions(parser):
         metavar = action.metavar if isinstance(action.metavar, str) else ""

@@ -21,7 +21,7 @@ from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
 PATIENCE = 3.0
-"""How long [s] nothing is said where there is no terminal."""
+"""Seconds of silence, without a terminal, before a slow step is named."""
 
 
 class _Tolerant(io.TextIOBase, TextIO):

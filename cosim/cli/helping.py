@@ -1,4 +1,4 @@
-"""What ``--help`` says beyond the options: examples, and what the exit status means."""
+"""The end of each ``--help``: examples, and the meaning of the exit status."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ _STATUS = {
     1: "an expectation failed",
     2: "bad input, with file, line and column",
     3: "the simulation itself failed; everything recorded up to then is saved",
-    130: "interrupted, likewise",
+    130: "interrupted; everything recorded up to then is saved",
 }
 _OF = {
     "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "check": {0: "the scenario can be run", 2: None},
-    "inspect": {0: None, 1: "a self-test fails", 2: "bad input: no FMU, or one without a reference experiment"},
-    "compare-plants": {0: None, 1: "they differ by more than --within allows", 2: None, 3: "a plant failed"},
+    "inspect": {0: None, 1: "a self-test fails", 2: "bad input, such as an FMU without a reference experiment"},
+    "compare-plants": {0: None, 1: "the plants differ by more than --within allows", 2: None, 3: "a plant failed"},
 }
-"""The statuses of a command, in its own words where these are not those of `_STATUS`."""
+"""Exit statuses of each command; None stands for the words of `_STATUS`."""
 
 _EXAMPLES = {
     "run": """\
@@ -56,7 +56,7 @@ formation completion powershell | Out-String | Invoke-Expression""",
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Wraps text as ever, but for lines that are indented: these stay as they are."""
+    """Wraps text, but leaves indented lines unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         if "\n  " not in text:
@@ -65,7 +65,7 @@ class _Formatter(argparse.HelpFormatter):
 
 
 def explain(parser: argparse.ArgumentParser) -> None:
-    """Give a parser and those of its commands what their ``--help`` ends with."""
+    """Add examples and exit statuses to the ``--help`` of a parser and of its commands."""
     parser.formatter_class = _Formatter
     parser.epilog = "\n\n".join(
         [

@@ -1,4 +1,4 @@
-"""``formation inspect``: what an FMU is, what it can, and which vehicle it could be."""
+"""``formation inspect``: an FMU's content, its capabilities, and the kinds of vehicle that it could be."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from cosim.swap.proposal import Proposal, attributes, proposals
 NARROW = 120
 """Columns of a terminal below which a variable's causality, variability and type share a column."""
 ROWS = 60
-"""How many variables are shown, unless all are asked for."""
+"""Number of variables that are shown without ``--all``."""
 
 _CAN = {
-    "needsExecutionTool": "says that it needs the tool that made it",
+    "needsExecutionTool": "needs the tool that made it",
     "canBeInstantiatedOnlyOncePerProcess": "only once per process (each robot then has a process of its own)",
     "canHandleVariableCommunicationStepSize": "variable communication step",
     "hasEventMode": "event mode",
@@ -52,7 +52,7 @@ _ORDER = {
 
 @without_collection()
 def inspect(options: argparse.Namespace) -> int:
-    """Print what an FMU says of itself, and what it can be used for; or let it test itself."""
+    """Print the description of an FMU and its possible uses, or replay its reference experiments."""
     if options.self_test:
         from cosim.cli.self_testing import self_test
 
@@ -124,8 +124,8 @@ def _experiment(experiment: Any) -> Iterator[str]:
 def _print_interfaces(console: Console, package: Package) -> None:
     usable = interfaces(package.description)
     shown = table(console, "Interfaces")
-    for heading in ("interface", "here", "what it can"):
-        shown.add_column(heading, no_wrap=heading != "what it can")
+    for heading in ("interface", "here", "capabilities"):
+        shown.add_column(heading, no_wrap=heading != "capabilities")
     for name, said in package.capabilities.items():
         shown.add_row(
             NAMES[name],
@@ -206,13 +206,13 @@ def _print_contracts(console: Console, package: Package) -> None:
             console.print(printable(said), markup=False, soft_wrap=True)
         else:
             missing = "; ".join(f"{role.name}, {role.meaning}" for role in proposal.missing)
-            reason = proposal.refusal or f"nothing obviously plays {missing}"
+            reason = proposal.refusal or f"no variable obviously plays {missing}"
             console.print(f"\n[bold]{title}[/]: no, {safe(reason)}", soft_wrap=True)
 
 
 def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
     shown = table(console, title)
-    for heading in ("role", "unit", "what it is", "played by", "to fill in or to look at"):
+    for heading in ("role", "unit", "meaning", "played by", "to fill in or to look at"):
         shown.add_column(heading, no_wrap=heading in ("role", "unit"), overflow="fold")
     for suggestion in proposal.suggestions:
         if suggestion.source is not None or suggestion.doubts:
@@ -221,7 +221,7 @@ def _print_roles(console: Console, title: str, proposal: Proposal) -> None:
             shown.add_row(*map(safe, (role.name, role.unit, role.meaning, player, remarks)))
     console.print(shown)
     if absent := [s.role.name for s in proposal.suggestions if s.source is None and not s.doubts]:
-        console.print(f"not offered, nor needed by every controller: {', '.join(absent)}", style="dim")
+        console.print(f"not offered, but not every controller needs them: {', '.join(absent)}", style="dim")
 
 
 def _player(source: RoleSource) -> str:

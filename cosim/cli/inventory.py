@@ -1,4 +1,4 @@
-"""``formation list``: what there is to run."""
+"""``formation list``: plants, controllers and scenarios that are installed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def inventory(_: argparse.Namespace) -> int:
     console = out()
     listed = table(console, "Plants")
     listed.add_column("model")
-    listed.add_column("what it is")
+    listed.add_column("description")
     for name, description in plants.models().items():
         listed.add_row(name, description)
     console.print(listed)
@@ -57,4 +57,4 @@ def _title(path: Path) -> str:
     try:
         return read_scenario(path).title
     except InputError as error:
-        return f"not a scenario: {error.message}"
+        return f"cannot be read as a scenario: {error.message}"

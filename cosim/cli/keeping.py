@@ -12,7 +12,7 @@ import h5netcdf
 from cosim.results.provenance import Provenance
 
 RESULT, FILES = "result.nc", ("summary.json", "figure.png", "result.nc")
-"""The files of a run; that of the result is the last to be moved, as it tells what the others are of."""
+"""The files of a run. The result is moved last, because it identifies the run."""
 _LONGEST = 60
 
 

@@ -1,4 +1,4 @@
-"""A parser of options that takes each option as it is written: never an abbreviation, never one of two values."""
+"""A parser of options that refuses abbreviations, and options that are given twice."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Parser(argparse.ArgumentParser):
         self.register("action", "store", _Once)
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Return the options; one that is not known is refused with the nearest that is."""
+        """Return the options; refuse an unknown one, with the nearest known one."""
         options, rest = self.parse_known_args(args, namespace)
         if rest:
             self._refuse(getattr(options, "command", ""), rest[0])
@@ -31,7 +31,7 @@ class Parser(argparse.ArgumentParser):
                 parser = action.choices.get(command, self)
         if not argument.startswith("-"):
             parser.error(
-                f"unexpected argument: {argument} (what has no name stands together, before or after the options)"
+                f"unexpected argument: {argument} (write all file names together, before or after the options)"
             )
         option = argument.split("=")[0]
         known = [name for name in parser._option_string_actions if name.startswith("--")]
@@ -39,7 +39,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Once(argparse.Action):
-    """Keeps a value like ``store``; a second one is refused, as nobody can tell which is meant."""
+    """Keeps a value like ``store``; a second one is refused, because either could be meant."""
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None

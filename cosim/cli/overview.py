@@ -1,4 +1,4 @@
-"""A scenario at a glance: who drives where with what, what happens, and what is expected."""
+"""A scenario at a glance: robots, plants, events and expectations."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", 
 
 
 def print_overview(console: Console, scenario: Scenario, described: Iterable[str]) -> None:
-    """Print tables of a scenario's robots, what is known of its plants, and its events and expectations."""
+    """Print tables of a scenario's robots, its plants, events and expectations."""
     sensors, actuators = (
         Counter(_effects(getattr(follower, part)) for follower in scenario.followers).most_common(1)[0][0]
         for part in ("sensor", "actuator")
@@ -68,9 +68,9 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
     for text in described:
         console.print(safe(text), soft_wrap=True)
     for what, text in (("sensor", sensors), ("actuator", actuators)):
-        console.print(f"{what} of followers, unless another is named: {safe(text)}", soft_wrap=True)
+        console.print(f"{what} of followers without one of their own: {safe(text)}", soft_wrap=True)
     for text in _inputs(scenario.inputs):
-        console.print(f"{safe(text)}, of every follower", soft_wrap=True)
+        console.print(f"{safe(text)}, for every follower", soft_wrap=True)
     for event in scenario.events:
         console.print(f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}", soft_wrap=True)
     for expectation in scenario.expectations:
@@ -78,7 +78,7 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
 
 
 def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
-    """Return what may go wrong with plants, as far as their files tell."""
+    """Return doubts about plants, as far as their files show them."""
     for name, fmu in setup.fmus.items():
         if doubt := misfit(usual_step(fmu), scenario.step):
             yield f"plant {name}: {fmu.path.name} {doubt}"
@@ -97,8 +97,8 @@ def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
             continue
         solver = f", {_solver(source, scenario.step)}" if fmu.interface == MODEL_EXCHANGE else ""
         if fmu.interface == CO_SIMULATION and (tolerance := tolerance_of(fmu, source)) is not None:
-            solver = f", told a tolerance of {tolerance:g}"
-        late = ", whose outputs count from the first step on" if source.late_outputs else ""
+            solver = f", with a tolerance of {tolerance:g}"
+        late = ", outputs read from the first step on" if source.late_outputs else ""
         players = {role: player for role, player in fmu.binding.described().items() if player != role}
         roles = [f"{role}: {player}" for role, player in players.items()]
         if len(players) < len(fmu.binding.bound):
@@ -124,7 +124,7 @@ def _own_of_leader(leader: Leader) -> Iterator[str]:
         yield _torques(leader.torque.values.items())
     yield from _settings(leader.parameters)
     if leader.sensor:
-        yield f"as followers are told: {_effects(leader.sensor)}"
+        yield f"sensor of its pose: {_effects(leader.sensor)}"
     yield from _inputs(leader.inputs)
 
 

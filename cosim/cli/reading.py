@@ -1,4 +1,4 @@
-"""Scenarios as the command line names them, changed as its options ask."""
+"""Scenarios that the command line names, with the edits of its options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cosim.scenario.scenario import Scenario
 
 
 def read(path: Path, options: argparse.Namespace) -> Scenario:
-    """Read a scenario with the options that change it applied, and untrusted plants in processes of their own."""
+    """Read a scenario, apply the options that edit it, and isolate untrusted plants."""
     for folder in options.untrusted:
         if not folder.is_dir():
             raise InputError(f"--untrusted {folder}: there is no such folder")
@@ -29,7 +29,7 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     if not any(expectation.scenario for expectation in scenario.expectations):  # whose plants might be meant
         for folder in options.untrusted:
             if not any(fmu.is_relative_to(folder.resolve()) for fmu in fmus):
-                warn(f"--untrusted {folder}: no FMU of {path} lies there")
+                warn(f"--untrusted {folder}: no FMU of {path} is in this folder")
     return scenario
 
 
@@ -46,7 +46,7 @@ def _changes(options: argparse.Namespace) -> Iterator[Edit]:
 
 
 def _of_file(option: str, file: str, edit: Edit) -> Edit:
-    """Return an edit that refuses a file that is not there; `option` is what stands before the file's name."""
+    """Return the edit, or refuse a missing file; `option` is the text before the name of the file."""
     return Edit(edit.words, _with_file, (option, file, edit))
 
 

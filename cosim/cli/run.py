@@ -1,4 +1,4 @@
-"""``formation run``: run scenarios, say how they went, and keep what they gave."""
+"""``formation run``: run scenarios, print their summaries, and keep their results."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iterator[int]:
-    """Run each scenario, keep what came of it, and yield its exit status."""
+    """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
         with ExitStack() as ending:  # the plants end last: whatever an FMU does then, all is written and said
@@ -62,7 +62,10 @@ def _run_scenario(
         scenario = read(path, options)
         outcome.name = scenario.name
         if scenario.name in names:
-            raise InputError(f"{path} has the same name {scenario.name!r} as {names[scenario.name]}")
+            raise InputError(
+                f"{path} and {names[scenario.name]} are both named {scenario.name!r}, and their results would share a "
+                "folder: give one of them another name"
+            )
         names[scenario.name] = path
         if options.strict:
             _check_rules(scenario)
@@ -129,11 +132,16 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
     if kept is not None:
         place, earlier = kept
         what = f"{earlier.file}, {earlier.changed}"
-        console.print(safe(f"those of the run before ({what}) are kept in {options.out / place.name}/"), soft_wrap=True)
+        console.print(
+            safe(f"results of the run before ({what}) are kept in {options.out / place.name}/"), soft_wrap=True
+        )
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:
-        warn(f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; what was recorded is saved")
+        warn(
+            f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; "
+            "everything recorded up to then is saved"
+        )
         raise failure
 
 
@@ -150,7 +158,7 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 
 
 def _draw(result: xr.Dataset, folder: Path) -> None:
-    """Draw the figure; what is already saved does not depend on whether that succeeds."""
+    """Draw the figure; a failure is a warning, as everything else is saved already."""
     from cosim.results.figure import save_figure
 
     try:
@@ -160,7 +168,7 @@ def _draw(result: xr.Dataset, folder: Path) -> None:
 
 
 def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
-    """Write the result; where that fails after all, keep it in a temporary folder and say so.
+    """Write the result; if that fails, keep it in a temporary folder, which the error names.
 
     Returns
     -------
@@ -171,7 +179,7 @@ def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
     try:
         aside = set_aside(folder, Provenance.of(result.attrs))
     except OSError as error:  # nothing that was computed may be lost for this
-        warn(f"the results of the run before could not be kept, and are overwritten: {error}")
+        warn(f"the results of the run before could not be kept and are overwritten: {error}")
     for name in ("figure.png", "summary.json"):  # of an earlier run
         with suppress(OSError):
             (folder / name).unlink()
@@ -189,7 +197,7 @@ def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
 
 @contextmanager
 def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
-    """Show a progress bar on a terminal; elsewhere, say what is slow if it is."""
+    """Show a progress bar on a terminal; elsewhere print a line if the run takes long."""
     if not err().is_terminal:
         with taking_a_while(f"running {scenario.name}; the first run with a controller compiles it"):
             yield None

@@ -17,7 +17,7 @@ from cosim.fmu.self_test import Replay, replay
 def self_test(fmu: Path, time_limit: float) -> int:
     """Replay the reference experiments of an FMU, print how it agrees with them, and return the exit status."""
     if not time_limit > 0.0:
-        raise InputError(f"--time-limit {time_limit:g}: expected is a number of seconds that is more than zero")
+        raise InputError(f"--time-limit {time_limit:g}: expected is a number of seconds greater than zero")
     package = open_package(fmu)
     try:
         found = read_experiments(package)
@@ -39,7 +39,7 @@ def _print(console: Console, fmu: Path, replays: list[Replay]) -> None:
         if done.failure:
             console.print(f"{title} [red]failed:[/] {safe(done.failure)}", soft_wrap=True)
         elif not done.agreements:
-            console.print(f"{title} ran; there is nothing to compare with", soft_wrap=True)
+            console.print(f"{title} ran, but it has no reference results to compare with", soft_wrap=True)
         else:
             console.print(_agreements(console, title, done))
 

@@ -1,4 +1,4 @@
-"""``formation show``: what `formation run` has said of a run, from its result."""
+"""``formation show``: the summary of a finished run, from its result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def show(options: argparse.Namespace) -> int:
     interrupted; 2 if there is no such result.
     """
     if options.figure is not None and len(options.results) > 1:
-        raise InputError(f"--figure {options.figure}: one figure is drawn of one result, not of {len(options.results)}")
+        raise InputError(f"--figure {options.figure}: it draws one result: name one, not {len(options.results)}")
     return max(_shown(path, options.figure) for path in options.results)
 
 

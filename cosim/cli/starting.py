@@ -21,11 +21,11 @@ def new(options: argparse.Namespace) -> int:
         raise InputError(f"{path}: name a file that ends in .xml, such as {path.with_suffix('.xml')}")
     if not matches("name", path.stem) or len(path.stem) > 100:
         raise InputError(
-            f"{path}: a scenario's name, which is its file's, has letters, digits, '_', '-' and '.', begins with a "
-            "letter or digit and is not longer than 100"
+            f"{path}: the file's name becomes the scenario's name: use at most 100 letters, digits, '_', '-' and '.', "
+            "a letter or digit first"
         )
     if not 1 <= options.followers <= MAX_FOLLOWERS:
-        raise InputError(f"--followers {options.followers}: from 1 to {MAX_FOLLOWERS} are possible")
+        raise InputError(f"--followers {options.followers}: expected is a number from 1 to {MAX_FOLLOWERS}")
     _refuse_to_overwrite([path] if path.exists() and not options.force else [])
     write(path, scenario_text(path.stem, options.vehicle, options.followers).encode())
     out().print(f"wrote {safe(str(path))}", soft_wrap=True)
@@ -42,7 +42,7 @@ def copy_examples(options: argparse.Namespace) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder} cannot be made: {error.strerror}") from None
+        raise OutputError(f"the folder {folder} cannot be made: {error.strerror}") from None
     for path, content in contents.items():
         write(path, content)
     count = sum(path.suffix == ".xml" for path in contents)

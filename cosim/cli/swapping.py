@@ -20,7 +20,7 @@ from cosim.swap.replacement import Replacement, Swap, swap
 
 
 def swap_plants(options: argparse.Namespace) -> int:
-    """Write a variant of a scenario and what bindings it needs; say what is open, and check it if nothing is."""
+    """Write a variant of a scenario and its bindings; print open questions, or check the variant if there are none."""
     fmus = {plant: Path(fmu) for plant, fmu in pairs("--plant", options.plant, "ID=FILE.fmu")}
     bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
     with ExitStack() as cleanup:
@@ -43,13 +43,13 @@ def swap_plants(options: argparse.Namespace) -> int:
                 warn(sentence)
     variant = shlex.quote(str(swapped.variant))
     if any(opens):
-        _next(f"formation check {variant}", "once that is filled in")
+        _next(f"formation check {variant}", "once the binding is complete")
         return 0
     with ExitStack() as cleanup:  # as formation check does; what it refuses ends this command as it ends that
         scenario = read_scenario(swapped.variant)
         for doubt in doubtful_plants(scenario, set_up(scenario, cleanup, {})):
             warn(doubt)
-    _next(f"formation run {variant}", "which can be run")
+    _next(f"formation run {variant}", "to run it")
     return 0
 
 
@@ -59,12 +59,12 @@ def _refuse_to_overwrite(swapped: Swap) -> None:
         if path.exists():
             other = "--out names another file"
             if path in plants:
-                other = f"--binding {plants[path]}={path} takes it as it is"
+                other = f"--binding {plants[path]}={path} takes it unchanged"
             raise InputError(f"{path} exists: --force overwrites it, {other}")
 
 
 def _report(replacement: Replacement) -> bool:
-    """Print what is to be filled in or looked at in a binding; return whether something is to be filled in."""
+    """Print open questions and doubts of a binding; return whether a question is open."""
     proposal = replacement.proposal
     if proposal is None:
         return False
@@ -87,11 +87,13 @@ def _report(replacement: Replacement) -> bool:
 
 
 def _show(probe: Probe) -> None:
-    """Print what moved in the short drive."""
+    """Print the movements of the short drive."""
     if probe.problem:
-        out().print(f"[bold]what moves[/] is not known: {safe(probe.problem)}", soft_wrap=True)
+        out().print(
+            f"[bold]the short drive[/] to see which outputs move gave no answer: {safe(probe.problem)}", soft_wrap=True
+        )
         return
-    shown = table(out(), f"What moves in {DURATION:g} s, beside the FMU without input")
+    shown = table(out(), f"Movement in {DURATION:g} s, compared with no input")
     alone = [f"{name} = {probe.amplitude:g}" for name in probe.inputs]
     for heading in ("output", *alone, *(["all together"] if len(alone) > 1 else [])):
         shown.add_column(safe(heading), justify="left" if heading == "output" else "right", overflow="fold")
@@ -101,7 +103,7 @@ def _show(probe: Probe) -> None:
     if moved:
         out().print(shown)
     if still := [name for name in probe.changes if name not in moved]:
-        out().print(f"what does not move: {safe(', '.join(still))}", soft_wrap=True)
+        out().print(f"outputs that do not move: {safe(', '.join(still))}", soft_wrap=True)
 
 
 def _next(command: str, when: str) -> None:

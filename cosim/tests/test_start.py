@@ -217,7 +217,7 @@ def test_the_first_step_in_a_scenario(make: Make, tmp_path: Path, capsys: pytest
     late = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(late="zero")}" start="first_step"/>')
     result = cosim.run(late)
     assert main(["check", str(late)]) == 0
-    assert "in the harness, whose outputs count from the first step on;" in capsys.readouterr().out
+    assert "in the harness, outputs read from the first step on;" in capsys.readouterr().out
     at_once = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}"/>'))
     assert result.identical(at_once.assign_attrs(result.attrs))
     with pytest.raises(InputError, match=r'start="later" of <plant> .*first_step'):
@@ -260,7 +260,7 @@ def test_an_fmu_is_told_a_tolerance(
 def test_the_tolerance_is_told_by_check(make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" tolerance="1e-8" {ISOLATE}/>')
     assert main(["check", str(path)]) == 0
-    said = "FMI 2.0 Co-Simulation, told a tolerance of 1e-08, each robot in a process of its own"
+    said = "FMI 2.0 Co-Simulation, with a tolerance of 1e-08, each robot in a process of its own"
     assert said in capsys.readouterr().out
 
 
