@@ -2,6 +2,7 @@
 
 >>> import cosim
 >>> result = cosim.run("scenarios/clmr_line.xml")            # an xarray.Dataset
+>>> start = cosim.run("scenarios/clmr_line.xml", horizon=2.0, expectations=False)
 
 or step by step:
 
@@ -60,15 +61,21 @@ __all__ = [
 ]
 
 
-def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -> xr.Dataset:
+def run(
+    scenario: str | Path | Scenario,
+    changes: Iterable[str | Change] = (),
+    *,
+    horizon: float | str | None = None,
+    expectations: bool = True,
+) -> xr.Dataset:
     """Run a scenario to its horizon and return the result.
 
     Parameters
     ----------
     scenario
         A scenario, or the path of its file.
-    changes
-        For a file: ``XPATH=VALUE`` each, as for ``--set``; see `read_scenario`.
+    changes, horizon, expectations
+        What is changed in it; see `Scenario.edited`.
 
     Raises
     ------
@@ -80,12 +87,13 @@ def run(scenario: str | Path | Scenario, changes: Iterable[str | Change] = ()) -
         The user pressed Ctrl-C; likewise.
     """
     from cosim.master.simulation import Simulation
+    from cosim.scenario.edits import as_changes
     from cosim.scenario.reader import read_scenario
     from cosim.scenario.scenario import Scenario
 
-    if not isinstance(scenario, Scenario):
-        scenario = read_scenario(scenario, changes)
-    with Simulation(scenario) as simulation:
+    made = as_changes(changes, horizon, expectations)
+    read = scenario.edited(made) if isinstance(scenario, Scenario) else read_scenario(scenario, made)
+    with Simulation(read) as simulation:
         return simulation.run()
 
 

@@ -13,7 +13,7 @@ from cosim.cli.console import warn
 from cosim.control.team import installed
 from cosim.errors import InputError
 from cosim.missing_file import absent
-from cosim.scenario.edits import Edit, set_binding, set_controller, set_fmu, set_seed, split_setting
+from cosim.scenario.edits import Change, Edit, as_changes, set_binding, set_controller, set_fmu, set_seed, split_setting
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 
@@ -33,7 +33,7 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     return scenario
 
 
-def _changes(options: argparse.Namespace) -> Iterator[Edit]:
+def _changes(options: argparse.Namespace) -> Iterator[Change]:
     if options.seed is not None:
         yield set_seed(options.seed)
     for plant, fmu in pairs("--plant", options.plant, "ID=FMU"):
@@ -43,6 +43,7 @@ def _changes(options: argparse.Namespace) -> Iterator[Edit]:
     for controller, name in pairs("--controller", options.controller, "ID=NAME"):
         found = installed(name)
         yield set_controller(controller, name, found.package, found.version)
+    yield from as_changes((), options.horizon, options.expectations)
 
 
 def _of_file(option: str, file: str, edit: Edit) -> Edit:

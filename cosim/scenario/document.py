@@ -54,6 +54,11 @@ class Document:
         """Return the place of an element in the file where it was written, or of the rule that changed it."""
         return self._places[element]
 
+    @property
+    def places(self) -> tuple[Location, ...]:
+        """The places of all elements, in the order of the text."""
+        return tuple(self._places[element] for element in self.root.iter("*"))
+
 
 def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
@@ -68,35 +73,31 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
         The file cannot be read, is not XML, declares a document type, breaks the schema, or a change does not apply;
         with file, line and column.
     """
-    document = _resolve(path, ())
-    root, places = document.root, document._places
-    if changes:
-        _strip_namespace(root)
-        try:
-            for change in changes:
-                change(root)
-                for element in root.iter("*"):
-                    places.setdefault(element, Location(in_words(change)))
-        finally:
-            _add_namespace(root)
-        _collapse(root)
-    _validate(root, places, changed_by="the command line" if changes else "")
-    return Document(path, _serialised(root), root, places) if changes else document
+    return _changed(_resolve(path, ()), changes)
 
 
-def parse_document(text: str, path: Path) -> Document:
-    """Return the document of a scenario's resolved text, checked against the schema.
+def parse_document(text: str, path: Path, places: Sequence[Location] = (), changes: Sequence[Change] = ()) -> Document:
+    """Return the document of a scenario's resolved text, changed as asked and checked against the schema.
+
+    Parameters
+    ----------
+    text, path
+        As of `Document`.
+    places
+        Its `places`, where they are known; otherwise an element is where it stands in the text.
+    changes
+        As of `read_document`.
 
     Raises
     ------
     InputError
         As of `read_document`.
     """
-    root, places = _parse(text.encode(), path)
-    _check_names(root, places, "scenario")
+    root, found = _parse(text.encode(), path)
+    _check_names(root, found, "scenario")
     _collapse(root)
-    _validate(root, places)
-    return Document(path, text, root, places)
+    known = dict(zip(root.iter("*"), places, strict=True)) if places else found
+    return _changed(Document(path, text, root, known), changes)
 
 
 def read_binding_document(path: Path) -> Document:
@@ -113,6 +114,25 @@ def read_binding_document(path: Path) -> Document:
     _collapse(root)
     _validate(root, places)
     return Document(path, _decode(data, root), root, places)
+
+
+def _changed(document: Document, changes: Sequence[Change]) -> Document:
+    """Make changes in a document, and check it against the schema."""
+    root, places = document.root, document._places
+    if not changes:
+        _validate(root, places)
+        return document
+    _strip_namespace(root)
+    try:
+        for change in changes:
+            change(root)
+            for element in root.iter("*"):
+                places.setdefault(element, Location(in_words(change)))
+    finally:
+        _add_namespace(root)
+    _collapse(root)
+    _validate(root, places, changed_by="the command line")
+    return Document(document.path, _serialised(root), root, places)
 
 
 def _check_names(root: etree._Element, places: Mapping[etree._Element, Location], *roots: str) -> None:

@@ -6,8 +6,9 @@ elements without their namespace. Each change here is a value: two of the same a
 
 from __future__ import annotations
 
+import math
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from typing import Any
 from lxml import etree
 
 from cosim.errors import InputError, nearest
+from cosim.quantity import quantity
 from cosim.scenario.selection import assign, selected_or_added
+from cosim.scenario.tree import take_out
 from cosim.scenario.xpath_advice import unclosed
 
 Change = Callable[[etree._Element], None]
@@ -66,6 +69,32 @@ def set_value(setting: str) -> Edit:
 def set_seed(seed: int) -> Edit:
     """Return the change to another seed of the noise."""
     return Edit(f"--seed {seed}", _set_value, (f"simulation/@seed={seed}",))
+
+
+def set_horizon(horizon: float | str) -> Edit:
+    """Return the change to another horizon, in seconds or as a scenario writes it; what begins only later goes.
+
+    That is every event, signal, effect of a sensor or an actuator, and change of a place. Expectations stay.
+    """
+    text = horizon if isinstance(horizon, str) else f"{horizon} s"
+    return Edit(f"--horizon {_quoted(text)}", _set_horizon, (text,))
+
+
+def without_expectations() -> Edit:
+    """Return the change that removes all expectations."""
+    return Edit("--no-expectations", _remove_expectations, ())
+
+
+def as_changes(
+    changes: Iterable[str | Change], horizon: float | str | None = None, expectations: bool = True
+) -> list[Change]:
+    """Return changes of which some are written as ``XPATH=VALUE``, and those that two options ask for."""
+    made = [set_value(change) if isinstance(change, str) else change for change in changes]
+    if horizon is not None:
+        made.append(set_horizon(horizon))
+    if not expectations:
+        made.append(without_expectations())
+    return made
 
 
 def set_fmu(plant: str, fmu: Path) -> Edit:
@@ -122,6 +151,29 @@ def _set_value(root: etree._Element, setting: str) -> None:
             assign(node, value)
     except ValueError as error:
         raise InputError(f"--set {setting}: {error}") from None
+
+
+def _set_horizon(root: etree._Element, horizon: str) -> None:
+    _set_value(root, f"simulation/@horizon={horizon}")
+    end = _seconds(horizon)
+    for element in root.xpath("//*[@at or @from][not(self::waypoint or ancestor::expect)]"):
+        if _seconds(element.get("at", element.get("from"))) > end:
+            take_out(element)
+    for given in root.xpath("//input[not(@value or *)]"):
+        take_out(given)
+
+
+def _seconds(time: str) -> float:
+    """Return a time [s]; NaN if it is none, which the reader refuses."""
+    try:
+        return quantity(time, "s")
+    except ValueError:
+        return math.nan
+
+
+def _remove_expectations(root: etree._Element) -> None:
+    for element in root.findall("expect"):
+        take_out(element)
 
 
 def _set_fmu(root: etree._Element, plant: str, fmu: Path) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
-from cosim.errors import Location
+from cosim.errors import InputError, Location
+from cosim.scenario.edits import Change, as_changes
 
 LEADER = "leader"
 
@@ -313,6 +315,10 @@ class Expectation:
     untrusted: tuple[Path, ...] = ()
 
 
+def _unread(scenario: Scenario, changes: Sequence[Change]) -> NoReturn:
+    raise InputError(f"the scenario {scenario.name!r} was not read from a text, so there is none to change")
+
+
 @dataclass(frozen=True)
 class Scenario:
     """One experiment.
@@ -331,6 +337,12 @@ class Scenario:
         The resolved document.
     changes : tuple of str
         What was changed in it after it was read, as options of the command line.
+    untrusted : tuple of Path
+        Folders whose FMUs run in processes of their own.
+    places : tuple of Location
+        Where each element of the text was written, in the order of the text.
+    read_again : callable
+        Reads the text with more changes: the reader, which knows scenarios and is not known by them.
     """
 
     path: Path
@@ -349,6 +361,40 @@ class Scenario:
     events: tuple[Event, ...]
     expectations: tuple[Expectation, ...]
     changes: tuple[str, ...] = ()
+    untrusted: tuple[Path, ...] = ()
+    places: tuple[Location, ...] = field(default=(), repr=False)
+    read_again: Callable[[Scenario, Sequence[Change]], Scenario] = field(default=_unread, repr=False, compare=False)
+
+    def __hash__(self) -> int:
+        return hash((self.path, self.text))
+
+    def edited(
+        self, changes: Iterable[str | Change] = (), *, horizon: float | str | None = None, expectations: bool = True
+    ) -> Scenario:
+        """Return the scenario with changes; no file is read but those with bindings.
+
+        Parameters
+        ----------
+        changes
+            ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.scenario.edits`.
+        horizon
+            Another end of the run, in seconds or as in "100 s". What would only begin later is left out, and up to
+            there the run is the same. An expectation about a later time is refused.
+        expectations
+            False: without what is expected of the run.
+
+        Raises
+        ------
+        InputError
+            A change does not apply, or the scenario does not make sense any more; with its place.
+
+        Examples
+        --------
+        >>> scenario.edited(horizon=2.0, expectations=False)
+        >>> scenario.edited(["//gain[@name='K_p']/@value=12", "simulation/@seed=3"])
+        """
+        made = as_changes(changes, horizon, expectations)
+        return self.read_again(self, made) if made else self
 
     @property
     def horizon(self) -> float:

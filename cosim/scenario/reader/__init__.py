@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from cosim.errors import InputError, printable
 from cosim.scenario.document import Document, parse_document, read_document
-from cosim.scenario.edits import Change, in_words, set_value
+from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.reader.effects import effects
 from cosim.scenario.reader.element import Element, table
 from cosim.scenario.reader.events import events
@@ -41,10 +40,15 @@ def read_scenario(
     InputError
         What the file says is not a scenario; with file, line and column.
     """
-    made = [set_value(change) if isinstance(change, str) else change for change in changes]
+    made = as_changes(changes)
     document = read_document(Path(path), made)
-    scenario = _scenario(document, tuple(Path(folder).resolve() for folder in untrusted))
-    return replace(scenario, changes=tuple(in_words(change) for change in made))
+    return _scenario(document, tuple(Path(folder).resolve() for folder in untrusted), map(in_words, made))
+
+
+def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
+    """Read the text of a scenario with more changes, for `Scenario.edited`."""
+    document = parse_document(scenario.text, scenario.path, scenario.places, changes)
+    return _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
@@ -67,7 +71,7 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")], ())
 
 
-def _scenario(document: Document, untrusted: tuple[Path, ...]) -> Scenario:
+def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable[str]) -> Scenario:
     root = Element.root(document)
     times = Times.of(root)
     simulation = root.child("simulation")
@@ -95,4 +99,8 @@ def _scenario(document: Document, untrusted: tuple[Path, ...]) -> Scenario:
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
         expectations=expectations(root, times, list(followers), untrusted),
+        changes=tuple(changes),
+        untrusted=untrusted,
+        places=document.places,
+        read_again=_read_again,
     )
