@@ -1,0 +1,221 @@
+"""A kind of vehicle: all that the harness knows of it, in one object.
+
+`Kind` says which roles a plant of the kind plays and in which units, what controllers are told of its geometry, by which
+words a foreign FMU is recognised, how two plants are compared, how it moves along a path, and where its bodies are.
+`cosim.vehicle.kinds` finds the kinds that are installed. No other module knows how many entries a pose has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from formation_controllers.vehicles import Vehicle
+
+from cosim.vehicle.evidence import Evidence, nothing_against
+from cosim.vehicle.path import Course, Floats, Motion, PathMotion
+from cosim.vehicle.words import Recognition, Series, words
+
+
+@dataclass(frozen=True)
+class Role:
+    """What a variable is for: its name in the contract, which causality it must have, and the unit used.
+
+    A role without a unit is played by an enumeration, all others by a real variable. A plant may lack an optional role.
+    Its meaning says where zero is and which way is positive. `items` are those of the enumeration.
+    """
+
+    name: str
+    causality: str
+    unit: str
+    optional: bool = False
+    meaning: str = ""
+    items: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """How the variables of a foreign FMU are recognised as those of a vehicle.
+
+    Attributes
+    ----------
+    by_role : dict
+        The words that tell a role, besides its own name.
+    order : dict
+        Words of a description that tell the commands of an array from one another.
+    conventions : dict
+        By the role, a part of a regular expression: words of a description that speaks of another convention.
+    refusal : callable
+        Returns why an FMU is clearly another kind of vehicle; empty if it is not.
+    """
+
+    by_role: Mapping[str, Recognition] = field(default_factory=dict)
+    order: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    conventions: Mapping[str, str] = field(default_factory=dict)
+    refusal: Callable[[Evidence], str] = nothing_against
+
+
+@dataclass(frozen=True)
+class Response:
+    """Which command alone moves which role from rest, and whether up (1) or down (-1)."""
+
+    command: str
+    role: str
+    sign: int
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """How a plant is moved well in a comparison: by a course of drive and one of turning.
+
+    Attributes
+    ----------
+    size : tuple of float
+        How large drive and turning are in the first attempt, in the units of the commands.
+    commands : callable
+        Returns the commands (T, commands) for drive and turning (T, 2).
+    turned : callable
+        Returns from states (T, entries) the angle [rad] that turning changes, and that must stay far from 90 degrees.
+    """
+
+    size: tuple[float, float]
+    commands: Callable[[Floats], Floats]
+    turned: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True)
+class OnPath:
+    """How a vehicle moves along a path.
+
+    Attributes
+    ----------
+    course : callable
+        Returns from a vehicle and its state (entries) where on a path it is.
+    state : callable
+        Returns from a vehicle and a course the state (entries) that it has there.
+    motion : callable
+        Returns from a vehicle and a motion along a path its own motion over time.
+    steering_length : callable
+        Returns the length of a vehicle [m] that, with its steering angle, gives the curvature; None without such an
+        angle.
+    """
+
+    course: Callable[[Vehicle, Sequence[float]], Course]
+    state: Callable[[Vehicle, Course], tuple[float, ...]]
+    motion: Callable[[Vehicle, PathMotion], Motion]
+    steering_length: Callable[[Vehicle], float | None]
+
+
+@dataclass(frozen=True)
+class Example:
+    """Numbers with which ``formation new`` writes a scenario that goes well.
+
+    Attributes
+    ----------
+    plant : str
+        The id of its plant.
+    leader : dict
+        The commands of the leader, as in a scenario.
+    length : float
+        How far behind the reference point a follower's body may reach [m].
+    parameter : tuple of str
+        Name and value of a parameter of the plant.
+    limited : str
+        The command of which a peak is expected.
+    """
+
+    plant: str
+    leader: Mapping[str, str]
+    length: float
+    parameter: tuple[str, str]
+    limited: str
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of vehicle.
+
+    Attributes
+    ----------
+    name, title : str
+        As scenarios name it, and for people.
+    pose, velocity, command : tuple of Role
+        What comes out of a plant, and what drives it. The pose begins with x, y and a heading.
+    geometry : dict
+        Arguments of `vehicle`, each with the parameter that holds it.
+    vehicle : callable
+        Returns what controllers are told of a vehicle.
+    disturbance : tuple of Role
+        Other inputs, by which a scenario can disturb the vehicle.
+    recognised : Recognised
+        How a foreign FMU is recognised.
+    probe : tuple of float
+        An initial pose for comparisons, in which every entry counts, so that a wrong sign or offset shows at once.
+    responses : tuple of Response
+        What a short drive of a foreign FMU must show.
+    excitation : Excitation or None
+        How plants are moved in a comparison; without it, commands must be given.
+    on_path : OnPath or None
+        How it moves along a path; without it, it is no leader of other kinds or along a trajectory.
+    example : Example or None
+        How a first scenario is written; without it, none is.
+    """
+
+    name: str
+    title: str
+    pose: tuple[Role, ...]
+    velocity: tuple[Role, ...]
+    command: tuple[Role, ...]
+    geometry: Mapping[str, Role]
+    vehicle: Callable[..., Vehicle]
+    disturbance: tuple[Role, ...] = ()
+    recognised: Recognised = field(default_factory=Recognised)
+    probe: tuple[float, ...] = ()
+    responses: tuple[Response, ...] = ()
+    excitation: Excitation | None = None
+    on_path: OnPath | None = None
+    example: Example | None = None
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """All roles."""
+        return (*self.pose, *self.velocity, *self.command, *self.disturbance, *self.geometry.values())
+
+    @property
+    def states(self) -> tuple[Role, ...]:
+        """Pose and velocities: what comes out of a plant."""
+        return (*self.pose, *self.velocity)
+
+    @cached_property
+    def series(self) -> tuple[Series, ...]:
+        """The arrays of a foreign FMU that may hold roles one after the other."""
+        pose, command = names(self.pose), names(self.command)
+        commands = "tau torque torques moment moments u input inputs" + " command commands" * (not self.takes_torques)
+        return (
+            Series(words("pose"), (len(pose),), pose, telling=True),
+            Series(words("q eta state states coordinates configuration"), (len(pose),), pose),
+            *((Series(words("pose"), (3,), pose[:3], telling=True),) if len(pose) > 3 else ()),
+            Series(words("position pos location"), (2, 3), pose[:2], telling=True),
+            Series(words("p"), (2, 3), pose[:2]),
+            Series(words(commands), (len(command),), command),
+        )
+
+    @property
+    def takes_torques(self) -> bool:
+        """Whether all commands are torques."""
+        return all(role.unit == "N.m" for role in self.command)
+
+
+def names(roles: Sequence[Role]) -> tuple[str, ...]:
+    """Return the names of roles."""
+    return tuple(role.name for role in roles)
+
+
+def disturbances(*angles: str) -> tuple[Role, ...]:
+    """Return the disturbances tau_d1 of (1), which oppose motion where they are positive."""
+    units = {"x": "N", "y": "N"} | dict.fromkeys(angles, "N.m")
+    return tuple(
+        Role(f"tau_d_{name}", "input", unit, optional=True, meaning=f"disturbance along {name}, opposing motion")
+        for name, unit in units.items()
+    )

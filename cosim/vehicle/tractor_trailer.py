@@ -1,0 +1,160 @@
+"""The tractor with a trailer: trailer's axle and two headings; the torques of the tractor's wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import formation_controllers as fc
+import numpy as np
+
+from cosim.vehicle.evidence import Evidence
+from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
+from cosim.vehicle.path import Course, Floats, Motion, PathMotion
+from cosim.vehicle.words import (
+    COMPASS,
+    DISTURBANCES,
+    EFFORT,
+    EFFORTS,
+    FORWARD,
+    HEADING,
+    NO_HEADING,
+    NO_PLACE,
+    NO_SPEED,
+    OTHER,
+    TURNING,
+    X_AXIS,
+    Y_AXIS,
+    clue,
+    known_by,
+    words,
+)
+
+_TRACTOR = "tractor|truck|cab"
+
+
+def _refusal(evidence: Evidence) -> str:
+    drives = evidence.driven_by_wheels
+    if drives and not evidence.trailing and {"theta_0", "theta_1"} & set(evidence.missing):
+        return f"{drives}, and nothing speaks of a trailer or a hitch: it seems to be a differential-drive robot"
+    return evidence.steers_only
+
+
+_RECOGNISED = Recognised(
+    by_role={
+        "x": known_by("trailer x", "x", never=f"{NO_PLACE} tractor truck cab"),
+        "y": known_by("trailer y", "y", never=f"{NO_PLACE} tractor truck cab"),
+        "theta_1": known_by(f"trailer {HEADING}|theta|orientation", never=f"{NO_HEADING} tractor truck cab"),
+        "theta_0": known_by(
+            f"{_TRACTOR} {HEADING}|theta|orientation",
+            clue(HEADING, alone=True),
+            never=f"{NO_HEADING} trailer",
+        ),
+        "v": known_by("trailer v|vel|velocity|speed", "v|vel|velocity|speed", never=f"{NO_SPEED} tractor truck cab"),
+        "omega": known_by(
+            f"{_TRACTOR} omega",
+            f"{_TRACTOR} {HEADING} rate|dot|velocity|vel",
+            f"{HEADING} rate|dot|velocity|vel",
+            clue("omega", alone=True),
+            never=f"{OTHER} {EFFORTS} trailer wheel motor engine steer steering",
+        ),
+        "tau_right": known_by(
+            f"right|r {EFFORT}",
+            clue("right motor|wheel|drive", with_unit=True),
+            never=f"{DISTURBANCES} left l steer steering",
+        ),
+        "tau_left": known_by(
+            f"left|l {EFFORT}",
+            clue("left motor|wheel|drive", with_unit=True),
+            never=f"{DISTURBANCES} right r steer steering",
+        ),
+        "d": known_by("hitch|drawbar|coupling length|distance|offset", "trailer length", never=OTHER),
+        "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
+        "b": known_by("half track|gauge|width", never=OTHER),
+    },
+    order={"tau_right": words("right"), "tau_left": words("left")},
+    conventions={
+        "x": X_AXIS,
+        "y": Y_AXIS,
+        "v": FORWARD,
+        **dict.fromkeys(("theta_1", "theta_0"), COMPASS),
+        "omega": TURNING,
+    },
+    refusal=_refusal,
+)
+
+
+def _course(vehicle: fc.TractorTrailer, state: Sequence[float]) -> Course:
+    x, y, heading, tractor, v, omega = state
+    hitch = tractor - heading
+    curvature = math.tan(hitch) / vehicle.hitch_length
+    rate = omega - v * curvature
+    return Course(x, y, heading, v, curvature, rate / (math.cos(hitch) ** 2 * vehicle.hitch_length))
+
+
+def _state(vehicle: fc.TractorTrailer, course: Course) -> tuple[float, ...]:
+    slope = vehicle.hitch_length * course.curvature
+    rate = vehicle.hitch_length * course.curvature_rate / (1.0 + slope**2)
+    tractor = course.heading + math.atan(slope)
+    return course.x, course.y, course.heading, tractor, course.v, rate + course.v * course.curvature
+
+
+def _motion(vehicle: fc.TractorTrailer, path: PathMotion) -> Motion:
+    hitch, hitch_dot, hitch_ddot = path.steering(vehicle.hitch_length)
+    omega = path.v * path.kappa + hitch_dot
+    omega_dot = path.v_dot * path.kappa + path.v * path.kappa_dot + hitch_ddot
+    return Motion(
+        np.column_stack([path.x, path.y, path.heading, path.heading + hitch, path.v, omega]),
+        np.column_stack([path.v_dot, omega_dot]),
+    )
+
+
+def _wheels(drive_and_turning: Floats) -> Floats:
+    drive, turning = drive_and_turning.T
+    return np.column_stack([drive + turning, drive - turning]) / 2
+
+
+TRACTOR_TRAILER = Kind(
+    name="tractor_trailer",
+    title="tractor-trailer",
+    pose=(
+        Role("x", "output", "m", meaning="the trailer's axle midpoint along X"),
+        Role("y", "output", "m", meaning="the trailer's axle midpoint along Y, to the left of X"),
+        Role("theta_1", "output", "rad", meaning="the trailer's heading, counter-clockwise from X"),
+        Role("theta_0", "output", "rad", meaning="the tractor's heading, counter-clockwise from X"),
+    ),
+    velocity=(
+        Role("v", "output", "m/s", optional=True, meaning="the forward velocity of the trailer's axle midpoint"),
+        Role(
+            "omega", "output", "rad/s", optional=True, meaning="the angular velocity of the tractor, counter-clockwise"
+        ),
+    ),
+    command=(
+        Role("tau_right", "input", "N.m", meaning="the torque of the tractor's right wheel, forward"),
+        Role("tau_left", "input", "N.m", meaning="the torque of the tractor's left wheel, forward"),
+    ),
+    disturbance=disturbances("theta_1", "theta_0"),
+    geometry={
+        "hitch_length": Role("d", "parameter", "m", meaning="the distance from the trailer's axle to the hitch"),
+        "wheel_radius": Role("r", "parameter", "m", meaning="the radius of the tractor's wheels"),
+        "half_track": Role("b", "parameter", "m", meaning="half the distance between the tractor's wheels"),
+    },
+    vehicle=fc.TractorTrailer,
+    recognised=_RECOGNISED,
+    probe=(1.0, -2.0, math.radians(30), math.radians(40)),
+    responses=(
+        Response("tau_right", "theta_0", 1),
+        Response("tau_left", "theta_0", -1),
+        Response("tau_right", "v", 1),
+    ),
+    excitation=Excitation(size=(20.0, 5.0), commands=_wheels, turned=lambda states: states[:, 3] - states[:, 2]),
+    on_path=OnPath(_course, _state, _motion, steering_length=lambda vehicle: vehicle.hitch_length),
+    example=Example(
+        plant="truck",
+        leader={"tau_right": "1 N.m", "tau_left": "1 N.m"},
+        length=1.5,
+        parameter=("m_1", "20 kg"),
+        limited="tau_right",
+    ),
+)
+"""The tractor-trailer of the paper's third simulation."""
