@@ -247,7 +247,7 @@ def loop_job(scenario_path: Path, ticks: int, folder: Path) -> tuple[dict[str, A
         setup = set_up(scenario, cleanup, {})
         robots = (setup.leader, *setup.followers)
         names = [robot.name for robot in robots]
-        channels = [[role.name for role in robot.contract.pose] for robot in robots]
+        channels = [[role.name for role in robot.kind.pose] for robot in robots]
         sensor = PoseSensor(scenario.seed, names, channels, [robot.sensor for robot in robots], scenario.step)
         noise = np.zeros((ticks, len(robots), 4))
         for k in range(ticks):
@@ -265,7 +265,7 @@ def loop_job(scenario_path: Path, ticks: int, folder: Path) -> tuple[dict[str, A
         loop = {
             "controller": controller.name,
             "gains": {gain.name: float(gain.value) for gain in controller.gains},
-            "vehicle": {name: getattr(vehicle, name) for name in setup.leader.contract.geometry},
+            "vehicle": {name: getattr(vehicle, name) for name in setup.leader.kind.geometry},
             "desired": setup.desired.q[0].tolist(),
             "leader_torque": setup.leader.torque[0].tolist(),
             "limit": limit,

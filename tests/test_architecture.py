@@ -64,7 +64,7 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
                 "master/simulation.py",
                 "results/files.py",
                 "signals/trajectory.py",
-                "vehicle/contract.py",
+                "vehicle/kind.py",
             },
         ),
     ],

@@ -15,7 +15,7 @@ from cosim import PlantFile, compare_plants
 from cosim.cli import main
 from cosim.cli.comparing import _print
 from cosim.compare.comparison import TOLERANCE
-from cosim.vehicle.contract import CAR_LIKE
+from cosim.vehicle.car_like import CAR_LIKE
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu
@@ -387,5 +387,5 @@ def test_from_python() -> None:
     with pytest.raises(cosim.InputError, match=r"the torques are an array \(3, 2\); expected are \(50, 2\)"):
         compare_plants("car_like", "car_like", duration=1.0, torque=np.zeros((3, 2)))
     comparison = compare_plants("car_like", "car_like", duration=1.0, torque=np.zeros((50, 2)))
-    assert comparison.contract is CAR_LIKE
+    assert comparison.kind is CAR_LIKE
     assert comparison.torque_from == "an array"

@@ -69,7 +69,7 @@ def test_what_is_proposed(name: str, vehicle: Vehicle, fmu: Path) -> None:
         proposal = proposals(package.description)[0]
     finally:
         package.close()
-    assert proposal.contract.vehicle == "car_like"
+    assert proposal.kind.name == "car_like"
     assert not proposal.missing
     sources = {suggestion.role.name: suggestion.source for suggestion in proposal.suggestions if suggestion.source}
     assert {

@@ -18,9 +18,8 @@ from pathlib import Path
 from cosim.cli.completing import SHELLS
 from cosim.cli.console import err, report
 from cosim.cli.helping import explain
-from cosim.cli.options import Parser
+from cosim.cli.options import Lazy, Parser
 from cosim.errors import FormationError
-from cosim.scenario.template import VEHICLES
 
 INTERRUPTED = 130
 
@@ -44,6 +43,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         err().print("interrupted")
         return INTERRUPTED
+
+
+def _kinds() -> list[str]:
+    from cosim.scenario.template import kinds_with_example
+
+    return list(kinds_with_example())
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -232,7 +237,9 @@ def _parser() -> Parser:
     new.add_argument(
         "file", type=Path, metavar="NAME.xml", help="file of the scenario; its name is the scenario's name"
     )
-    new.add_argument("--vehicle", choices=VEHICLES, default=VEHICLES[0], help=f"kind of vehicle ({VEHICLES[0]})")
+    new.add_argument(
+        "--vehicle", choices=Lazy(_kinds), default="car_like", metavar="KIND", help="kind of vehicle (car_like)"
+    )
     new.add_argument("--followers", type=int, default=2, metavar="N", help="number of followers (2)")
     new.add_argument("--force", action="store_true", help="overwrite the file")
 

@@ -14,13 +14,12 @@ def advice(error: FormationError) -> str:
         return ""
     from cosim.fmu.package import open_package  # which is slow to import
     from cosim.swap.proposal import velocity_hints
-    from cosim.vehicle.contract import CONTRACTS
+    from cosim.vehicle.kinds import kind_named
 
     try:
         package = open_package(Path(error.fmu))
     except InputError:  # it has changed meanwhile
         return ""
-    (contract,) = (contract for contract in CONTRACTS if contract.vehicle == error.vehicle)
     with closing(package):
-        hints = velocity_hints(package.description, contract, error.roles, error.played)
+        hints = velocity_hints(package.description, kind_named(error.vehicle), error.roles, error.played)
     return "".join(f"; {hint}" for hint in hints)

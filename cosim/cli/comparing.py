@@ -20,7 +20,7 @@ from cosim.compare.figure import SHOWN, save_comparison_figure
 from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
 from cosim.results.files import writable_folder, write
-from cosim.vehicle.contract import CONTRACTS
+from cosim.vehicle.kinds import kinds
 
 BEYOND = 1
 
@@ -71,7 +71,7 @@ def _plant(options: argparse.Namespace, side: str) -> PlantFile:
 
 
 def _pose(entries: list[str]) -> Iterator[tuple[str, float]]:
-    known = {role.name: role.unit for contract in CONTRACTS for role in contract.pose}
+    known = {role.name: role.unit for kind in kinds() for role in kind.pose}
     for name, value in pairs("--pose", entries, "NAME=VALUE, such as 'psi=30 deg'"):
         if name not in known:
             raise InputError(f"--pose {name}={value}: there is no pose entry {name!r}: {nearest(name, list(known))}")
@@ -97,7 +97,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         console.print(f"[bold]{name}[/]  {safe(shown)} ({safe(said)})", soft_wrap=True)
     pose = ", ".join(
         f"{role.name} = {_shown(float(comparison.states[0][0, i]), role.unit)}"
-        for i, role in enumerate(comparison.contract.pose)
+        for i, role in enumerate(comparison.kind.pose)
     )
     console.print(
         f"{comparison.time[-1]:g} s in steps of {comparison.step:g} s, from {pose} (as A shows it); "

@@ -194,9 +194,9 @@ def _start(variable: Variable) -> str:
 def _print_contracts(console: Console, package: Package) -> None:
     best, *_ = found = proposals(package.description)
     for proposal in found:
-        contract = proposal.contract
-        title = f"As a {contract.vehicle} vehicle"
-        _, problems = match(contract, package.description)
+        kind = proposal.kind
+        title = f"As a {kind.name} vehicle"
+        _, problems = match(kind, package.description)
         if not problems:
             _print_roles(console, f"{title}: it can be driven as it is", proposal)
         elif proposal.plausible and len(proposal.missing) == len(best.missing):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from cosim.errors import nearest
@@ -49,3 +49,16 @@ class _Once(argparse.Action):
             raise argparse.ArgumentError(self, f"is given twice, as {given[self.dest]} and as {values}: give it once")
         given[self.dest] = values
         setattr(namespace, self.dest, values)
+
+
+class Lazy:
+    """The choices of an option that are found only when they are asked for."""
+
+    def __init__(self, find: Callable[[], Iterable[str]]) -> None:
+        self._find = find
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._find())
+
+    def __contains__(self, choice: object) -> bool:
+        return choice in list(self._find())

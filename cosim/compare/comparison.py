@@ -20,24 +20,18 @@ from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
 from cosim.master.members import plant, tolerance_of
-from cosim.plant.fleet import STATE, Fleet
+from cosim.plant.fleet import Fleet
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
 from cosim.quantity import split, whole_steps
 from cosim.scenario.reader import read_binding
 from cosim.scenario.scenario import FIRST_STEP, PlantSource, Setting
-from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER, Contract, Role
+from cosim.vehicle.kind import Kind, Role
 from plants import UnitError, units
 
 TOLERANCE = 1e-6
 """Difference, in the role's unit, from which on two plants are said to differ where nothing else is said."""
 
 MAX_STEPS = 1_000_000
-
-_POSES: Mapping[str, Mapping[str, float]] = {
-    CAR_LIKE.vehicle: {"x": 1.0, "y": -2.0, "psi": math.radians(30), "gamma": math.radians(10)},
-    TRACTOR_TRAILER.vehicle: {"x": 1.0, "y": -2.0, "theta_1": math.radians(30), "theta_0": math.radians(40)},
-}
-"""Initial poses in which every entry counts, so that a wrong sign or offset shows at once."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +100,7 @@ class PlantComparison:
 
     Attributes
     ----------
-    contract : Contract
+    kind : Kind
         Which vehicle both are.
     plants : tuple of dict
         Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
@@ -116,12 +110,12 @@ class PlantComparison:
         Communication step [s].
     torque_from : str
         Where the torques come from, in words.
-    torque : ndarray (T, 2)
-        The torques of each step [N.m].
-    states : tuple of ndarray (T + 1, 6)
+    torque : ndarray (T, commands)
+        The commands of each step, torques [N.m] if the vehicle takes torques.
+    states : tuple of ndarray (T + 1, entries)
         Pose and pseudo-velocities of each at the communication points, in the roles' units; NaN where a plant does not
         offer one, and after it has failed.
-    difference : ndarray (T + 1, 6)
+    difference : ndarray (T + 1, entries)
         Of the second from the first.
     roles : tuple of RoleDifference
         Those that both offer.
@@ -131,7 +125,7 @@ class PlantComparison:
         What the FMUs have logged.
     """
 
-    contract: Contract
+    kind: Kind
     plants: tuple[dict[str, Any], dict[str, Any]]
     geometry: Mapping[str, tuple[Any, Any]]
     step: float
@@ -157,9 +151,9 @@ class PlantComparison:
     @property
     def late(self) -> str:
         """Which plant, "A" or "B", shows at each communication point what the other showed one before; else empty."""
-        pose = len(self.contract.pose)
+        pose = len(self.kind.pose)
         first, second = (states[:, :pose] for states in self.states)
-        return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.contract.pose])
+        return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.kind.pose])
 
     @property
     def reached(self) -> float:
@@ -169,19 +163,19 @@ class PlantComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all figures as data for JSON; trajectories are left out."""
-        states = (*self.contract.pose, *self.contract.velocity)
+        states = self.kind.states
         return {
-            "vehicle": self.contract.vehicle,
+            "vehicle": self.kind.name,
             "plants": list(self.plants),
             "geometry": {name: list(values) for name, values in self.geometry.items()},
             "step": self.step,
             "duration": float(self.time[-1]),
             "reached": self.reached,
-            "pose": {role.name: float(self.states[0][0, i]) for i, role in enumerate(self.contract.pose)},
+            "pose": {role.name: float(self.states[0][0, i]) for i, role in enumerate(self.kind.pose)},
             "torque": {
                 "from": self.torque_from,
                 "largest": {
-                    role.name: float(np.abs(self.torque[:, i]).max()) for i, role in enumerate(self.contract.torque)
+                    role.name: float(np.abs(self.torque[:, i]).max()) for i, role in enumerate(self.kind.command)
                 },
             },
             "differences": {
@@ -227,8 +221,8 @@ def compare_plants(
     pose
         Entries of the initial pose by their roles, in the roles' units; those left out are as they are for this.
     torque
-        A CSV file with the columns ``time [s]`` and the torques by their roles, or an array (steps, 2) [N.m]. Without
-        it, steps and sines in both, so large that the first plant moves well but steers far from 90 degrees.
+        A CSV file with the columns ``time [s]`` and the commands by their roles, or an array (steps, commands).
+        Without it, steps and sines in all, so large that the first plant moves well but steers far from 90 degrees.
     seed
         Of the phases of the sines.
     within
@@ -255,24 +249,24 @@ def compare_plants(
     first, second = (plant if isinstance(plant, PlantFile) else PlantFile(plant) for plant in (a, b))
     with ExitStack() as cleanup:
         runs = [_Run(name, file, step, ticks, isolated, cleanup) for name, file in (("A", first), ("B", second))]
-        contract = runs[0].contract
-        if runs[1].contract is not contract:
+        kind = runs[0].kind
+        if runs[1].kind is not kind:
             raise InputError(
-                f"{runs[0].fmu.path.name} is a {contract.vehicle} vehicle, but {runs[1].fmu.path.name} is a "
-                f"{runs[1].contract.vehicle}: only vehicles of a kind can be compared"
+                f"{runs[0].fmu.path.name} is a {kind.name} vehicle, but {runs[1].fmu.path.name} is a "
+                f"{runs[1].kind.name}: only vehicles of a kind can be compared"
             )
-        start = _pose(contract, pose or {})
+        start = _pose(kind, pose or {})
         if torque is None:
-            torques, said = excitation(contract, lambda torques: runs[0](start, torques).completed, step, ticks, seed)
+            torques, said = excitation(kind, lambda torques: runs[0](start, torques).completed, step, ticks, seed)
         else:
-            torques, said = given(contract, torque, step, ticks)
+            torques, said = given(kind, torque, step, ticks)
         results = [run(start, torques) for run in runs]
         difference = results[1].states - results[0].states
-        for column, role in enumerate((*contract.pose, *contract.velocity)):
+        for column, role in enumerate(kind.states):
             if role.unit == "rad":
                 difference[:, column] = np.remainder(difference[:, column] + math.pi, 2 * math.pi) - math.pi
         return PlantComparison(
-            contract=contract,
+            kind=kind,
             plants=(runs[0].about, runs[1].about),
             geometry={name: (value, runs[1].geometry[name]) for name, value in runs[0].geometry.items()},
             step=step,
@@ -280,7 +274,7 @@ def compare_plants(
             torque=torques,
             states=(results[0].states, results[1].states),
             difference=difference,
-            roles=_differences(contract, difference, results[0].states, step, _tolerances(contract, within)),
+            roles=_differences(kind, difference, results[0].states, step, _tolerances(kind, within)),
             failures=tuple(result.failure for result in results if result.failure is not None),
             messages=tuple(message for result in results for message in result.messages),
         )
@@ -337,8 +331,8 @@ class _Run:
         self.geometry = geometry(self.fmu, self.parameters, self.source.where)
 
     @property
-    def contract(self) -> Contract:
-        return self.fmu.binding.contract
+    def kind(self) -> Kind:
+        return self.fmu.binding.kind
 
     @property
     def about(self) -> dict[str, Any]:
@@ -356,7 +350,7 @@ class _Run:
         }
 
     def __call__(self, pose: Sequence[float], torques: NDArray[np.float64]) -> _Result:
-        """Run from a pose with torques (T, 2); what is not reached is NaN."""
+        """Run from a pose with commands (T, commands); what is not reached is NaN."""
         member = plant(
             self.fmu,
             self.source,
@@ -366,8 +360,8 @@ class _Run:
             given=torques[0].tolist(),
             stop_time=self.ticks * self.step,
         )
-        state = np.empty((1, STATE))
-        out = np.full((len(torques) + 1, 1, STATE), np.nan)
+        state = np.empty((1, len(self.kind.states)))
+        out = np.full((len(torques) + 1, *state.shape), np.nan)
         fleet = Fleet([member], state)
         failure = None
         try:
@@ -380,20 +374,21 @@ class _Run:
         return _Result(out[:, 0], failure, tuple(fleet.messages))
 
 
-def _pose(contract: Contract, entries: Mapping[str, float]) -> tuple[float, ...]:
-    known = [role.name for role in contract.pose]
+def _pose(kind: Kind, entries: Mapping[str, float]) -> tuple[float, ...]:
+    known = [role.name for role in kind.pose]
     for name in entries:
         if name not in known:
-            raise InputError(f"a {contract.vehicle} vehicle has no pose entry {name!r}: {nearest(name, known)}")
-    return tuple(entries.get(name, _POSES[contract.vehicle][name]) for name in known)
+            raise InputError(f"a {kind.name} vehicle has no pose entry {name!r}: {nearest(name, known)}")
+    usual = kind.probe or (0.0,) * len(known)
+    return tuple(entries.get(name, value) for name, value in zip(known, usual, strict=True))
 
 
 # The differences --------------------------------------------------------------------------------------------
 
 
-def _tolerances(contract: Contract, within: Iterable[str]) -> dict[str, float]:
+def _tolerances(kind: Kind, within: Iterable[str]) -> dict[str, float]:
     """Return what the difference may be in each role; where there are tolerances, anything in those without one."""
-    roles = {role.name: role for role in (*contract.pose, *contract.velocity)}
+    roles = {role.name: role for role in kind.states}
     general: dict[str, float] = {}
     own: dict[str, float] = {}
     for text in within:
@@ -401,7 +396,7 @@ def _tolerances(contract: Contract, within: Iterable[str]) -> dict[str, float]:
         name = name.strip()
         if equals and name not in roles:
             known = nearest(name, list(roles))
-            raise InputError(f"within {text}: a {contract.vehicle} vehicle has no role {name!r} to compare: {known}")
+            raise InputError(f"within {text}: a {kind.name} vehicle has no role {name!r} to compare: {known}")
         given = own if equals else general
         fitting = _fitting(text, value, [roles[name]] if equals else list(roles.values()))
         if fitting.keys() & given.keys():
@@ -435,14 +430,14 @@ def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
 
 
 def _differences(
-    contract: Contract,
+    kind: Kind,
     difference: NDArray[np.float64],
     first: NDArray[np.float64],
     step: float,
     tolerances: Mapping[str, float],
 ) -> tuple[RoleDifference, ...]:
     found = []
-    for column, role in enumerate((*contract.pose, *contract.velocity)):
+    for column, role in enumerate(kind.states):
         reached = np.isfinite(difference[:, column])
         if not reached.any():
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location
 from cosim.scenario.table import read_table
-from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER, Contract
+from cosim.vehicle.kind import Kind
 
 
 def given(
-    contract: Contract, torque: str | Path | NDArray[np.float64], step: float, ticks: int
+    kind: Kind, torque: str | Path | NDArray[np.float64], step: float, ticks: int
 ) -> tuple[NDArray[np.float64], str]:
-    """Return torques (ticks, 2) [N.m] from a table or an array, and where they come from.
+    """Return commands (ticks, commands) in their roles' units from a table or an array, and where they come from.
 
     Raises
     ------
@@ -26,17 +26,18 @@ def given(
     """
     if not isinstance(torque, (str, Path)):
         values = np.array(torque, dtype=np.float64)
-        if values.shape != (ticks, 2) or not np.isfinite(values).all():
-            raise InputError(f"the torques are an array {values.shape}; expected are ({ticks}, 2) finite numbers")
+        shape = (ticks, len(kind.command))
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(f"the torques are an array {values.shape}; expected are {shape} finite numbers")
         return values, "an array"
     where = Location(f"--torque {torque}")
     table = read_table(Path(torque), where)
-    names = [role.name for role in contract.torque]
+    names = [role.name for role in kind.command]
     if not any(name in table.columns for name in names):
         raise InputError(f"the table {torque} has none of the columns {' and '.join(names)}", where)
     times = step * np.arange(ticks, dtype=np.float64)
-    values = np.zeros((ticks, 2))
-    for column, role in enumerate(contract.torque):
+    values = np.zeros((ticks, len(names)))
+    for column, role in enumerate(kind.command):
         if role.name in table.columns:
             values[:, column] = np.interp(times, table.time, table.column(role.name, role.unit, where))
     return values, f"the table {torque}"
@@ -46,46 +47,49 @@ _FREQUENCIES = ((0.10, 0.23, 0.61), (0.13, 0.37, 0.89))
 """Of the sines in drive and steering [Hz]."""
 _PERIODS = (7.0, 5.0)
 """Of the steps in drive and steering [s]."""
-_START = (20.0, 5.0)
-"""How large the torques of the first attempt are [N.m]."""
 _SPEED, _BEND = 1.0, math.radians(25)
-"""What the torques are to bring about: the largest speed [m/s], and the largest change of the steering angle [rad]."""
+"""What the commands are to bring about: the largest speed [m/s], and the largest change of the turned angle [rad]."""
 _ATTEMPTS = 6
 
 Run = Callable[[NDArray[np.float64]], NDArray[np.float64] | None]
 
 
-def excitation(contract: Contract, run: Run, step: float, ticks: int, seed: int) -> tuple[NDArray[np.float64], str]:
-    """Return steps and sines (ticks, 2) that move a plant well but keep it far from singular, and what they are.
+def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tuple[NDArray[np.float64], str]:
+    """Return steps and sines (ticks, commands) that move a plant well but keep it far from singular, and what they are.
 
     Parameters
     ----------
-    contract
+    kind
         The kind of vehicle.
     run
-        Drives the plant with torques and returns its states (ticks + 1, 6); None if it failed.
+        Drives the plant with torques and returns its states (ticks + 1, entries); None if it failed.
     step, ticks
         The communication step [s], and how many.
     seed
         Of the phases of the sines.
     """
     shape = _shape(step * np.arange(ticks, dtype=np.float64), seed)
-    bend = _BENDS[contract.vehicle]
-    scale = np.array(_START)
+    own = kind.excitation
+    if own is None:
+        raise InputError(
+            f"a {kind.name} vehicle does not say what moves it well: give its commands with --torque TABLE.csv"
+        )
+    scale = np.array(own.size)
     for _ in range(_ATTEMPTS):
-        torques = _as_torques(contract, shape * scale)
+        torques = own.commands(shape * scale)
         states = run(torques)
         if states is None:
             scale = scale / 4
             continue
         speed = np.abs(np.diff(states[:, :2], axis=0)).max() / step
-        bent = np.abs(bend(states) - bend(states)[0]).max()
+        bent = np.abs(own.turned(states) - own.turned(states)[0]).max()
         wanted = np.array([_change(_SPEED, speed), _change(_BEND, bent)])
         if (np.abs(np.log(wanted)) < math.log(1.5)).all():
             break
         scale = np.array([float(f"{value:.2g}") for value in scale * wanted])
-    said = " and ".join(f"{value:.2g} N.m" for value in scale)
-    return _as_torques(contract, shape * scale), f"steps and sines of {said} (seed {seed})"
+    units = (kind.command[0].unit, kind.command[-1].unit)
+    said = " and ".join(f"{value:.2g} {unit}" for value, unit in zip(scale, units, strict=True))
+    return own.commands(shape * scale), f"steps and sines of {said} (seed {seed})"
 
 
 def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
@@ -104,18 +108,3 @@ def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
 def _change(wanted: float, found: float) -> float:
     """Return by what a torque is to change; not at all where it brings nothing about."""
     return min(max(wanted / found, 0.1), 10.0) if found > 1e-9 else 1.0
-
-
-def _as_torques(contract: Contract, drive_and_steering: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the two torques of a vehicle; those of a tractor's wheels differ by the steering."""
-    if contract is TRACTOR_TRAILER:
-        drive, steering = drive_and_steering.T
-        return np.column_stack([drive + steering, drive - steering]) / 2
-    return drive_and_steering
-
-
-_BENDS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
-    CAR_LIKE.vehicle: lambda states: states[:, 3],
-    TRACTOR_TRAILER.vehicle: lambda states: states[:, 3] - states[:, 2],
-}
-"""The angle of a vehicle that must stay far from 90 degrees [rad]."""

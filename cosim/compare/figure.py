@@ -84,7 +84,7 @@ def _draw_paths(axes: Axes, comparison: PlantComparison, names: tuple[str, str])
         axes.quiver(
             *reached[0, :2], np.cos(reached[0, 2]), np.sin(reached[0, 2]), color=style["color"], scale=15, width=0.006
         )
-    x, y = comparison.contract.pose[:2]
+    x, y = comparison.kind.pose[:2]
     axes.set_xlabel(f"{x.name} [{x.unit}]")
     axes.set_ylabel(f"{y.name} [{y.unit}]")
     axes.set_aspect("equal", adjustable="datalim")
@@ -94,7 +94,7 @@ def _draw_paths(axes: Axes, comparison: PlantComparison, names: tuple[str, str])
 
 def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantComparison) -> None:
     grid = place.subgridspec(2, 1)
-    for row, role in enumerate(comparison.contract.torque):
+    for row, role in enumerate(comparison.kind.command):
         axes = figure.add_subplot(grid[row, 0])
         held = np.append(comparison.torque[:, row], comparison.torque[-1:, row])
         axes.step(comparison.time, held, where="post", color="black", linewidth=1.0)
@@ -134,4 +134,4 @@ def _draw_difference(axes: Axes, comparison: PlantComparison, found: RoleDiffere
 
 
 def _column(comparison: PlantComparison, found: RoleDifference) -> int:
-    return (*comparison.contract.pose, *comparison.contract.velocity).index(found.role)
+    return (*comparison.kind.pose, *comparison.kind.velocity).index(found.role)

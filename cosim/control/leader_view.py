@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.vehicles import Vehicle, formation_of
+from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
+
+from cosim.errors import InputError
+from cosim.vehicle.kind import OnPath
+from cosim.vehicle.kinds import kind_named
 
 
 def as_seen_by(
@@ -16,40 +18,49 @@ def as_seen_by(
     """Return the leader as if it were the follower's kind of vehicle, on the same path at the same speed.
 
     A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own geometry.
-    Position, heading, speed and curvature of the path, tan(steering angle) / length, are kept; so between equal
-    vehicles everything is passed on as it is.
+    Position, heading, speed and curvature of the path are kept. Between equal vehicles everything is passed on.
 
     Parameters
     ----------
     vehicle, leader
         The follower's vehicle and the leader's.
     state
-        The leader's pose and pseudo-velocities (6,).
+        The leader's pose and pseudo-velocities, one after the other.
     acceleration
-        Its pseudo-accelerations (2,), if they are known; between different vehicles they are not passed on.
+        Its pseudo-accelerations, if they are known; between different vehicles they are not passed on.
     """
     if alike(vehicle, leader):
-        return fc.Leader(state[:4], state[4:], acceleration)
-    x, y, heading, angle, v, omega = state.tolist()
-    trailer = isinstance(leader, fc.TractorTrailer)
-    steering = angle - heading if trailer else angle
-    curvature = math.tan(steering) / _length(leader)
-    rate = omega - v * curvature if trailer else omega
-    curvature_rate = rate / (math.cos(steering) ** 2 * _length(leader))
-    slope = _length(vehicle) * curvature
-    steering, rate = math.atan(slope), _length(vehicle) * curvature_rate / (1.0 + slope**2)
-    if isinstance(vehicle, fc.TractorTrailer):
-        steering, rate = heading + steering, rate + v * curvature
-    return fc.Leader(np.array([x, y, heading, steering]), np.array([v, rate]))
+        return fc.Leader(state[: len(leader.pose)], state[len(leader.pose) :], acceleration)
+    on_path, leads_on = _on_path(vehicle), _on_path(leader)
+    seen = np.array(on_path.state(vehicle, leads_on.course(leader, state.tolist())))
+    return fc.Leader(seen[: len(vehicle.pose)], seen[len(vehicle.pose) :])
 
 
 def alike(vehicle: Vehicle, leader: Vehicle) -> bool:
     """Return whether a follower reads the leader's pose by its own geometry as the leader itself would."""
-    return (type(vehicle), _length(vehicle)) == (type(leader), _length(leader))
+    if vehicle.kind != leader.kind:
+        return False
+    on_path = kind_named(vehicle.kind).on_path
+    return on_path is None or on_path.steering_length(vehicle) == on_path.steering_length(leader)
 
 
-def _length(vehicle: Vehicle) -> float:
-    formation = formation_of(vehicle)
-    if formation is None:
-        raise TypeError(f"a {vehicle.kind} does not state how it sees a leader")
-    return formation.length
+def check_view(vehicle: Vehicle, leader: Vehicle) -> None:
+    """Check that followers that are a vehicle can be told of a leader that is another.
+
+    Raises
+    ------
+    InputError
+        One of the two kinds does not say how it moves along a path.
+    """
+    for one in (vehicle, leader) if not alike(vehicle, leader) else ():
+        _on_path(one)
+
+
+def _on_path(vehicle: Vehicle) -> OnPath:
+    on_path = kind_named(vehicle.kind).on_path
+    if on_path is None:
+        raise InputError(
+            f"a {vehicle.kind} vehicle does not say how it moves along a path: its leader and followers must be "
+            f"{vehicle.kind} vehicles, too"
+        )
+    return on_path

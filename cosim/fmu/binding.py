@@ -1,4 +1,4 @@
-"""Bindings: which variables of an FMU play the roles of a vehicle contract, and how their numbers are to be read."""
+"""Bindings: which variables of an FMU play the roles of a kind of vehicle, and how their numbers are to be read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from cosim.fmu.units import UnitContradiction, stated, unit_of
 from cosim.plant.spec import FLOAT_TYPES, REAL_TYPES, WHOLE
 from cosim.quantity import quantity, split
 from cosim.scenario.scenario import BindingSource, RoleSource
-from cosim.vehicle.contract import CONTRACTS, Contract, Role
+from cosim.vehicle.kind import Kind, Role
+from cosim.vehicle.kinds import faults, kind_named, kinds
 from plants import UnitError, units
 
 NUMBER_TYPES = (*FLOAT_TYPES, *WHOLE)
@@ -66,9 +67,9 @@ class BoundRole:
 
 @dataclass(frozen=True)
 class Binding:
-    """A contract that an FMU satisfies, with what plays each role, by the role's name."""
+    """The kind of vehicle that an FMU is, with what plays each role, by the role's name."""
 
-    contract: Contract
+    kind: Kind
     bound: dict[str, BoundRole]
 
     def of(self, roles: Iterable[Role]) -> tuple[BoundRole | None, ...]:
@@ -83,7 +84,7 @@ class Binding:
 def bind(
     description: ModelDescription, file: str, declared: BindingSource | None = None, where: Location | None = None
 ) -> Binding:
-    """Find the contract that an FMU satisfies.
+    """Find the kind of vehicle that an FMU is.
 
     A role that the binding does not mention is played by the variable of its name.
 
@@ -99,35 +100,49 @@ def bind(
     Raises
     ------
     InputError
-        The FMU satisfies no contract, or the binding does not fit it: which roles, and why.
+        The FMU is no vehicle of any kind, or the binding does not fit it: which roles, and why.
     """
     if declared is not None:
-        contract = next(contract for contract in CONTRACTS if contract.vehicle == declared.vehicle)
-        known = [role.name for role in contract.roles]
+        kind = kind_of(declared)
+        known = [role.name for role in kind.roles]
         for source in declared.roles:
             if source.name not in known:
                 raise InputError(
-                    f"a {contract.vehicle} vehicle has no role {source.name!r}: {nearest(source.name, known)}",
+                    f"a {kind.name} vehicle has no role {source.name!r}: {nearest(source.name, known)}",
                     source.where,
                 )
-        bound, problems = match(contract, description, declared.roles)
+        bound, problems = match(kind, description, declared.roles)
         if problems:
             places = [problem.where or declared.where for problem in problems]
             sentences = [problem.sentence(f"the FMU {file}") for problem in problems]
             others = (f"\n  {place}: {text}" for place, text in zip(places[1:], sentences[1:], strict=True))
             raise InputError(sentences[0] + "".join(others), places[0])
-        return Binding(contract, bound)
+        return Binding(kind, bound)
     reasons = []
-    for contract in CONTRACTS:
-        bound, problems = match(contract, description)
+    for kind in kinds():
+        bound, problems = match(kind, description)
         if not problems:
-            return Binding(contract, bound)
-        reasons.append(f"as a {contract.vehicle} vehicle it {'; it '.join(problem.text for problem in problems)}")
+            return Binding(kind, bound)
+        reasons.append(f"as a {kind.name} vehicle it {'; it '.join(problem.text for problem in problems)}")
     raise InputError(
         f"the FMU {file} is no vehicle that can be driven as it is: {'. '.join(reasons)}. A <binding> says which "
-        'of its variables play these roles; "formation swap" writes one to start from',
+        f'of its variables play these roles; "formation swap" writes one to start from{faults()}',
         where,
     )
+
+
+def kind_of(declared: BindingSource) -> Kind:
+    """Return the kind of vehicle that a binding names.
+
+    Raises
+    ------
+    InputError
+        There is none of this name, with the place of the binding.
+    """
+    try:
+        return kind_named(declared.vehicle)
+    except InputError as error:
+        raise InputError(f'the binding\'s vehicle="{declared.vehicle}": {error.message}', declared.where) from None
 
 
 class _BindingError(ValueError):
@@ -149,22 +164,22 @@ class Problem:
 
 
 def match(
-    contract: Contract, description: ModelDescription, declared: Iterable[RoleSource] = ()
+    kind: Kind, description: ModelDescription, declared: Iterable[RoleSource] = ()
 ) -> tuple[dict[str, BoundRole], list[Problem]]:
-    """Return the roles of a contract that are played, by name, and why each other role is not.
+    """Return the roles of a kind of vehicle that are played, by name, and why each other role is not.
 
-    The contract is satisfied if there are no problems: an optional role of which nothing is said is no problem.
+    The FMU is such a vehicle if there are no problems: an optional role of which nothing is said is no problem.
     """
     sources = {source.name: source for source in declared}
     bound, problems = {}, []
-    for role in contract.roles:
+    for role in kind.roles:
         source = sources.get(role.name)
         if source is None:
             if role.optional and not _plays_by_name(role, description):
                 continue
             source = RoleSource(name=role.name, variable=role.name)
         try:
-            bound[role.name] = _bound(contract, role, description, source)
+            bound[role.name] = _bound(kind, role, description, source)
         except (ValueError, UnitError) as error:
             if source.where is not None or not role.optional or isinstance(error, UnitContradiction):
                 problems.append(Problem(role, str(error), source.where, isinstance(error, _BindingError)))
@@ -191,10 +206,10 @@ def _plays_by_name(role: Role, description: ModelDescription) -> bool:
     return variable is not None and variable.causality == role.causality
 
 
-def _bound(contract: Contract, role: Role, description: ModelDescription, source: RoleSource) -> BoundRole:
+def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSource) -> BoundRole:
     if source.initial:
         with _about(source, "initial"):
-            if role not in contract.pose:
+            if role not in kind.pose:
                 raise ValueError("only a pose entry has an initial value")
     if source.value:
         with _about(source, "value"):
@@ -207,7 +222,7 @@ def _bound(contract: Contract, role: Role, description: ModelDescription, source
             raise ValueError(f"has the enumeration {variable.name!r}, with which neither unit nor factor nor offset go")
         return BoundRole(role, BoundVariable(variable, 0, 1.0, 0.0))
     played_by = _read_as(role, description, variable, element, source)
-    if role not in contract.pose:
+    if role not in kind.pose:
         return BoundRole(role, played_by)
     if source.initial:
         variable, element = _found(role, description, source.initial, source, parameter=True)

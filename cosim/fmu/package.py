@@ -54,7 +54,7 @@ class Package:
 
 @dataclass(frozen=True)
 class Fmu(Package):
-    """An unpacked FMU that satisfies a vehicle contract.
+    """An unpacked FMU that is a vehicle of a known kind.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def open_package(path: Path, where: Location | None = None) -> Package:
 def open_fmu(
     path: Path, where: Location | None = None, declared: BindingSource | None = None, interface: str = ""
 ) -> Fmu:
-    """Check an FMU, match it with a vehicle contract and unpack it.
+    """Check an FMU, find its kind of vehicle and unpack it.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from cosim.fmu.units import unit_of, unit_of_values
 from cosim.plant.spec import FLOAT_TYPES, Value
 from cosim.quantity import quantity, split
 from cosim.scenario.scenario import Setting
-from cosim.vehicle.contract import Role
+from cosim.vehicle.kind import Role
 from plants import UnitError
 
 _WHOLE_TOLERANCE = 1e-9
@@ -110,7 +110,7 @@ def check_constant(role: Role, constant: float | str | None, text: str) -> None:
 
 def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
     """Return a role of the geometry with what plays it."""
-    roles = {role.name for role in fmu.binding.contract.geometry.values()}
+    roles = {role.name for role in fmu.binding.kind.geometry.values()}
     return fmu.binding.bound.get(name) if name in roles else None
 
 
@@ -128,9 +128,9 @@ def needs_a_role(description: ModelDescription, variable: Variable, text: str) -
 
 
 def _drives(fmu: Fmu, variable: Variable) -> bool:
-    """Return whether an input plays the role of a torque or a disturbance."""
-    contract = fmu.binding.contract
-    driven = fmu.binding.of((*contract.torque, *contract.disturbance))
+    """Return whether an input plays the role of a command or a disturbance."""
+    kind = fmu.binding.kind
+    driven = fmu.binding.of((*kind.command, *kind.disturbance))
     return any(b is not None and b.played_by is not None and b.played_by.variable is variable for b in driven)
 
 
@@ -169,7 +169,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
     """
     values = {parameter.variable.name: parameter.value for parameter in parameters}
     found: dict[str, Any] = {}
-    for field, role in fmu.binding.contract.geometry.items():
+    for field, role in fmu.binding.kind.geometry.items():
         bound = fmu.binding.bound[role.name]
         if bound.played_by is None:
             found[field] = bound.constant

@@ -19,7 +19,7 @@ from cosim.master.recorder import Recorder
 from cosim.master.setup import Setup
 from cosim.results import provenance
 from cosim.scenario.scenario import Scenario
-from cosim.vehicle.contract import labels
+from cosim.vehicle.columns import columns
 
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
@@ -46,7 +46,9 @@ def dataset(
     coordinates: dict[str, object] = {
         "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
         "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        **{f"{roles}_component": list(labels(setup.contracts, roles)) for roles in ("pose", "velocity", "torque")},
+        "pose_component": list(columns(setup.kinds, "pose").labels),
+        "velocity_component": list(columns(setup.kinds, "velocity").labels),
+        "torque_component": list(columns(setup.kinds, "command").labels),
     }
     for team in teams:
         for signal in team.controller.signals:

@@ -17,7 +17,7 @@ from cosim.master.robot import RobotSetup
 from cosim.plant.member import Link, Member
 from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
 from cosim.scenario.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
-from cosim.vehicle.contract import Role
+from cosim.vehicle.kind import Role
 
 DIVERGED_POSE = 1e9
 """A pose entry beyond this magnitude [m, rad] is taken for divergence."""
@@ -71,7 +71,7 @@ def plant(
     parameters
         Those that are set.
     pose
-        Initial pose in the contract's order and units.
+        Initial pose in the kind's order and units.
     inputs
         Those that are given besides the torques.
     given
@@ -81,12 +81,12 @@ def plant(
     stop_time
         End of the run [s].
     """
-    description, binding, contract = fmu.description, fmu.binding, fmu.binding.contract
-    states = (*contract.pose, *contract.velocity)
-    bounds = (*[DIVERGED_POSE] * len(contract.pose), *[DIVERGED_VELOCITY] * len(contract.velocity))
-    driven = (*(binding.bound[role.name] for role in contract.torque), *inputs)
+    description, binding, kind = fmu.description, fmu.binding, fmu.binding.kind
+    states = (*kind.pose, *kind.velocity)
+    bounds = (*[DIVERGED_POSE] * len(kind.pose), *[DIVERGED_VELOCITY] * len(kind.velocity))
+    driven = (*(binding.bound[role.name] for role in kind.command), *inputs)
     input_block, input_places = _block(description, driven, given)
-    presumed = (*pose, *[0.0] * len(contract.velocity)) if source.late_outputs else ()
+    presumed = (*pose, *[0.0] * len(kind.velocity)) if source.late_outputs else ()
     output_block, output_places = _block(description, binding.of(states), presumed)
     spec = PlantSpec(
         robot=name,
@@ -200,7 +200,7 @@ def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: floa
 def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
     """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
     values: dict[tuple[str, int], tuple[Any, list[float]]] = {}
-    for bound, entry in zip(fmu.binding.of(fmu.binding.contract.pose), pose, strict=True):
+    for bound, entry in zip(fmu.binding.of(fmu.binding.kind.pose), pose, strict=True):
         assert bound is not None
         assert bound.initial is not None
         variable = bound.initial.variable

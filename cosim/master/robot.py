@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import formation_controllers as fc
 import numpy as np
+from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.errors import Location
@@ -14,7 +14,7 @@ from cosim.fmu.binding import BoundRole
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.scenario.scenario import Effect, PlantSource
-from cosim.vehicle.contract import Contract
+from cosim.vehicle.kind import Kind
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class RobotSetup:
     vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
         Its geometry, as controllers are told.
     pose : tuple of float
-        Initial pose in the contract's order and units.
+        Initial pose in the kind's order and units.
     sensor, actuator : tuple of Effect
         What lies between it and the controllers.
     torque : ndarray
@@ -50,7 +50,7 @@ class RobotSetup:
     fmu: Fmu
     source: PlantSource
     parameters: tuple[ParameterValue, ...]
-    vehicle: fc.CarLike | fc.TractorTrailer
+    vehicle: Vehicle
     pose: tuple[float, ...]
     sensor: tuple[Effect, ...]
     actuator: tuple[Effect, ...]
@@ -61,6 +61,6 @@ class RobotSetup:
     changes: Mapping[int, tuple[ParameterValue, ...]]
 
     @property
-    def contract(self) -> Contract:
+    def kind(self) -> Kind:
         """The kind of vehicle that it is."""
-        return self.fmu.binding.contract
+        return self.fmu.binding.kind

@@ -21,7 +21,7 @@ from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting, Wave
 from cosim.signals.effects import tick_at
 from cosim.signals.waves import input_samples
-from cosim.vehicle.contract import Role
+from cosim.vehicle.kind import Role
 from plants import UnitError, units
 
 INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
@@ -83,7 +83,7 @@ def robot_inputs(
         The FMU has no such input, or a value makes no sense for it, with the place in the scenario.
     """
     found = RobotInputs()
-    torques = [role.name for role in fmu.binding.contract.torque]
+    torques = [role.name for role in fmu.binding.kind.command]
     later: dict[str, list[tuple[int, Setting]]] = {}
     for event in scenario.events:
         for setting in event.inputs if event.robot == robot else ():
@@ -126,8 +126,8 @@ def _joined(sources: Iterable[InputSource]) -> Iterable[InputSource]:
 
 def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
     """Return the role of an FMU that a source names, or else the input of this name."""
-    contract = fmu.binding.contract
-    roles = [fmu.binding.bound.get(role.name) for role in (*contract.torque, *contract.disturbance)]
+    kind = fmu.binding.kind
+    roles = [fmu.binding.bound.get(role.name) for role in (*kind.command, *kind.disturbance)]
     for bound in roles:
         if bound is not None and bound.role.name == source.name:
             return bound, None

@@ -27,19 +27,16 @@ from cosim.results.expectations import Recorded, check, recorded
 from cosim.scenario.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.signals.effects import check_channels, tick_at
 from cosim.signals.places import desired_samples
-from cosim.signals.trajectory import Motion, leader_motion
-from cosim.vehicle.contract import Contract, Role, labels
+from cosim.signals.trajectory import leader_motion
+from cosim.vehicle.columns import columns
+from cosim.vehicle.kind import Kind, Role
+from cosim.vehicle.path import Motion
 
 MAX_BYTES = 4 * 1024**3
 """Of what is recorded of a run, and of the signals that drive it."""
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
 """Names in a result that no channel can have: dimensions, and what follows from the channels."""
-
-_VEHICLES: Mapping[str, type[fc.CarLike | fc.TractorTrailer]] = {
-    "car_like": fc.CarLike,
-    "tractor_trailer": fc.TractorTrailer,
-}
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,9 @@ class Setup:
     signals: Mapping[str, Recorded]
 
     @property
-    def contracts(self) -> tuple[Contract, ...]:
+    def kinds(self) -> tuple[Kind, ...]:
         """The kinds of vehicle that there are."""
-        return tuple({robot.contract.vehicle: robot.contract for robot in (self.leader, *self.followers)}.values())
+        return tuple({robot.kind.name: robot.kind for robot in (self.leader, *self.followers)}.values())
 
 
 def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> Setup:
@@ -123,9 +120,9 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     _check_velocities(scenario, leader, followers, laws)
-    channels = _channels(leader.contract, len(followers), bool(scenario.leader.sensor), laws.values())
+    channels = _channels(leader.kind, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
-    signals = _recorded(scenario, channels, (leader.contract, *(robot.contract for robot in followers)), laws)
+    signals = _recorded(scenario, channels, (leader.kind, *(robot.kind for robot in followers)), laws)
     check(scenario, signals)
     return Setup(
         leader=leader,
@@ -187,10 +184,10 @@ def _plants_of(scenario: Scenario) -> list[str]:
 
 def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
     leader = scenario.leader
-    contract = fmus[leader.plant].binding.contract
-    torque = np.zeros((scenario.ticks + 1, 2))
+    kind = fmus[leader.plant].binding.kind
+    torque = np.zeros((scenario.ticks + 1, len(kind.command)))
     if leader.trajectory is None:
-        torque[:] = _entries(leader.torque, contract, contract.torque, missing=0.0)
+        torque[:] = _entries(leader.torque, kind, kind.command, missing=0.0)
     for event in _events_of(scenario, LEADER):
         if leader.trajectory is not None:
             raise InputError("nothing can happen to a leader that moves along a <trajectory>", event.where)
@@ -202,7 +199,7 @@ def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
                     event.where,
                 )
             start = tick_at(event.time, scenario.step)
-            torque[start:] = _entries(event.torque, contract, contract.torque, missing=0.0)
+            torque[start:] = _entries(event.torque, kind, kind.command, missing=0.0)
     return _robot(
         scenario,
         fmus[leader.plant],
@@ -230,7 +227,7 @@ def _followers(scenario: Scenario, fmus: Mapping[str, Fmu]) -> tuple[RobotSetup,
             own=follower.parameters,
             sensor=follower.sensor,
             actuator=(*follower.actuator, *_stops(scenario, follower.id)),
-            torque=np.zeros((scenario.ticks + 1, 2)),
+            torque=np.zeros((scenario.ticks + 1, len(fmus[follower.plant].binding.kind.command))),
             inputs=(*scenario.inputs, *follower.inputs),
         )
         for follower in scenario.followers
@@ -251,18 +248,18 @@ def _robot(
     torque: NDArray[np.float64],
     inputs: Sequence[InputSource],
 ) -> RobotSetup:
-    contract = fmu.binding.contract
+    kind = fmu.binding.kind
     named = {setting.name for setting in own}
     common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
     source = scenario.plants[plant]
     parameters = _understood(fmu, source, [*common, *own])
     _check_free(fmu, parameters)
     try:
-        vehicle = _VEHICLES[contract.vehicle](**geometry(fmu, parameters, where))
+        vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
-    check_channels(sensor, [role.name for role in contract.pose], f"the pose of {name}, a {contract.vehicle},")
-    check_channels(actuator, [role.name for role in contract.torque], f"the actuators of {name}, a {contract.vehicle},")
+    check_channels(sensor, [role.name for role in kind.pose], f"the pose of {name}, a {kind.name},")
+    check_channels(actuator, [role.name for role in kind.command], f"the actuators of {name}, a {kind.name},")
     given = robot_inputs(scenario, fmu, name, inputs, _times(scenario))
     changes = _changes(scenario, fmu, source, name, given)
     given.check_free(parameters)
@@ -278,7 +275,7 @@ def _robot(
         source=source,
         parameters=parameters,
         vehicle=vehicle,
-        pose=(0.0,) * 4 if pose is None else _entries(pose, contract, contract.pose),
+        pose=(0.0,) * len(kind.pose) if pose is None else _entries(pose, kind, kind.pose),
         sensor=sensor,
         actuator=actuator,
         torque=torque,
@@ -291,22 +288,20 @@ def _robot(
     )
 
 
-def _entries(
-    entries: Entries, contract: Contract, roles: Sequence[Role], missing: float | None = None
-) -> tuple[float, ...]:
-    """Return entries in a contract's order; one that is left out is an error unless `missing` stands for it."""
+def _entries(entries: Entries, kind: Kind, roles: Sequence[Role], missing: float | None = None) -> tuple[float, ...]:
+    """Return entries in a kind's order; one that is left out is an error unless `missing` stands for it."""
     names = [role.name for role in roles]
     for name in entries.values:
         if name not in names:
-            raise InputError(f"a {contract.vehicle} vehicle has no {name!r}, but: {', '.join(names)}", entries.where)
+            raise InputError(f"a {kind.name} vehicle has no {name!r}, but: {', '.join(names)}", entries.where)
     if missing is None and (lacking := [name for name in names if name not in entries.values]):
-        raise InputError(f"the <pose> of a {contract.vehicle} vehicle lacks {', '.join(lacking)}", entries.where)
+        raise InputError(f"the <pose> of a {kind.name} vehicle lacks {', '.join(lacking)}", entries.where)
     return tuple(entries.values.get(name, missing or 0.0) for name in names)
 
 
 def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
     """Refuse a value for a parameter that gives the initial value of a pose entry."""
-    for bound in fmu.binding.of(fmu.binding.contract.pose):
+    for bound in fmu.binding.of(fmu.binding.kind.pose):
         for parameter in parameters:
             if bound is not None and bound.initial is not None and parameter.variable is bound.initial.variable:
                 raise InputError(
@@ -330,13 +325,13 @@ def _check_velocities(
 
 def _check_velocities_of(robot: RobotSetup, why: str) -> None:
     bound = robot.fmu.binding.bound
-    missing = [role.name for role in robot.contract.velocity if role.name not in bound]
+    missing = [role.name for role in robot.kind.velocity if role.name not in bound]
     if missing:
         raise UnboundVelocities(
             f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: {robot.name} cannot be it",
             robot.where,
             fmu=str(robot.fmu.path),
-            vehicle=robot.contract.vehicle,
+            vehicle=robot.kind.name,
             roles=tuple(missing),
             played=tuple(number_name(b.played_by) for b in bound.values() if b.played_by is not None),
         )
@@ -385,9 +380,9 @@ def _changes(
 # Recording --------------------------------------------------------------------------------------------------
 
 
-def _channels(contract: Contract, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
+def _channels(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
     pose, velocity, torque = (
-        ", ".join(role.unit for role in roles) for roles in (contract.pose, contract.velocity, contract.torque)
+        ", ".join(role.unit for role in roles) for roles in (kind.pose, kind.velocity, kind.command)
     )
     channels = {
         channel.name: channel
@@ -426,9 +421,13 @@ def _channels(contract: Contract, n: int, told: bool, laws: Iterable[Law]) -> tu
 
 
 def _recorded(
-    scenario: Scenario, channels: Sequence[Channel], contracts: Sequence[Contract], laws: Mapping[str, Law]
+    scenario: Scenario, channels: Sequence[Channel], kinds: Sequence[Kind], laws: Mapping[str, Law]
 ) -> dict[str, Recorded]:
-    names = {f"{roles}_component": labels(contracts, roles) for roles in ("pose", "velocity", "torque")}
+    names = {
+        "pose_component": columns(kinds, "pose").labels,
+        "velocity_component": columns(kinds, "velocity").labels,
+        "torque_component": columns(kinds, "command").labels,
+    }
     owners: dict[str, list[str]] = {}
     for follower in scenario.followers:
         for signal in laws[follower.controller].controller_type.signals:

@@ -93,8 +93,8 @@ class Simulation:
                 [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
             ]
             setups = (self.setup.leader, *self.setup.followers)
-            poses = [[role.name for role in robot.contract.pose] for robot in setups]
-            torques = [[role.name for role in robot.contract.torque] for robot in self.setup.followers]
+            poses = [[role.name for role in robot.kind.pose] for robot in setups]
+            torques = [[role.name for role in robot.kind.command] for robot in self.setup.followers]
             self._sensor = PoseSensor(scenario.seed, robots, poses, [robot.sensor for robot in setups], scenario.step)
             self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
             self._external = np.stack([robot.torque for robot in setups], axis=1)

@@ -3,45 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+
+from cosim.vehicle.kind import Example, Kind
+from cosim.vehicle.kinds import kind_named, kinds
 
 MAX_FOLLOWERS = 50
 
-
-@dataclass(frozen=True)
-class _Vehicle:
-    """What the template says of a kind of vehicle: names for people, angles of the pose, and numbers that go well."""
-
-    title: str
-    id: str
-    angles: tuple[str, str]
-    torque: str
-    length: float
-    parameter: str
-    channel: str
-
-
-_VEHICLES = {
-    "car_like": _Vehicle(
-        title="car-like robot",
-        id="car",
-        angles=("psi", "gamma"),
-        torque='tau_drive="8 N.m" tau_steer="0 N.m"',
-        length=1.2,
-        parameter='<parameter name="drive" value="rear_wheel"/>',
-        channel="tau_drive",
-    ),
-    "tractor_trailer": _Vehicle(
-        title="tractor-trailer",
-        id="truck",
-        angles=("theta_1", "theta_0"),
-        torque='tau_right="1 N.m" tau_left="1 N.m"',
-        length=1.5,
-        parameter='<parameter name="m_1" value="20 kg"/>',
-        channel="tau_right",
-    ),
-}
-VEHICLES = tuple(_VEHICLES)
 
 _TEXT = """\
 <?xml version="1.0" encoding="UTF-8"?>
@@ -53,37 +21,29 @@ _TEXT = """\
     writes what came of it to runs/{name}/.
   </description>
 
-  <!-- Poses and torques are exchanged once a step, to the horizon. The same seed gives the same noise, bit for bit. -->
+  <!-- {exchanged} are exchanged once a step, to the horizon. The same seed gives the same noise, bit for bit. -->
   <simulation horizon="60 s" step="20 ms" seed="1"/>
 
   <!-- The vehicle: a model of the house ("formation list" names them), or any FMU: fmu="my_robot.fmu" instead of
        model="..." ("formation inspect my_robot.fmu" says what it needs). Every quantity has its unit. -->
-  <plant id="{id}" model="{vehicle}">
+  <plant id="{id}" {plant}>
     {parameter}
   </plant>
 
   <!-- The control law and the versions of its package that will do. A gain that is left out has its default. -->
-  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0">
-    <gain name="K_p" value="40"/>
-    <gain name="Lambda_0" value="1"/>
-    <gain name="Lambda_1" value="0.05"/>
-    <gain name="gamma_w" value="0.1"/>
-    <gain name="W_m" value="100"/>
-    <gain name="guard" value="0.1"/>
+  <controller id="{law}" name="{controller}" package="{package}" version="{version}">
+{gains}
   </controller>
 
   <!-- What the controllers see of the poses, and what the motors can do. Try <delay time="40 ms"/> in either. -->
   <sensor>
-    <noise x="1 mm" y="1 mm" {heading}="1 mrad" {other}="1 mrad"/>
+    <noise {noise}/>
   </sensor>
-  <actuator>
-    <saturation limit="200 N.m"/>
-  </actuator>
-
-  <!-- The leader starts here at rest and is driven by constant torques. -->
+{actuator}
+  <!-- The leader starts here at rest and is driven by constant {commands}s. -->
   <leader plant="{id}">
-    <pose x="0 m" y="0 m" {heading}="0 deg" {other}="0 deg"/>
-    <torque {torque}/>
+    <pose {start}/>
+    <{commands} {leader}/>
   </leader>
 
   <!-- Each follower starts at its pose and is to see the leader at this range and bearing: at a bearing of 30 deg the
@@ -92,19 +52,23 @@ _TEXT = """\
   <!-- What must hold: "formation run" ends with exit status 1 where it does not, so that this file is a test. -->
   <expect>
     <settled by="50 s" range="0.1 m" bearing="2 deg"/>
-    <peak signal="torque" component="{channel}" below="200 N.m"/>
-{distance}    <regular/>
+{peak}{distance}    <regular/>
   </expect>
 
 </scenario>
 """
 
 _FOLLOWER = """\
-  <follower id="follower_{number}" plant="{id}" controller="pid">
-    <pose x="{x:g} m" y="{y:g} m" {heading}="0 deg" {other}="0 deg"/>
+  <follower id="follower_{number}" plant="{id}" controller="{law}">
+    <pose {pose}/>
     <desired range="{range:g} m" bearing="{bearing:g} deg"/>
   </follower>
 """
+
+
+def kinds_with_example() -> Iterator[str]:
+    """Yield the kinds of vehicle of which a first scenario can be written."""
+    yield from (kind.name for kind in kinds() if kind.example is not None)
 
 
 def scenario_text(name: str, vehicle: str, followers: int) -> str:
@@ -115,26 +79,64 @@ def scenario_text(name: str, vehicle: str, followers: int) -> str:
     name
         The scenario's name, which is its file's as well.
     vehicle
-        One of `VEHICLES`.
+        The name of a kind of vehicle that has an example.
     followers
         How many, from 1 to `MAX_FOLLOWERS`.
     """
     from cosim.scenario.grammar import NAMESPACE  # a library of XML, which the command line's parser does not need
 
-    kind = _VEHICLES[vehicle]
-    words = {"heading": kind.angles[0], "other": kind.angles[1], "id": kind.id}
-    places = [_place(number, kind.length) for number in range(1, followers + 1)]
+    kind = kind_named(vehicle)
+    example = kind.example
+    assert example is not None
+    limit = f'limit="{example.limit}"' if example.limit else ""
+    commands = "torque" if kind.takes_torques else "command"
     return _TEXT.format(
         namespace=NAMESPACE,
         name=name,
         title=f"{followers} {kind.title}{'s' * (followers > 1)} behind a leader",
-        vehicle=vehicle,
-        parameter=kind.parameter,
-        torque=kind.torque,
-        channel=kind.channel,
-        followers="\n".join(_FOLLOWER.format(number=n, **place, **words) for n, place in enumerate(places, start=1)),
+        id=example.plant,
+        plant=example.source or f'model="{vehicle}"',
+        parameter=f'<parameter name="{example.parameter[0]}" value="{example.parameter[1]}"/>',
+        law=example.law.id,
+        controller=example.law.name,
+        package=example.law.package,
+        version=example.law.version,
+        gains="\n".join(f'    <gain name="{gain}" value="{value}"/>' for gain, value in example.law.gains.items()),
+        noise=_attributes({role.name: _SMALL[role.unit] for role in kind.pose}),
+        actuator=f"  <actuator>\n    <saturation {limit}/>\n  </actuator>\n" if limit else "",
+        commands=commands,
+        exchanged=f"Poses and {commands}s",
+        start=_attributes(_pose(kind, 0.0, 0.0)),
+        leader=_attributes(example.leader),
+        followers="\n".join(_follower(number, kind, example) for number in range(1, followers + 1)),
+        peak=f'    <peak signal="torque" component="{example.limited}" below="{example.limit}"/>\n' if limit else "",
         distance='    <distance above="1 m"/>\n' if followers > 1 else "",
-        **words,
+    )
+
+
+_SMALL = {"m": "1 mm", "rad": "1 mrad"}
+_ZERO = {"m": "0 m", "rad": "0 deg"}
+
+
+def _attributes(values: Mapping[str, str]) -> str:
+    return " ".join(f'{name}="{value}"' for name, value in values.items())
+
+
+def _pose(kind: Kind, x: float, y: float) -> dict[str, str]:
+    x_role, y_role, *rest = kind.pose
+    angles = {role.name: _ZERO[role.unit] for role in rest}
+    return {x_role.name: f"{x:g} m", y_role.name: f"{y:g} m"} | angles
+
+
+def _follower(number: int, kind: Kind, example: Example) -> str:
+    place = _place(number, example.length)
+    return _FOLLOWER.format(
+        number=number,
+        id=example.plant,
+        law=example.law.id,
+        pose=_attributes(_pose(kind, place["x"], place["y"])),
+        range=place["range"],
+        bearing=place["bearing"],
     )
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
-import formation_controllers as fc
 import numpy as np
+from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.scenario.scenario import Trajectory
 from cosim.scenario.table import read_table
 from cosim.signals.waves import TIME_TOLERANCE
+from cosim.vehicle.kinds import kind_named
+from cosim.vehicle.path import Motion, PathMotion
 
 MIN_POINTS = 6
 MAX_SMOOTHED = 10_000
@@ -22,25 +23,7 @@ MIN_SPEED = 1e-3  # m/s
 MAX_STEERING = math.radians(80)
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A vehicle's motion over time.
-
-    Attributes
-    ----------
-    state : ndarray (T, 6)
-        Pose (4) [m, m, rad, rad], angles without jumps, and pseudo-velocities (v, omega) [m/s, rad/s].
-    acceleration : ndarray (T, 2)
-        Time derivatives of the pseudo-velocities [m/s2, rad/s2].
-    """
-
-    state: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-
-
-def leader_motion(
-    trajectory: Trajectory, vehicle: fc.CarLike | fc.TractorTrailer, times: NDArray[np.float64]
-) -> Motion:
+def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
     """Return the motion in which a vehicle's reference point follows a path exactly, driving forwards.
 
     The path is a quintic spline through the points, or near them if the trajectory is smoothed. Reference point is the
@@ -71,9 +54,14 @@ def leader_motion(
     return motion
 
 
-def _flat_motion(
-    trajectory: Trajectory, path: Any, vehicle: fc.CarLike | fc.TractorTrailer, times: NDArray[np.float64]
-) -> Motion:
+def _flat_motion(trajectory: Trajectory, path: Any, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
+    on_path = kind_named(vehicle.kind).on_path
+    if on_path is None:
+        raise InputError(
+            f"a {vehicle.kind} vehicle does not say how it moves along a path: give the leader a <pose> and commands "
+            "instead of a <trajectory>",
+            trajectory.where,
+        )
     (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
     v = np.hypot(x_1, y_1)
     _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")
@@ -91,26 +79,17 @@ def _flat_motion(
     kappa_dot = (n_dot - 3 * n * v_dot / v) / v**3
     kappa_ddot = (n_ddot - (6 * n_dot * v_dot + 3 * n * v_ddot) / v + 12 * n * (v_dot / v) ** 2) / v**3
 
-    length = vehicle.wheelbase if isinstance(vehicle, fc.CarLike) else vehicle.hitch_length
-    steering = np.arctan(length * kappa)
-    _refuse(
-        trajectory,
-        times,
-        np.abs(steering) > MAX_STEERING,
-        f"turns so tightly that the leader, {length:g} m long, would have to steer by more than 80 degrees",
-        "give it a wider turn",
-    )
-    cos_2 = np.cos(steering) ** 2
-    steering_dot = length * kappa_dot * cos_2
-    steering_ddot = length * kappa_ddot * cos_2 - 2 * np.tan(steering) * steering_dot**2
-    if isinstance(vehicle, fc.CarLike):
-        last, omega, omega_dot = steering, steering_dot, steering_ddot
-    else:
-        last = heading + steering
-        omega = v * kappa + steering_dot
-        omega_dot = v_dot * kappa + v * kappa_dot + steering_ddot
+    length = on_path.steering_length(vehicle)
+    if length is not None:
+        _refuse(
+            trajectory,
+            times,
+            np.abs(np.arctan(length * kappa)) > MAX_STEERING,
+            f"turns so tightly that the leader, {length:g} m long, would have to steer by more than 80 degrees",
+            "give it a wider turn",
+        )
     x, y = path(times).T
-    return Motion(np.column_stack([x, y, heading, last, v, omega]), np.column_stack([v_dot, omega_dot]))
+    return on_path.motion(vehicle, PathMotion(x, y, heading, v, v_dot, kappa, kappa_dot, kappa_ddot))
 
 
 def _spline(trajectory: Trajectory, horizon: float) -> Any:

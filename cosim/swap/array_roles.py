@@ -7,8 +7,8 @@ from enum import Enum
 from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.units import unit_name
 from cosim.swap.candidates import Number, Numbers, reading
-from cosim.swap.naming import ORDER, SERIES, words_of
-from cosim.vehicle.contract import Contract, Role
+from cosim.swap.naming import words_of
+from cosim.vehicle.kind import Kind, Role
 
 
 class Told(Enum):
@@ -20,20 +20,18 @@ class Told(Enum):
     """Nothing speaks for it but its place in the array, so that it is to be asked for."""
 
 
-def told(
-    role: Role, contract: Contract, number: Number, numbers: Numbers, description: ModelDescription
-) -> Told | None:
+def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
     """Return how it is known that an element of an array plays a role; None if it does not."""
-    found = next((s for s in SERIES[contract.vehicle] if s.role(number.words, number.size, number.place)), None)
+    found = next((s for s in kind.series if s.role(number.words, number.size, number.place)), None)
     if found is None or role.name not in found.roles:
         return None
-    if (described := _described(contract, number)) is not None:
+    if (described := _described(kind, number)) is not None:
         return Told.BY_THE_FMU if described == role.name else None
     if found.role(number.words, number.size, number.place) != role.name:
         return None
     if not found.telling:
         return Told.BY_PLACE
-    roles = {role.name: role for role in contract.roles}
+    roles = {role.name: role for role in kind.roles}
     before = numbers.array_of(number)[: number.place + 1]
     for name, element in zip(found.roles, before, strict=False):
         if not unit_name(element.variable) or reading(description, element, roles[name]) is None:
@@ -41,10 +39,10 @@ def told(
     return Told.BY_THE_FMU
 
 
-def _described(contract: Contract, number: Number) -> str | None:
+def _described(kind: Kind, number: Number) -> str | None:
     """Return the role of an element by its description, or by the order in which that of the whole array names them."""
     words = words_of(number.variable.description or "")
-    order = ORDER[contract.vehicle]
+    order = kind.recognised.order
     places = {
         role: min(place for place, word in enumerate(words) if word in own)
         for role, own in order.items()

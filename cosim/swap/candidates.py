@@ -11,9 +11,9 @@ from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
 from cosim.scenario.scenario import OPEN
-from cosim.swap.naming import RECOGNITIONS, SERIES, in_english, parts_of, words_of
+from cosim.swap.naming import in_english, parts_of, words_of
 from cosim.swap.translations import unit_at_the_end
-from cosim.vehicle.contract import Contract, Role
+from cosim.vehicle.kind import Kind, Role
 from plants import UnitError, units
 
 ALLOWED: Mapping[str, tuple[str, ...]] = {
@@ -173,11 +173,11 @@ class Numbers:
         """Return all elements of the array that a number is in, in their order."""
         return [self._number(at) for at in self._of_array[number.array]]
 
-    def telling(self, role: Role, contract: Contract) -> list[Number]:
+    def telling(self, role: Role, kind: Kind) -> list[Number]:
         """Return those whose names may tell of a role."""
         groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
-        groups += [series.words for series in SERIES[contract.vehicle] if role.name in series.roles]
-        recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+        groups += [series.words for series in kind.series if role.name in series.roles]
+        recognition = kind.recognised.by_role.get(role.name)
         for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
             groups.append(min(clue.groups, key=self._frequency))
         return self.having({word for group in groups for word in group})

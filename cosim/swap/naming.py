@@ -1,96 +1,15 @@
-"""What the names of variables say: their words, and the words by which the roles of a vehicle are known."""
+"""What the names of variables say: their words, in English, and what a description says of a convention."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cache, lru_cache
 
 from cosim.swap.translations import TRANSLATED, plain
-from cosim.vehicle.contract import CAR_LIKE, CONTRACTS, TRACTOR_TRAILER, Contract
-
-
-@dataclass(frozen=True)
-class Clue:
-    """Words that tell a role.
-
-    Attributes
-    ----------
-    groups : tuple of frozenset
-        Of each group, a word must be there.
-    alone : bool
-        Whether no other word may be there, but for those that say nothing.
-    with_unit : bool
-        Whether the words tell too little where the variable has no unit.
-    """
-
-    groups: tuple[frozenset[str], ...]
-    alone: bool = False
-    with_unit: bool = False
-
-
-@dataclass(frozen=True)
-class Recognition:
-    """How a role is known: by one of several clues, the best one first, and by the absence of some words."""
-
-    clues: tuple[Clue, ...]
-    never: frozenset[str]
-
-    def rank(self, words: Collection[str], *, has_unit: bool) -> tuple[int, int] | None:
-        """Return how well words fit: the number of the clue, and how many words it leaves unexplained; None if not."""
-        if self.never & set(words):
-            return None
-        for number, clue in enumerate(self.clues):
-            if not all(group & set(words) for group in clue.groups):
-                continue
-            rest = [word for word in words if word not in NEUTRAL and not any(word in group for group in clue.groups)]
-            if not (clue.alone and rest) and (has_unit or not clue.with_unit):
-                return number, len(rest)
-        return None
-
-
-@dataclass(frozen=True)
-class Series:
-    """An array that may hold roles one after the other.
-
-    Attributes
-    ----------
-    words : frozenset
-        Words of its name.
-    sizes : tuple of int
-        How many elements it has.
-    roles : tuple of str
-        Which roles they would be.
-    telling : bool
-        Whether its name says so, if the units fit as well.
-    """
-
-    words: frozenset[str]
-    sizes: tuple[int, ...]
-    roles: tuple[str, ...]
-    telling: bool = False
-
-    def role(self, words: Collection[str], size: int, place: int) -> str | None:
-        """Return the role of the element at a place, from 0, of an array whose name has these words."""
-        known = self.words & set(words) and set(words) <= self.words | NEUTRAL
-        return self.roles[place] if known and size in self.sizes and place < len(self.roles) else None
-
-
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
-STARTING = _words("init initial start starting begin ic")
-"""Words of a parameter that gives an initial value; so does a zero at the end."""
-
-NEUTRAL = _words(
-    "vehicle car robot rover agv ugv chassis body model plant pose position pos p coordinate coordinates state states "
-    "out output outputs in input inputs geometry parameter parameters param params axle rear axis angle angular "
-    "forward longitudinal actual current front"
-)
-"""Words that tell no role from another."""
-
+from cosim.vehicle.kind import Kind
+from cosim.vehicle.kinds import kinds
+from cosim.vehicle.words import NEUTRAL, STARTING
 
 _LONGEST = 60
 """Letters of a word that is taken apart."""
@@ -143,130 +62,6 @@ def _parts(part: str) -> tuple[str, ...]:
     return (word,)
 
 
-# The roles --------------------------------------------------------------------------------------------------
-
-
-def _clue(text: str, *, alone: bool = False, with_unit: bool = False) -> Clue:
-    """Return the clue of groups of words: ``"steer|steering rate|dot"``."""
-    return Clue(tuple(frozenset(group.split("|")) for group in text.split()), alone, with_unit)
-
-
-def _known_by(*clues: str | Clue, never: str = "") -> Recognition:
-    return Recognition(tuple(_clue(clue) if isinstance(clue, str) else clue for clue in clues), _words(never))
-
-
-# Of what is wanted, allowed, measured or estimated instead of what is; of rates; of other quantities.
-_OTHER = (
-    "target ref reference desired des cmd command commanded setpoint set request requested max min maximum minimum "
-    "limit lim upper lower stop error err est estimate estimated noise bias measured meas sensor nominal scale gain "
-    "init initial start"
-)
-_RATES = "dot ddot rate der derivative acc acceleration"
-_MOTION = "v vel velocity speed omega w"
-_EFFORTS = "tau torque moment force f m i inertia mass"
-_DISTURBANCES = "d dist disturbance disturbing load friction resistance brake braking max min limit"
-_STEERING = "gamma|delta|steer|steering"
-_HEADING = "psi|heading|yaw"
-_EFFORT = "tau|torque|moment|m|t"
-_TRACTOR = "tractor|truck|cab"
-
-_NO_PLACE = f"{_OTHER} {_RATES} {_MOTION} {_EFFORTS} a front hitch com cog cg camera wheel"
-_NO_HEADING = f"{_OTHER} {_RATES} {_MOTION} {_EFFORTS} steer steering gamma delta wheel roll pitch hitch articulation"
-_NO_SPEED = (
-    f"{_OTHER} {_RATES} {_EFFORTS} x y z lat lateral side slip wind angular yaw steer steering gamma delta psi heading "
-    "wheel motor engine omega"
-)
-
-RECOGNITIONS: Mapping[str, Mapping[str, Recognition]] = {
-    CAR_LIKE.vehicle: {
-        "x": _known_by("x", never=_NO_PLACE),
-        "y": _known_by("y", never=_NO_PLACE),
-        "psi": _known_by(_HEADING, "theta|orientation", never=f"{_NO_HEADING} trailer"),
-        "gamma": _known_by(_STEERING, never=f"{_OTHER} {_RATES} {_MOTION} {_EFFORTS} ratio gear motor hand"),
-        "v": _known_by("v|vel|velocity|speed", _clue("u", alone=True), never=_NO_SPEED),
-        "omega": _known_by(
-            f"{_STEERING} rate|dot|velocity|vel|speed|omega",
-            _clue("omega", alone=True),
-            never=f"{_OTHER} {_EFFORTS} yaw wheel motor engine hand acc acceleration ddot",
-        ),
-        "tau_drive": _known_by(
-            f"{_EFFORT} drive|driving|driveline|drivetrain|traction|propulsion|motor|rear|engine",
-            _clue("drive|driving|traction|propulsion|motor", with_unit=True),
-            never=f"{_DISTURBANCES} steer steering gamma delta left right angle rate",
-        ),
-        "tau_steer": _known_by(
-            f"{_EFFORT} {_STEERING}",
-            _clue("steer|steering", with_unit=True),
-            never=f"{_DISTURBANCES} angle rate aligning",
-        ),
-        "a": _known_by(
-            "wheelbase",
-            "wheel base",
-            "axle|axles distance|spacing",
-            _clue("l|a", alone=True),
-            never=f"{_OTHER} half front rear",
-        ),
-    },
-    TRACTOR_TRAILER.vehicle: {
-        "x": _known_by("trailer x", "x", never=f"{_NO_PLACE} tractor truck cab"),
-        "y": _known_by("trailer y", "y", never=f"{_NO_PLACE} tractor truck cab"),
-        "theta_1": _known_by(f"trailer {_HEADING}|theta|orientation", never=f"{_NO_HEADING} tractor truck cab"),
-        "theta_0": _known_by(
-            f"{_TRACTOR} {_HEADING}|theta|orientation",
-            _clue(_HEADING, alone=True),
-            never=f"{_NO_HEADING} trailer",
-        ),
-        "v": _known_by("trailer v|vel|velocity|speed", "v|vel|velocity|speed", never=f"{_NO_SPEED} tractor truck cab"),
-        "omega": _known_by(
-            f"{_TRACTOR} omega",
-            f"{_TRACTOR} {_HEADING} rate|dot|velocity|vel",
-            f"{_HEADING} rate|dot|velocity|vel",
-            _clue("omega", alone=True),
-            never=f"{_OTHER} {_EFFORTS} trailer wheel motor engine steer steering",
-        ),
-        "tau_right": _known_by(
-            f"right|r {_EFFORT}",
-            _clue("right motor|wheel|drive", with_unit=True),
-            never=f"{_DISTURBANCES} left l steer steering",
-        ),
-        "tau_left": _known_by(
-            f"left|l {_EFFORT}",
-            _clue("left motor|wheel|drive", with_unit=True),
-            never=f"{_DISTURBANCES} right r steer steering",
-        ),
-        "d": _known_by("hitch|drawbar|coupling length|distance|offset", "trailer length", never=_OTHER),
-        "r": _known_by("wheel radius", _clue("radius", alone=True), never=_OTHER),
-        "b": _known_by("half track|gauge|width", never=_OTHER),
-    },
-}
-"""By which words a role is known, by vehicle and role; its own name aside."""
-
-
-def _series(contract: Contract) -> tuple[Series, ...]:
-    pose, torque = (tuple(role.name for role in roles) for roles in (contract.pose, contract.torque))
-    return (
-        Series(_words("pose"), (4,), pose, telling=True),
-        Series(_words("q eta state states coordinates configuration"), (4,), pose),
-        Series(_words("pose"), (3,), pose[:3], telling=True),
-        Series(_words("position pos location"), (2, 3), pose[:2], telling=True),
-        Series(_words("p"), (2, 3), pose[:2]),
-        Series(_words("tau torque torques moment moments u input inputs"), (2,), torque),
-    )
-
-
-SERIES: Mapping[str, tuple[Series, ...]] = {contract.vehicle: _series(contract) for contract in CONTRACTS}
-"""The arrays that may hold roles of a vehicle in the order of its contract."""
-
-ORDER: Mapping[str, Mapping[str, frozenset[str]]] = {
-    CAR_LIKE.vehicle: {
-        "tau_drive": _words("drive driving traction propulsion motor"),
-        "tau_steer": _words("steer steering gamma delta"),
-    },
-    TRACTOR_TRAILER.vehicle: {"tau_right": _words("right"), "tau_left": _words("left")},
-}
-"""Words of a description that tell the torques of an array from one another."""
-
-
 @cache
 def _long_words() -> frozenset[str]:
     """Return the words of three letters and more that are known."""
@@ -274,25 +69,16 @@ def _long_words() -> frozenset[str]:
 
 
 def _words_of_clues() -> Iterator[str]:
-    for recognitions in RECOGNITIONS.values():
-        for recognition in recognitions.values():
+    for kind in kinds():
+        for recognition in kind.recognised.by_role.values():
             yield from recognition.never
             for clue in recognition.clues:
                 for group in clue.groups:
                     yield from group
 
 
-_OTHER_CONVENTIONS: Mapping[str, str] = {
-    "x": "north|south|west|front|nord|norden|süd|süden|westen",
-    "y": "east|south|right|front|ost|osten|süd|süden|rechts",
-    "v": "reverse|backwards?|rückwärts",
-    **dict.fromkeys(("psi", "theta_1", "theta_0"), "clockwise|north|compass|im uhrzeigersinn|nord|norden|kompass"),
-    **dict.fromkeys(("gamma", "omega", "tau_steer"), "clockwise|right|im uhrzeigersinn|rechts"),
-}
-
-
-def doubtful(role: str, description: str) -> bool:
-    """Return whether the description of what plays a role speaks of another convention than the contract's."""
-    pattern = _OTHER_CONVENTIONS.get(role)
+def doubtful(role: str, kind: Kind, description: str) -> bool:
+    """Return whether the description of what plays a role speaks of another convention than the kind's."""
+    pattern = kind.recognised.conventions.get(role)
     text = re.sub(r"(?i)(counter|anti)[ -]?clockwise", "", description)
     return pattern is not None and re.search(rf"(?i)\b({pattern})\b", text) is not None

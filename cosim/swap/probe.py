@@ -21,7 +21,6 @@ from cosim.plant.spec import CO_SIMULATION, Block, Exchanged, PlantSpec
 from cosim.scenario.scenario import OPEN
 from cosim.swap.candidates import Number, Numbers
 from cosim.swap.proposal import Proposal
-from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER
 
 DURATION = 1.0
 """How long the FMU is driven [s]."""
@@ -65,8 +64,8 @@ def probed(package: Package, proposal: Proposal) -> Probe:
         return Probe(problem=sentence)
     numbers = Numbers(package.description)
     played = {s.source.variable for s in proposal.suggestions if s.source is not None}
-    torques = {role.name for role in proposal.contract.torque}
-    named = [name for s in proposal.suggestions if s.role.name in torques for name in _names(s)]
+    commands = {role.name for role in proposal.kind.command}
+    named = [name for s in proposal.suggestions if s.role.name in commands for name in _names(s)]
     inputs = [n for n in numbers.of("input") if n.name in named] or numbers.of("input")
     outputs = [n for causality in ("output", "local") for n in numbers.of(causality) if n.name in played]
     outputs += [n for n in numbers.of("output") if n not in outputs]
@@ -183,12 +182,6 @@ def _step(description: ModelDescription) -> float:
 
 # What it tells ----------------------------------------------------------------------------------------------
 
-_EXPECTED: Mapping[str, tuple[tuple[str, str, int], ...]] = {
-    CAR_LIKE.vehicle: (("tau_steer", "gamma", 1), ("tau_drive", "v", 1)),
-    TRACTOR_TRAILER.vehicle: (("tau_right", "theta_0", 1), ("tau_left", "theta_0", -1), ("tau_right", "v", 1)),
-}
-"""Which torque alone moves which role from rest, and in which direction."""
-
 
 def _names(suggestion: Any) -> tuple[str, ...]:
     source = suggestion.source
@@ -204,15 +197,16 @@ def _contradictions(proposal: Proposal, role: str, probe: Probe) -> Iterable[str
         if any(map(any, probe.changes.values())):
             yield f"in a short drive {name!r} moves under no input, while others do: look whether it is the right one"
         return
-    for torque, moved, sign in _EXPECTED[proposal.contract.vehicle]:
-        if moved != role or player.get(torque) not in probe.inputs:
+    for response in proposal.kind.responses:
+        command, sign = response.command, response.sign
+        if response.role != role or player.get(command) not in probe.inputs:
             continue
-        change = probe.changes[name][probe.inputs.index(player[torque])] * sign
+        change = probe.changes[name][probe.inputs.index(player[command])] * sign
         if change <= 0:
             what = f"moves by {change * sign:.3g}" if change else "does not move"
             way = "up" if sign > 0 else "down"
-            drive = f"{player[torque]!r} = {probe.amplitude:g}"
+            drive = f"{player[command]!r} = {probe.amplitude:g}"
             yield (
-                f"in a short drive {name!r} {what} under {drive} alone, but {role} goes {way} with {torque}: "
+                f"in a short drive {name!r} {what} under {drive} alone, but {role} goes {way} with {command}: "
                 "look whether names and signs are right"
             )

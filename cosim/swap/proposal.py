@@ -25,9 +25,11 @@ from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.scenario import OPEN, BindingSource, RoleSource
 from cosim.swap.array_roles import Told, told
 from cosim.swap.candidates import ALLOWED, Number, Numbers, Reading, reading
-from cosim.swap.naming import NEUTRAL, RECOGNITIONS, STARTING, doubtful, without_start, words_of
+from cosim.swap.naming import doubtful, without_start, words_of
 from cosim.swap.wrong_kind import no_vehicle, other_kind
-from cosim.vehicle.contract import CONTRACTS, Contract, Role
+from cosim.vehicle.kind import Kind, Role
+from cosim.vehicle.kinds import kinds
+from cosim.vehicle.words import NEUTRAL, STARTING
 
 _HERE = Location("the proposed binding")
 _MOST_NAMED = 8
@@ -66,19 +68,19 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What plays the roles of a contract.
+    """What plays the roles of a kind of vehicle.
 
     Attributes
     ----------
-    contract : Contract
-        The contract.
+    kind : Kind
+        The kind of vehicle.
     suggestions : tuple of Suggestion
-        One for each role, in the order of the contract.
+        One for each role, in the order of the kind.
     refusal : str
         Why the FMU is clearly no such vehicle; empty if it may be one.
     """
 
-    contract: Contract
+    kind: Kind
     suggestions: tuple[Suggestion, ...]
     refusal: str = ""
 
@@ -100,7 +102,7 @@ class Proposal:
     @property
     def missing(self) -> tuple[Role, ...]:
         """The roles of pose and torque for which no variable was found, nor any that may be it."""
-        wanted = (*self.contract.pose, *self.contract.torque)
+        wanted = (*self.kind.pose, *self.kind.command)
         nothing = {
             s.role for s in self.suggestions if not s.candidates and (s.source is None or s.source.variable == OPEN)
         }
@@ -109,42 +111,40 @@ class Proposal:
     @property
     def plausible(self) -> bool:
         """Whether the FMU seems to be such a vehicle: at least half of pose and torque are there, of each something."""
-        found = [
-            [role for role in roles if role not in self.missing] for roles in (self.contract.pose, self.contract.torque)
-        ]
+        found = [[role for role in roles if role not in self.missing] for roles in (self.kind.pose, self.kind.command)]
         return not self.refusal and all(found) and sum(map(len, found)) > len(self.missing)
 
     @property
     def binding(self) -> BindingSource:
         """The binding, in which `OPEN` stands for what is to be filled in."""
         roles = tuple(s.source for s in self.suggestions if s.source is not None and not s.needs_no_binding)
-        return BindingSource(self.contract.vehicle, roles, _HERE)
+        return BindingSource(self.kind.name, roles, _HERE)
 
 
 def proposals(description: ModelDescription) -> list[Proposal]:
-    """Return a proposal for each contract, that of the likeliest kind of vehicle first."""
+    """Return a proposal for each kind that is installed, that of the likeliest kind of vehicle first."""
     numbers = Numbers(description)
     return sorted(
-        (_proposed(description, contract, numbers) for contract in CONTRACTS),
+        (_proposed(description, kind, numbers) for kind in kinds()),
         key=lambda proposal: (bool(proposal.refusal), len(proposal.missing), len(proposal.open)),
     )
 
 
-def propose(description: ModelDescription, contract: Contract) -> Proposal:
-    """Propose what plays the roles of a contract.
+def propose(description: ModelDescription, kind: Kind) -> Proposal:
+    """Propose what plays the roles of a kind of vehicle.
 
     Parameters
     ----------
     description : ModelDescription
         What the FMU says of itself.
-    contract
-        The contract.
+    kind
+        The kind of vehicle.
     """
-    return _proposed(description, contract, Numbers(description))
+    return _proposed(description, kind, Numbers(description))
 
 
-def _proposed(description: ModelDescription, contract: Contract, numbers: Numbers) -> Proposal:
-    suggestions = [_suggest(role, description, contract, numbers) for role in contract.roles]
+def _proposed(description: ModelDescription, kind: Kind, numbers: Numbers) -> Proposal:
+    suggestions = [_suggest(role, description, kind, numbers) for role in kind.roles]
     played = Counter(s.source.variable for s in suggestions if s.source is not None and s.source.variable != OPEN)
     suggestions = [
         _open(s.role, (f"{s.source.variable!r} would play more than one role",))
@@ -153,14 +153,14 @@ def _proposed(description: ModelDescription, contract: Contract, numbers: Number
         for s in suggestions
     ]
     suggestions = [
-        _sought(s, description, numbers, played) if s.role in contract.velocity and s.source is None else s
+        _sought(s, description, numbers, played) if s.role in kind.velocity and s.source is None else s
         for s in suggestions
     ]
     settled = [s.source for s in suggestions if s.source is not None and not s.open]
-    _, problems = match(contract, description, settled)
+    _, problems = match(kind, description, settled)
     unfit = {problem.role: problem.sentence() for problem in problems}
     proposal = Proposal(
-        contract,
+        kind,
         tuple(
             _open(s.role, (unfit[s.role],)) if not s.open and s.source is not None and s.role in unfit else s
             for s in suggestions
@@ -168,12 +168,12 @@ def _proposed(description: ModelDescription, contract: Contract, numbers: Number
     )
     missing = {role.name for role in proposal.missing}
     said = f"{description.modelName} {description.description or ''}"
-    refusal = other_kind(contract, numbers, missing, said) or no_vehicle(description, numbers)
+    refusal = other_kind(kind, numbers, missing, said) or no_vehicle(kind, description, numbers)
     return replace(proposal, refusal=refusal)
 
 
 def velocity_hints(
-    description: ModelDescription, contract: Contract, roles: Collection[str], played: Collection[str]
+    description: ModelDescription, kind: Kind, roles: Collection[str], played: Collection[str]
 ) -> list[str]:
     """Return which outputs of an FMU could be velocities that its binding does not name, a sentence for each role.
 
@@ -181,17 +181,15 @@ def velocity_hints(
     ----------
     description : ModelDescription
         What the FMU says of itself.
-    contract
-        The contract.
+    kind
+        The kind of vehicle.
     roles
         The velocities that are not bound.
     played
         The names of what plays a role already.
     """
     numbers = Numbers(description)
-    sought = (
-        _sought(Suggestion(role), description, numbers, played) for role in contract.velocity if role.name in roles
-    )
+    sought = (_sought(Suggestion(role), description, numbers, played) for role in kind.velocity if role.name in roles)
     return [
         f"{_listed(map(repr, s.candidates))} could be {s.role.name}, which the binding says with "
         f"{_element(s.role, s.candidates[0], description, numbers)}"
@@ -210,10 +208,10 @@ def binding_xml(proposal: Proposal, file: str) -> str:
     file
         The FMU, for people.
     """
-    contract = proposal.contract
-    root = etree.Element(f"{{{NAMESPACE}}}binding", {"vehicle": contract.vehicle}, {None: NAMESPACE})
+    kind = proposal.kind
+    root = etree.Element(f"{{{NAMESPACE}}}binding", {"vehicle": kind.name}, {None: NAMESPACE})
     about = (
-        f"Which variables of {file} play the roles of a {contract.vehicle} vehicle, proposed by their names and units. "
+        f"Which variables of {file} play the roles of a {kind.name} vehicle, proposed by their names and units. "
         "Look through it: names tell no signs. A role that is not mentioned is played by the variable of its name."
     )
     if proposal.open:
@@ -251,18 +249,18 @@ class _Fit(NamedTuple):
     reading: Reading
 
 
-def _suggest(role: Role, description: ModelDescription, contract: Contract, numbers: Numbers) -> Suggestion:
+def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Numbers) -> Suggestion:
     if not role.unit:
         return _suggest_enumeration(role, description)
     fitting: list[_Fit] = []
     by_place: list[_Fit] = []
     unfit = []
-    for number in numbers.telling(role, contract):
+    for number in numbers.telling(role, kind):
         causality = number.variable.causality
         if causality not in ALLOWED[role.causality]:
             continue
-        how = _told(role, contract, number, numbers, description)
-        rank = _rank(role, contract, number, number.words) if how is None else (0, 0)
+        how = _told(role, kind, number, numbers, description)
+        rank = _rank(role, kind, number, number.words) if how is None else (0, 0)
         if rank is None:
             continue
         read = reading(description, number, role)
@@ -276,8 +274,8 @@ def _suggest(role: Role, description: ModelDescription, contract: Contract, numb
         (by_place if how is Told.BY_PLACE else fitting).append(fit)
     best = _best([fit for fit in fitting if fit.number.variable.type not in WHOLE] or fitting)
     if len(best) == 1:
-        played = _played(role, description, contract, best[0], numbers)
-        if role in contract.pose[2:] and _told(role, contract, best[0].number, numbers, description):
+        played = _played(role, description, kind, best[0], numbers)
+        if role in kind.pose[2:] and _told(role, kind, best[0].number, numbers, description):
             number = best[0].number
             place = f"{number.name!r} is taken by its place in {number.array!r}: look whether it is {role.meaning}"
             return replace(played, doubts=(*played.doubts, place))
@@ -286,7 +284,7 @@ def _suggest(role: Role, description: ModelDescription, contract: Contract, numb
     if best:
         reasons.append(f"could be played by {_listed(repr(fit.number.name) for fit in best)}")
     elif by_place := _best(by_place):
-        reasons += [_asked(_played(role, description, contract, fit, numbers), fit) for fit in by_place]
+        reasons += [_asked(_played(role, description, kind, fit, numbers), fit) for fit in by_place]
     elif unfit:
         reasons.append(f"needs a unit that fits {role.unit}: {_listed(unfit)}")
     candidates = tuple(
@@ -305,13 +303,11 @@ def _suggest(role: Role, description: ModelDescription, contract: Contract, numb
     return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
 
 
-def _told(
-    role: Role, contract: Contract, number: Number, numbers: Numbers, description: ModelDescription
-) -> Told | None:
+def _told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
     """Return how it is known that an element of an array plays a role by its place; None of all others."""
     if number.size == 1 or number.name == role.name:
         return None
-    return told(role, contract, number, numbers, description)
+    return told(role, kind, number, numbers, description)
 
 
 def _asked(suggestion: Suggestion, fit: _Fit) -> str:
@@ -334,7 +330,7 @@ def _suggest_enumeration(role: Role, description: ModelDescription) -> Suggestio
     return Suggestion(role, source, (f"state {role.meaning}; nothing in the FMU says it",))
 
 
-def _rank(role: Role, contract: Contract, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
+def _rank(role: Role, kind: Kind, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
     """Return how well a name fits a role, the smaller the better; None if it does not."""
     if number.name == role.name:
         return -2, 0
@@ -342,7 +338,7 @@ def _rank(role: Role, contract: Contract, number: Number, words: tuple[str, ...]
         return None
     if tuple(word for word in words if word not in NEUTRAL) == words_of(role.name):
         return -1, 0
-    recognition = RECOGNITIONS[contract.vehicle].get(role.name)
+    recognition = kind.recognised.by_role.get(role.name)
     if recognition is None:
         return None
     rank = recognition.rank(words, has_unit=bool(unit_name(number.variable)))
@@ -356,17 +352,17 @@ def _best(found: list[_Fit]) -> list[_Fit]:
     return list(reversed(best.values()))
 
 
-def _played(role: Role, description: ModelDescription, contract: Contract, fit: _Fit, numbers: Numbers) -> Suggestion:
+def _played(role: Role, description: ModelDescription, kind: Kind, fit: _Fit, numbers: Numbers) -> Suggestion:
     number, read = fit.number, fit.reading
     source = RoleSource(name=role.name, variable=number.name, unit=read.unit, factor=read.factor, where=_HERE)
     text = printable(" ".join((number.variable.description or "").split()))[:200]
     says = f". The FMU describes it as {text!r}" if text else ""
     open_ = [read.open + says] if read.open else []
     doubts = []
-    if text and doubtful(role.name, text):
+    if text and doubtful(role.name, kind, text):
         doubts.append(f"here it is {role.meaning}; the FMU describes {number.name!r} as {text!r}")
-    if role in contract.pose and not may_be_started(description, number.variable):
-        initial = _initial(role, description, contract, number, numbers)
+    if role in kind.pose and not may_be_started(description, number.variable):
+        initial = _initial(role, description, kind, number, numbers)
         source = replace(source, initial=initial or OPEN)
         if not initial:
             open_.append(
@@ -375,9 +371,7 @@ def _played(role: Role, description: ModelDescription, contract: Contract, fit: 
     return Suggestion(role, source, tuple(open_), tuple(doubts))
 
 
-def _initial(
-    role: Role, description: ModelDescription, contract: Contract, played_by: Number, numbers: Numbers
-) -> str | None:
+def _initial(role: Role, description: ModelDescription, kind: Kind, played_by: Number, numbers: Numbers) -> str | None:
     """Return the parameter that obviously gives the initial value of what plays a role."""
     fitting: list[_Fit] = []
     own = [word for word in played_by.words if word not in NEUTRAL]
@@ -389,7 +383,7 @@ def _initial(
             continue
         if [word for word in rest if word not in NEUTRAL] == own and number.place == played_by.place:
             fitting.append(_Fit((0, -3, 0, 0), number, read))
-        elif (rank := _rank(role, contract, number, rest)) is not None:
+        elif (rank := _rank(role, kind, number, rest)) is not None:
             fitting.append(_Fit((0, rank[0], 0, rank[1]), number, read))
     best = _best(fitting)
     return best[0].number.name if len(best) == 1 else None

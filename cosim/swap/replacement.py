@@ -24,7 +24,8 @@ from cosim.scenario.reader import read_binding, read_scenario
 from cosim.scenario.scenario import LEADER, OPEN, Follower, Leader, RoleSource, Scenario, Setting
 from cosim.swap.probe import Probe, probed, with_doubts
 from cosim.swap.proposal import Proposal, binding_xml, proposals, propose
-from cosim.vehicle.contract import CONTRACTS, Contract, Role
+from cosim.vehicle.kind import Kind, Role
+from cosim.vehicle.kinds import kind_named, kinds
 from plants import UnitError
 
 BINDING_SUFFIX = ".binding.xml"
@@ -43,7 +44,7 @@ class Replacement:
         Which plant.
     package : Package
         The FMU.
-    contract : Contract
+    kind : Kind
         The kind of vehicle.
     proposal : Proposal or None
         What plays the roles; None if a binding is given.
@@ -57,7 +58,7 @@ class Replacement:
 
     plant: str
     package: Package
-    contract: Contract
+    kind: Kind
     proposal: Proposal | None
     roles: tuple[RoleSource, ...]
     binding: Path | None
@@ -150,29 +151,29 @@ def _replacement(
     cleanup.callback(package.close)
     if binding is not None:
         source = read_binding(binding)
-        contract = next(contract for contract in CONTRACTS if contract.vehicle == source.vehicle)
-        return Replacement(plant, package, contract, None, source.roles, binding)
-    known = _contract(scenario, plant)
+        kind = kind_named(source.vehicle)
+        return Replacement(plant, package, kind, None, source.roles, binding)
+    known = _kind_of_plant(scenario, plant)
     proposal = propose(package.description, known) if known else proposals(package.description)[0]
     if proposal.refusal:
         raise InputError(
-            f"the FMU {fmu} cannot be the plant {plant!r}: as a {proposal.contract.vehicle} vehicle, "
+            f"the FMU {fmu} cannot be the plant {plant!r}: as a {proposal.kind.name} vehicle, "
             f"{proposal.refusal}. If that is wrong, --binding {plant}=FILE.xml says which variable plays which role"
         )
     probe = probed(package, proposal) if drive and (proposal.open or proposal.doubts) else None
     if probe is not None:
         proposal = with_doubts(proposal, probe)
     needed = None if proposal.needs_no_binding else folder / f"{fmu.stem}{BINDING_SUFFIX}"
-    return Replacement(plant, package, proposal.contract, proposal, proposal.binding.roles, needed, probe)
+    return Replacement(plant, package, proposal.kind, proposal, proposal.binding.roles, needed, probe)
 
 
-def _contract(scenario: Scenario, plant: str) -> Contract | None:
-    """Return the contract of the vehicles that are such a plant, as their initial poses tell; None if they do not."""
+def _kind_of_plant(scenario: Scenario, plant: str) -> Kind | None:
+    """Return the kind of the vehicles that are such a plant, as their initial poses tell; None if they do not."""
     for robot in _robots(scenario).values():
-        for contract in CONTRACTS:
-            if robot.plant == plant and set(robot.pose.values) == {role.name for role in contract.pose}:
-                return contract
-    return next((contract for contract in CONTRACTS if contract.vehicle == scenario.plants[plant].model), None)
+        for kind in kinds():
+            if robot.plant == plant and set(robot.pose.values) == {role.name for role in kind.pose}:
+                return kind
+    return next((kind for kind in kinds() if kind.name == scenario.plants[plant].model), None)
 
 
 def _robots(scenario: Scenario) -> dict[str, Leader | Follower]:
@@ -304,7 +305,7 @@ class _Writer:
     def _carried(self, replacement: Replacement, setting: Setting, whose: str, *, tunable: bool = False) -> str:
         """Return the name of a parameter in the FMU that takes a plant's place; an empty one if it has no such."""
         package = replacement.package
-        roles = {role.name: role for role in replacement.contract.geometry.values()}
+        roles = {role.name: role for role in replacement.kind.geometry.values()}
         driving = {s.variable for s in replacement.roles if s.name not in roles}
         parameters = {
             v.name: v

@@ -77,7 +77,7 @@ def read(binding: Binding, role: str, number: float) -> float:
 @pytest.mark.parametrize("fmi", FMI)
 def test_variables_with_the_names_of_the_roles_play_them(describe: Describe, fmi: str) -> None:
     binding = bind(describe(fmi=fmi), "car.fmu")
-    assert binding.contract.vehicle == "car_like"
+    assert binding.kind.name == "car_like"
     names = ("x", "y", "psi", "gamma", "v", "omega", "tau_drive", "tau_steer", "a", "drive")
     assert binding.described() == {name: name for name in names}
     assert set(scales(binding).values()) == {1.0}
@@ -88,7 +88,7 @@ def test_variables_with_the_names_of_the_roles_play_them(describe: Describe, fmi
 def test_optional_roles_may_be_missing(describe: Describe, fmi: str) -> None:
     binding = bind(describe(fmi=fmi, velocities=False), "car.fmu")
     assert not {"v", "omega", "tau_d_x"} & set(binding.bound)
-    assert binding.of(binding.contract.velocity) == (None, None)
+    assert binding.of(binding.kind.velocity) == (None, None)
 
 
 def test_an_optional_role_that_another_variable_has_the_name_of_is_missing(describe: Describe) -> None:

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.swap.naming import RECOGNITIONS, SERIES, doubtful, without_start, words_of
-from cosim.vehicle.contract import CONTRACTS
+from cosim.swap.naming import doubtful, without_start, words_of
+from cosim.vehicle.kinds import BUILT_IN, kind_named
 
 
 @pytest.mark.parametrize(
@@ -83,10 +83,17 @@ def test_what_gives_an_initial_value(name: str, rest: str | None) -> None:
 )
 def test_a_role_is_known_by_its_words(vehicle: str, role: str, names: str) -> None:
     for name in names.split():
-        assert RECOGNITIONS[vehicle][role].rank(words_of(name), has_unit=True) is not None, name
-        others = {other for other in RECOGNITIONS[vehicle] if other != role and role[:3] == other[:3] == "tau"}
+        assert kind_named(vehicle).recognised.by_role[role].rank(words_of(name), has_unit=True) is not None, name
+        others = {
+            other
+            for other in kind_named(vehicle).recognised.by_role
+            if other != role and role[:3] == other[:3] == "tau"
+        }
         for other in others:
-            assert RECOGNITIONS[vehicle][other].rank(words_of(name), has_unit=True) is None, (name, other)
+            assert kind_named(vehicle).recognised.by_role[other].rank(words_of(name), has_unit=True) is None, (
+                name,
+                other,
+            )
 
 
 @pytest.mark.parametrize(
@@ -107,22 +114,22 @@ def test_a_role_is_known_by_its_words(vehicle: str, role: str, names: str) -> No
 )
 def test_other_quantities_are_not_taken_for_it(vehicle: str, role: str, names: str) -> None:
     for name in names.split():
-        assert RECOGNITIONS[vehicle][role].rank(words_of(name), has_unit=True) is None, name
+        assert kind_named(vehicle).recognised.by_role[role].rank(words_of(name), has_unit=True) is None, name
 
 
 def test_a_clue_that_tells_little_needs_a_unit() -> None:
-    steer = RECOGNITIONS["car_like"]["tau_steer"]
+    steer = kind_named("car_like").recognised.by_role["tau_steer"]
     assert steer.rank(("steering",), has_unit=True) is not None
     assert steer.rank(("steering",), has_unit=False) is None
 
 
 def test_what_explains_more_words_ranks_better() -> None:
-    x = RECOGNITIONS["car_like"]["x"]
+    x = kind_named("car_like").recognised.by_role["x"]
     assert x.rank(words_of("vehicle.x"), has_unit=True) < x.rank(words_of("vehicle.battery.x"), has_unit=True)
 
 
 def test_roles_in_an_array() -> None:
-    pose, state, _, position, _, torque = SERIES["car_like"]
+    pose, state, _, position, _, torque = kind_named("car_like").series
     assert [series.telling for series in (pose, state, position, torque)] == [True, False, True, False]
     assert [pose.role(("vehicle", "pose"), 4, i) for i in range(4)] == ["x", "y", "psi", "gamma"]
     assert [position.role(("position",), 3, i) for i in range(3)] == ["x", "y", None]
@@ -149,10 +156,11 @@ def test_roles_in_an_array() -> None:
     ],
 )
 def test_a_description_can_raise_a_doubt(role: str, description: str, expected: bool) -> None:
-    assert doubtful(role, description) == expected
+    (kind, *_) = (kind for kind in BUILT_IN if role in {known.name for known in kind.roles})
+    assert doubtful(role, kind, description) == expected
 
 
 def test_every_role_but_disturbances_and_items_can_be_recognised() -> None:
-    for contract in CONTRACTS:
-        wanted = {role.name for role in contract.roles if role.unit and role not in contract.disturbance}
-        assert set(RECOGNITIONS[contract.vehicle]) == wanted
+    for kind in BUILT_IN:
+        wanted = {role.name for role in kind.roles if role.unit and role not in kind.disturbance}
+        assert set(kind.recognised.by_role) == wanted

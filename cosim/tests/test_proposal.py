@@ -15,7 +15,9 @@ from cosim.scenario.scenario import OPEN
 from cosim.swap import candidates
 from cosim.swap.naming import parts_of
 from cosim.swap.proposal import Proposal, Suggestion, binding_xml, proposals, propose
-from cosim.vehicle.contract import CAR_LIKE, TRACTOR_TRAILER
+from cosim.vehicle.car_like import CAR_LIKE
+from cosim.vehicle.differential_drive import DIFFERENTIAL_DRIVE
+from cosim.vehicle.tractor_trailer import TRACTOR_TRAILER
 
 UNITS = """<UnitDefinitions>
   <Unit name="m"><BaseUnit m="1"/></Unit> <Unit name="mm"><BaseUnit m="1" factor="0.001"/></Unit>
@@ -377,28 +379,57 @@ DIFFERENTIAL = {"x": "output m", "y": "output m", "theta": "output rad", "v": "o
 DIFFERENTIAL |= {"tau_right": "input N.m", "tau_left": "input N.m", "r": "parameter m", "b": "parameter m"}
 
 
-def test_the_contract_that_fits_best_comes_first(tmp_path: Path) -> None:
-    car, trailer = proposals(describe(tmp_path, CAR))
-    assert car.contract is CAR_LIKE
-    assert not car.refusal
-    assert trailer.refusal == ("its input 'steer_torque' steers, and no two inputs are for a right and a left wheel")
-    trailer, car = proposals(describe(tmp_path, TRAILER))
-    assert trailer.contract is TRACTOR_TRAILER
-    assert not trailer.open
-    assert not trailer.refusal
-    assert car.refusal == (
-        "its inputs 'torque_right' and 'torque_left' are for a right and a left wheel, and no input steers"
+def test_the_kind_that_fits_best_comes_first(tmp_path: Path) -> None:
+    best, *_ = proposals(describe(tmp_path, CAR))
+    assert best.kind is CAR_LIKE
+    assert not best.refusal
+    steers = "its input 'steer_torque' steers, and no two inputs are for a right and a left wheel"
+    assert [propose(describe(tmp_path, CAR), kind).refusal for kind in (TRACTOR_TRAILER, DIFFERENTIAL_DRIVE)] == (
+        [steers, steers]
     )
+    best, *_ = proposals(describe(tmp_path, TRAILER))
+    assert best.kind is TRACTOR_TRAILER
+    assert not best.open
+    assert not best.refusal
+    drives = "its inputs 'torque_right' and 'torque_left' are for a right and a left wheel, and "
+    assert [propose(describe(tmp_path, TRAILER), kind).refusal for kind in (CAR_LIKE, DIFFERENTIAL_DRIVE)] == [
+        f"{drives}no input steers",
+        f"{drives}it speaks of a trailer or a hitch: it seems to be a tractor with a trailer",
+    ]
 
 
-def test_a_differential_drive_is_no_vehicle_of_ours(tmp_path: Path) -> None:
+def test_a_differential_drive_is_no_car_and_no_tractor(tmp_path: Path) -> None:
     for changed in ({}, {f"state[{i}]": "local -" for i in (1, 2, 3, 4)}):
-        for proposal in proposals(describe(tmp_path, DIFFERENTIAL | changed)):
+        best, *others = proposals(describe(tmp_path, DIFFERENTIAL | changed))
+        assert best.kind is DIFFERENTIAL_DRIVE
+        assert best.needs_no_binding
+        for proposal in others:
             assert "'tau_right' and 'tau_left' are for a right and a left wheel, and no" in proposal.refusal
             assert not proposal.plausible
     text = describe(tmp_path, DIFFERENTIAL)
     text.description = "A tractor and its semi-trailer"
-    assert not proposals(text)[0].refusal, "it says that there is a trailer"
+    assert not propose(text, TRACTOR_TRAILER).refusal, "it says that there is a trailer"
+    assert propose(text, DIFFERENTIAL_DRIVE).refusal
+
+
+def test_a_foreign_differential_drive_is_recognised(tmp_path: Path) -> None:
+    names = {"pose.x": "output m", "pose.y": "output m", "robot.yaw": "output rad", "forward_speed": "output m/s"}
+    names |= {"yaw_rate": "output rad/s", "torque_left": "input N.m", "torque_right": "input N.m"}
+    names |= {"wheel_radius": "parameter m", "half_track": "parameter m"}
+    best, *_ = proposals(describe(tmp_path, names))
+    assert best.kind is DIFFERENTIAL_DRIVE
+    assert not best.open
+    assert {s.role.name: s.source.variable for s in best.suggestions if s.source is not None} == {
+        "x": "pose.x",
+        "y": "pose.y",
+        "theta": "robot.yaw",
+        "v": "forward_speed",
+        "omega": "yaw_rate",
+        "tau_right": "torque_right",
+        "tau_left": "torque_left",
+        "r": "wheel_radius",
+        "b": "half_track",
+    }
 
 
 def test_names_that_tell_nothing_refuse_nothing(tmp_path: Path) -> None:
@@ -407,8 +438,8 @@ def test_names_that_tell_nothing_refuse_nothing(tmp_path: Path) -> None:
     own = {"x": "output m", "y": "output m", "theta_1": "output rad", "theta_0": "output rad"}
     own |= {"tau_right": "input N.m", "tau_left": "input N.m"}
     brakes = CAR | {"brake_left": "input N.m", "brake_right": "input N.m", "wind.left": "input N"}
-    for variables, contract in ((plain, CAR_LIKE), (plain, TRACTOR_TRAILER), (own, TRACTOR_TRAILER)):
-        assert not propose(describe(tmp_path, variables), contract).refusal
+    for variables, kind in ((plain, CAR_LIKE), (plain, TRACTOR_TRAILER), (own, TRACTOR_TRAILER)):
+        assert not propose(describe(tmp_path, variables), kind).refusal
     assert not propose(describe(tmp_path, brakes), CAR_LIKE).refusal
 
 

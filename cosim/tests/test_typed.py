@@ -135,7 +135,7 @@ def test_a_whole_number_needs_a_unit(make: Make) -> None:
 def test_they_are_proposed(make: Make, types: str) -> None:
     fmu = open_fmu_description(make(fmi="3.0", types=types))
     best = proposals(fmu)[0]
-    assert best.contract.vehicle == "car_like"
+    assert best.kind.name == "car_like"
     assert not best.missing
     assert bool(best.open) == (types == "whole"), "the units of whole numbers are to be stated"
 

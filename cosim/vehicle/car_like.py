@@ -149,6 +149,7 @@ CAR_LIKE = Kind(
         length=1.2,
         parameter=("drive", "rear_wheel"),
         limited="tau_drive",
+        limit="200 N.m",
     ),
 )
 """The car-like robot of the paper's simulations."""

@@ -1,7 +1,7 @@
 """A kind of vehicle: all that the harness knows of it, in one object.
 
-`Kind` says which roles a plant of the kind plays and in which units, what controllers are told of its geometry, by which
-words a foreign FMU is recognised, how two plants are compared, how it moves along a path, and where its bodies are.
+`Kind` says which roles a plant of the kind plays and in which units, what controllers are told of its geometry, by
+which words a foreign FMU is recognised, how two plants are compared, and how it moves along a path.
 `cosim.vehicle.kinds` finds the kinds that are installed. No other module knows how many entries a pose has.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from formation_controllers.vehicles import Vehicle
 
@@ -20,7 +21,7 @@ from cosim.vehicle.words import Recognition, Series, words
 
 @dataclass(frozen=True)
 class Role:
-    """What a variable is for: its name in the contract, which causality it must have, and the unit used.
+    """What a variable is for: its name, which causality it must have, and the unit used.
 
     A role without a unit is played by an enumeration, all others by a real variable. A plant may lack an optional role.
     Its meaning says where zero is and which way is positive. `items` are those of the enumeration.
@@ -101,15 +102,35 @@ class OnPath:
         angle.
     """
 
-    course: Callable[[Vehicle, Sequence[float]], Course]
-    state: Callable[[Vehicle, Course], tuple[float, ...]]
-    motion: Callable[[Vehicle, PathMotion], Motion]
-    steering_length: Callable[[Vehicle], float | None]
+    course: Callable[[Any, Sequence[float]], Course]
+    state: Callable[[Any, Course], tuple[float, ...]]
+    motion: Callable[[Any, PathMotion], Motion]
+    steering_length: Callable[[Any], float | None]
+
+
+@dataclass(frozen=True)
+class ExampleLaw:
+    """The control law of a first scenario, with gains that go well."""
+
+    id: str
+    name: str
+    package: str
+    version: str
+    gains: Mapping[str, str]
+
+
+ADAPTIVE_PID = ExampleLaw(
+    id="pid",
+    name="neural-adaptive-pid",
+    package="formation-controllers",
+    version="~=0.1.0",
+    gains={"K_p": "40", "Lambda_0": "1", "Lambda_1": "0.05", "gamma_w": "0.1", "W_m": "100", "guard": "0.1"},
+)
 
 
 @dataclass(frozen=True)
 class Example:
-    """Numbers with which ``formation new`` writes a scenario that goes well.
+    """With what ``formation new`` writes a scenario that goes well.
 
     Attributes
     ----------
@@ -121,15 +142,22 @@ class Example:
         How far behind the reference point a follower's body may reach [m].
     parameter : tuple of str
         Name and value of a parameter of the plant.
-    limited : str
-        The command of which a peak is expected.
+    limited, limit : str
+        The torque of which a peak is expected, and the largest one; empty for none.
+    source : str
+        The plant's attribute, such as ``fmu="my_robot.fmu"``; empty for the built-in model of the kind's name.
+    law : ExampleLaw
+        The control law.
     """
 
     plant: str
     leader: Mapping[str, str]
     length: float
     parameter: tuple[str, str]
-    limited: str
+    limited: str = ""
+    limit: str = ""
+    source: str = ""
+    law: ExampleLaw = ADAPTIVE_PID
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,6 +155,7 @@ TRACTOR_TRAILER = Kind(
         length=1.5,
         parameter=("m_1", "20 kg"),
         limited="tau_right",
+        limit="200 N.m",
     ),
 )
 """The tractor-trailer of the paper's third simulation."""

@@ -13,7 +13,7 @@ STEP = 0.02
 
 
 class Robot:
-    """One instance of a vehicle; values are by role, in the contract's units.
+    """One instance of a vehicle; values are by role, in the kind's units.
 
     `method` is for Model Exchange, whose FMUs bring none: "euler" or "runge_kutta_4", a step a communication step.
     """

@@ -31,7 +31,7 @@ UNITS = {
     "tau_steer": "N.m",
     "a": "m",
 }
-"""The roles of the contract with its units."""
+"""The roles of the kind with its units."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class Variable:
     start: str | None = None
 
     def to_fmu(self, role: str, value: float) -> float:
-        """Return the variable's value for a value of the role, in the contract's unit."""
+        """Return the variable's value for a value of the role, in the kind's unit."""
         return self.sign * units.convert(value, UNITS[role], self.unit) + self.offset
 
     def from_fmu(self, role: str, value: float) -> float:
-        """Return the role's value, in the contract's unit."""
+        """Return the role's value, in the kind's unit."""
         return units.convert(self.sign * (value - self.offset), self.unit, UNITS[role])
 
 

@@ -1,0 +1,64 @@
+"""Where the entries of different kinds of vehicle stand in one array of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.vehicle.kind import Kind, Role
+
+GROUPS = ("pose", "velocity", "command")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of one group of entries: poses, velocities or commands of all kinds that are in a run.
+
+    The first entries of all kinds share the first column, and so on. Entries of different units share none: the second
+    then has a further column.
+
+    Attributes
+    ----------
+    labels, units : tuple of str
+        Of each column; where the kinds' names differ they are joined, as in "psi/theta_1".
+    of : dict
+        By the kind's name, the column of each of its entries.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    of: dict[str, tuple[int, ...]]
+
+    def spread(self, values: NDArray[np.float64], kinds: Sequence[Kind]) -> NDArray[np.float64]:
+        """Return values (samples, robots, entries) of robots that are some kinds in these columns, elsewhere NaN.
+
+        The entries of each robot are its first ones.
+        """
+        if all(self.of[kind.name] == tuple(range(len(self.labels))) for kind in kinds):
+            return values
+        found = np.full((*values.shape[:-1], len(self.labels)), np.nan)
+        for row, kind in enumerate(kinds):
+            own = self.of[kind.name]
+            found[:, row, own] = values[:, row, : len(own)]
+        return found
+
+
+def columns(kinds: Iterable[Kind], group: str) -> Columns:
+    """Return the columns of the ``pose``, the ``velocity`` or the ``command`` of some kinds."""
+    shared: list[list[Role]] = []
+    of: dict[str, tuple[int, ...]] = {}
+    for kind in kinds:
+        places: list[int] = []
+        for place, role in enumerate(getattr(kind, group)):
+            free = (at for at in range(place, len(shared)) if at not in places and shared[at][0].unit == role.unit)
+            at = next(free, len(shared))
+            if at == len(shared):
+                shared.append([])
+            shared[at].append(role)
+            places.append(at)
+        of[kind.name] = tuple(places)
+    labels = tuple("/".join(dict.fromkeys(role.name for role in column)) for column in shared)
+    return Columns(labels, tuple(column[0].unit for column in shared), of)
