@@ -635,10 +635,10 @@ def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
         (HELLO[:3], "its process did not start: its process exited"),
         (
             b"nonsense of many bytes",
-            "its process did not start: through the pipe of its process comes what no plant would answer",
+            "its process did not start: its process answers with bytes that are no reply",
         ),
-        (HELLO + HEADER.pack(DONE, 7) + bytes(7), "it did not start: through the pipe of its process comes what"),
-        (HELLO + HEADER.pack(DONE, 2**32 - 1), "it did not start: through the pipe of its process comes what"),
+        (HELLO + HEADER.pack(DONE, 7) + bytes(7), "it did not start: its process answers with bytes"),
+        (HELLO + HEADER.pack(DONE, 2**32 - 1), "it did not start: its process answers with bytes"),
         (HELLO + HEADER.pack(DONE, 100) + bytes(8), "it did not start: its process exited with status 3"),
         (HELLO + HEADER.pack(FAILED, 9) + b"it \x1b[31m\xff", "it ?[31m\ufffd"),
         (HELLO + HEADER.pack(99, 4) + b"what", "what"),
@@ -705,5 +705,5 @@ def test_no_more_processes(monkeypatch: pytest.MonkeyPatch, make: Make, tmp_path
     path = write(tmp_path / "bad.xml", make, MODES[1], 30.0, ("bad",))
     with monkeypatch.context() as patch:
         patch.setattr(subprocess, "Popen", fails)
-        with pytest.raises(InputError, match="there can be no process of its own: Resource temporarily unavailable"):
+        with pytest.raises(InputError, match="its process cannot be started: Resource temporarily unavailable"):
             cosim.run(path)

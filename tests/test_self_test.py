@@ -138,7 +138,7 @@ def test_a_steady_run_without_references_is_a_smoke_test(
     [
         ("segfault", "failed: its process crashed (SIGSEGV)"),
         ("exit", "failed: its process exited with status 7"),
-        ("error", "failed: .*status 3.*; it said: "),
+        ("error", "failed: .*status 3.*; it logged: "),
     ],
 )
 def test_an_fmu_that_fails_ends_its_experiment_alone(
@@ -248,7 +248,7 @@ BROKEN: dict[str, tuple[Files, str]] = {
     ),
     "no_times": (experiments("", TIMES.replace("0.2", "soon")), r"tests\.exp:1: stopTime='soon' is no finite number"),
     "backwards": (experiments("", TIMES.replace("0.2", "-1")), "'one' ends at -1 s, begins at 0 s"),
-    "too_many_steps": (experiments("", TIMES.replace("0.02", "1e-12")), "has more than 20000000 values in its steps"),
+    "too_many_steps": (experiments("", TIMES.replace("0.02", "1e-12")), "has more than 20000000 values with steps"),
     "no_tolerance": (experiments("", TIMES + ' tolerance="0"'), "has the tolerance 0; it must be more than zero"),
     "no_columns": (experiments(REFERENCES) | {"out.csv": "time\n0\n"}, "its first line names no columns"),
     "no_rows": (experiments(REFERENCES) | {"out.csv": "time,x\n"}, "out.csv: has no rows"),

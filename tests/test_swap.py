@@ -141,7 +141,10 @@ def test_what_contradicts_a_constant_of_the_binding_is_left_out(swap, scenario: 
     roles = "".join(f'<role name="{role}" variable="{name}"/>' for role, name in NAMES.items() if role != "m_c")
     for constant, reason in (
         ("rear_wheel", None),
-        ("as_printed", "as 'rear_wheel' contradicts the binding, which says as_printed: plant car: drive = rear_wheel"),
+        (
+            "as_printed",
+            "as 'rear_wheel' contradicts the binding, which states as_printed: plant car: drive = rear_wheel",
+        ),
     ):
         binding = tmp_path / f"{constant}.xml"
         binding.write_text(

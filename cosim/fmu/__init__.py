@@ -1,1 +1,1 @@
-"""FMUs as files: opened, described, bound to the roles of a vehicle, and what scenarios give their variables."""
+"""FMUs as files: opened, described, bound to the roles of a vehicle, and given the values of a scenario."""

@@ -64,7 +64,7 @@ def size(path: Path) -> int:
 
 
 def has_document_type(xml: bytes) -> bool:
-    """Return whether an XML document declares a document type; what is not XML does not.
+    """Return whether an XML document declares a document type; False for a text that is not XML.
 
     It is asked of the parser that reads the document later: another one may not know its encoding.
     """
@@ -135,7 +135,7 @@ def _places(path: Path, archive: zipfile.ZipFile, where: Location | None) -> dic
         name = entry.filename.replace("\\", "/")  # as some tools write it on Windows
         place = PurePosixPath(name)
         if ".." in place.parts or place.is_absolute() or ":" in name:
-            raise InputError(f"the FMU {path} has the entry {entry.filename!r}, outside of itself", where)
+            raise InputError(f"the FMU {path} has the entry {entry.filename!r}, which leads outside of the FMU", where)
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
         if entry.flag_bits & _ENCRYPTED:

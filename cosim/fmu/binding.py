@@ -22,7 +22,7 @@ NUMBER_TYPES = (*FLOAT_TYPES, *WHOLE)
 """Types of variables that can play a role with a unit."""
 _ELEMENT = re.compile(r"(.+)\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\]")
 MAX_ELEMENTS = 1_000_000
-"""Of an array that is exchanged as a whole for one of its elements."""
+"""Upper limit for an array that is exchanged as a whole for one of its elements."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class BoundVariable:
 
 @dataclass(frozen=True)
 class BoundRole:
-    """A role and what plays it.
+    """A role and its player.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Binding:
         return tuple(self.bound.get(role.name) for role in roles)
 
     def described(self) -> dict[str, str]:
-        """Return what plays each role, in words."""
+        """Return the player of each role, in words."""
         return {name: _described(bound) for name, bound in self.bound.items()}
 
 
@@ -91,7 +91,7 @@ def bind(
     Parameters
     ----------
     description : ModelDescription
-        What the FMU says of itself.
+        The FMU's model description.
     file, where
         The FMU and the place in the scenario that asks for it, for the message.
     declared
@@ -125,8 +125,8 @@ def bind(
             return Binding(kind, bound)
         reasons.append(f"as a {kind.name} vehicle it {'; it '.join(problem.text for problem in problems)}")
     raise InputError(
-        f"the FMU {file} is no vehicle that can be driven as it is: {'. '.join(reasons)}. A <binding> says which "
-        f'of its variables play these roles; "formation swap" writes one to start from{faults()}',
+        f"the FMU {file} is no vehicle that can be driven as it is: {'. '.join(reasons)}. A <binding> assigns "
+        f'variables to these roles; "formation swap" writes one to complete{faults()}',
         where,
     )
 
@@ -168,7 +168,7 @@ def match(
 ) -> tuple[dict[str, BoundRole], list[Problem]]:
     """Return the roles of a kind of vehicle that are played, by name, and why each other role is not.
 
-    The FMU is such a vehicle if there are no problems: an optional role of which nothing is said is no problem.
+    The FMU is such a vehicle if there are no problems: an optional role may be left out.
     """
     sources = {source.name: source for source in declared}
     bound, problems = {}, []
@@ -187,7 +187,7 @@ def match(
 
 
 def _shared(bound: dict[str, BoundRole], sources: dict[str, RoleSource]) -> Iterator[Problem]:
-    """Return why roles cannot be played together: what is set has one value. Two lengths may be the same parameter."""
+    """Return why roles cannot be played together: a number is set once. Two lengths may be the same parameter."""
     first: dict[tuple[str, int, int], Role] = {}
     for name, one in bound.items():
         number = one.initial if one.role.causality == "output" else one.played_by
@@ -219,7 +219,7 @@ def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSo
         if variable.type != "Enumeration":
             raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")
         if source.unit or source.factor or source.offset:
-            raise ValueError(f"has the enumeration {variable.name!r}, with which neither unit nor factor nor offset go")
+            raise ValueError(f"has the enumeration {variable.name!r}, which takes no unit, factor or offset")
         return BoundRole(role, BoundVariable(variable, 0, 1.0, 0.0))
     played_by = _read_as(role, description, variable, element, source)
     if role not in kind.pose:
@@ -237,7 +237,7 @@ def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSo
 
 @contextmanager
 def _about(source: RoleSource, attribute: str) -> Iterator[None]:
-    """Let an error say which attribute of which role it is about."""
+    """Add the attribute and the role to an error."""
     try:
         yield
     except (ValueError, UnitError) as error:
@@ -313,7 +313,7 @@ _ALLOWED = {
 def _element(description: ModelDescription, variable: Variable, name: str, indices: list[int]) -> int:
     shape = shape_of(description, variable)
     if not shape:
-        raise ValueError(f"has {variable.name!r} as a scalar, of which there is no {name!r}")
+        raise ValueError(f"has {variable.name!r} as a scalar, so there is no {name!r}")
     if len(indices) != len(shape) or not all(1 <= i <= n for i, n in zip(indices, shape, strict=True)):
         raise ValueError(
             f"has {variable.name!r} with the dimensions {shape}, so that there is no {name!r}; the first index is 1"
@@ -375,7 +375,7 @@ def shape_of(description: ModelDescription, variable: Variable) -> tuple[int, ..
     for dimension in variable.dimensions:
         size = size_of(variable, dimension)
         if not 1 <= size <= MAX_ELEMENTS:
-            raise ValueError(f"has {variable.name!r} with a dimension that is not known")
+            raise ValueError(f"has {variable.name!r} with an unknown dimension")
         shape.append(size)
     if math.prod(shape) > MAX_ELEMENTS:
         raise ValueError(f"has {variable.name!r} with {math.prod(shape)} elements; at most are {MAX_ELEMENTS}")
@@ -413,7 +413,7 @@ def _parts(role: Role, bound: BoundVariable) -> Iterator[str]:
 
 
 def number_name(bound: BoundVariable) -> str:
-    """Return the name of a number: that of its variable, with the indices of an element of an array from 1."""
+    """Return the name of a number: its variable's name, with the indices of an array's element, counted from 1."""
     indices: list[str] = []
     rest = bound.element
     for n in reversed(bound.variable.shape):

@@ -1,4 +1,4 @@
-"""What an FMU brings that a process can hold only once: Python modules, libraries beside its binary, Java classes.
+"""Code of an FMU that a process can hold only once: Python modules, libraries beside its binary, Java classes.
 
 The first `model` that Python imports, the first `libvendor.so.3` that the linker loads, is that of every later FMU in
 the process too, whatever file it came in; and what it has in memory outlasts the run.
@@ -26,11 +26,11 @@ _LIBRARIES = {
     ".dylib": r".+\.(dylib|so)",
     ".so": r".+\.so(\.[0-9]+)*",
 }
-"""What a shared library is called, by the suffix of an FMU's binaries on the system."""
+"""Pattern of the name of a shared library, by the suffix of binaries on the system."""
 
 
 def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> str:
-    """Return what an FMU brings that a process can hold only once, in words; empty for nothing.
+    """Return the code of an FMU that a process can hold only once, in words; empty if there is none.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> s
     platform
         The folder of its binaries for this machine.
     binaries
-        The names of its binaries: those of its interfaces.
+        The names of the binaries of its interfaces.
     """
     library = re.compile("|".join(_LIBRARIES[Path(name).suffix] for name in binaries), re.IGNORECASE)
     beside = directory / "binaries" / platform

@@ -1,6 +1,6 @@
-"""What an FMU says of itself, and what is wrong with that.
+"""The model description of an FMU, and its breaches of the standard.
 
-Many FMUs in use break a rule of their standard and run all the same: what can be read is read, and the rest is told.
+Many FMUs in use break a rule of their standard and run all the same: breaches are reported, and the rest is read.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 
 
 class Reading(NamedTuple):
-    """What an FMU says of itself.
+    """The model description of an FMU, with its breaches of the standard.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Reading(NamedTuple):
 
 
 def read(directory: Path) -> Reading:
-    """Return what an unpacked FMU says of itself.
+    """Return the model description of an unpacked FMU.
 
     Raises
     ------
@@ -75,14 +75,14 @@ def read(directory: Path) -> Reading:
         problems = list(_breaches(root))
         try:
             description = description_of(root)
-        except Exception as error:  # what is known of the file is nearer to the cause
+        except Exception as error:  # a breach of the schema is nearer to the cause
             raise ValueError(_cause(root, problems, error)) from None
         problems += _complaints(description)
         return Reading(description, tuple(" ".join(problem.split()) for problem in problems), _capabilities(root))
 
 
 def summed_up(problems: Iterable[str]) -> list[str]:
-    """Return problems that differ only in what they name as one line with their number, and none too long to read."""
+    """Return problems; those that differ only in names and numbers become one line with a count, long ones are cut."""
     alike: dict[str, list[str]] = {}
     for problem in problems:
         alike.setdefault(re.sub(r'"[^"]*"|\'[^\']*\'|\(?\bline \d+\)?:?|\d+', "", problem), []).append(problem)
@@ -97,7 +97,7 @@ def shortened(problem: str) -> str:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Keep Python from looking for garbage in all that is read, which takes as long as reading it."""
+    """Stop garbage collection, which would take as long as reading the file."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -108,7 +108,7 @@ def without_collection() -> Iterator[None]:
 
 
 def _root(path: Path) -> etree._Element:
-    """Return the root element; refuse another one than that of FMI."""
+    """Return the root element; refuse one that is not of FMI."""
     root = etree.parse(path, PARSER).getroot()
     if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
         raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
@@ -176,8 +176,8 @@ def _complaints(description: ModelDescription) -> Iterator[str]:
     """Return which rules beyond the schema a description breaks."""
     try:
         yield from map(str, validation.validate_model_description(description, validate_model_structure=True))
-    except Exception as error:  # FMPy stumbles over what it validates
-        yield f"what follows could not be validated: {type(error).__name__}: {error}"
+    except Exception as error:  # FMPy raises exceptions of any kind
+        yield f"the rest could not be validated: {type(error).__name__}: {error}"
     if description.variableNamingConvention == "structured":
         for variable in description.modelVariables:
             if not _STRUCTURED.fullmatch(variable.name):

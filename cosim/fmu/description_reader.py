@@ -66,7 +66,7 @@ class _Structure(NamedTuple):
 
 
 def description_of(root: etree._Element) -> ModelDescription:
-    """Return what a model description says.
+    """Return a model description.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def description_of(root: etree._Element) -> ModelDescription:
     Raises
     ------
     ValueError, LookupError, TypeError
-        It does not say what must be said, or refers to what is not there.
+        It lacks a part that the standard demands, or refers to something that does not exist.
     """
     get = root.get
     version = get("fmiVersion", "")

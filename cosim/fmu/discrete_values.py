@@ -90,7 +90,7 @@ def check_bounds(variable: Variable, value: float, text: str) -> None:
 def start_of_discrete(variable: Variable) -> Discrete:
     """Return the start value of a variable; false, the first item or an empty text where the FMU states none.
 
-    Whole numbers have none here: those of signals add up from zero.
+    Whole numbers have none here: their signals add up from zero.
 
     Raises
     ------
@@ -161,8 +161,8 @@ def _course(
         return _tabled(wave, variable, times)
     if wave.kind not in ("constant", "step", "pulse"):
         raise InputError(
-            f"the input {source.name!r} is {_kind(variable)}, of which there is no <{wave.kind}>; there is <constant>, "
-            f"<step>, <pulse>{' and, held from row to row, <table>' if variable.type != 'String' else ''}",
+            f"the input {source.name!r} is {_kind(variable)}, which takes no <{wave.kind}> but <constant>, <step>, "
+            f"<pulse>{' and, held from row to row, <table>' if variable.type != 'String' else ''}",
             wave.where,
         )
     try:
@@ -173,7 +173,7 @@ def _course(
 
 
 def _tabled(wave: Wave, variable: Variable, times: NDArray[np.float64]) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the rows of a table, each of which holds from its time on; the first one also before."""
+    """Return the rows of a table; each holds from its time on, the first one before its time too."""
     assert wave.file is not None
     table = read_table(wave.file, wave.where)
     known = (
@@ -193,7 +193,7 @@ def _tabled(wave: Wave, variable: Variable, times: NDArray[np.float64]) -> tuple
 
 
 def _kind(variable: Variable) -> str:
-    """Return what kind of value a variable has, in words."""
+    """Return the kind of value of a variable, in words."""
     if variable.type in WHOLE:
         return "a whole number"
     return {"Boolean": "true or false", "Enumeration": "an item of an enumeration"}.get(variable.type, "a text")

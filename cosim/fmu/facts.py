@@ -1,4 +1,4 @@
-"""What can be told of an FMU to people: what it can, what stands in its way."""
+"""Facts about an FMU in words: its interfaces, and reasons why it cannot run here."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NAMES = {
     MODEL_EXCHANGE: "Model Exchange",
     SCHEDULED_EXECUTION: "Scheduled Execution",
 }
-"""What people call the interfaces."""
+"""Names of the interfaces in messages."""
 
 
 def obstacle(package: Package) -> str:
-    """Return why an FMU cannot be run on this machine; empty if it can, as far as its file tells."""
+    """Return why an FMU cannot be run on this machine; empty if nothing in its file speaks against it."""
     try:
         chosen = choose_interface(package, "", None)
         check_binary(package, interfaces(package.description)[chosen].modelIdentifier, None)

@@ -1,4 +1,4 @@
-"""A model description in Python: what an FMU says of itself.
+"""A model description in Python.
 
 The attributes have the names of the standard's, as FMPy has them too, so that its functions take these objects. Nothing
 changes them after `cosim.fmu.description_reader` has made them. They are compared by identity.
@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 NEGATED = "negatedAlias"
-"""Taken as the causality of a variable of FMI 1.0 that is another one with its sign changed."""
+"""Stands for the causality of a negated alias of FMI 1.0."""
 
 
 @dataclass(slots=True, eq=False)
 class BaseUnit:
-    """A unit in those of the SI: exponents, and what one of it is."""
+    """A unit by its exponents of SI base units, its factor and its offset."""
 
     kg: int
     m: int
@@ -143,13 +143,13 @@ def size_of(variable: Variable, dimension: Dimension) -> int:
     if start is None and dimension.variable is not None and dimension.variable.start is not None:
         start = int(dimension.variable.start)
     if start is None:
-        raise ValueError(f"has {variable.name!r} with a dimension that is not known")
+        raise ValueError(f"has {variable.name!r} with an unknown dimension")
     return start
 
 
 @dataclass(slots=True, eq=False)
 class Unknown:
-    """An entry of the model structure; None for what is not stated."""
+    """An entry of the model structure; None stands for a part that is not stated."""
 
     variable: Variable
     dependencies: list[Variable] | None
@@ -159,7 +159,7 @@ class Unknown:
 
 @dataclass(slots=True, eq=False)
 class Interface:
-    """What an FMU says of an interface that it offers, as far as the harness uses it."""
+    """An interface that an FMU offers, as far as the harness uses its description."""
 
     modelIdentifier: str
     needsExecutionTool: bool
@@ -181,7 +181,7 @@ class DefaultExperiment:
 
 @dataclass(eq=False, kw_only=True)
 class ModelDescription:
-    """What an FMU says of itself."""
+    """The model description of an FMU."""
 
     fmiVersion: str
     modelName: str | None

@@ -31,9 +31,9 @@ class Package:
     path, sha256
         The file, or the folder of one that was unpacked, and its checksum.
     description : ModelDescription
-        What it says of itself.
+        Its model description.
     problems : tuple of str
-        What is wrong with that, by the schema and by what FMPy checks: many FMUs in use break a rule or two.
+        Breaches of the schema and of the rules that FMPy checks: many FMUs in use have one or two.
     capabilities : dict of dict of str
         The attributes of each interface that it offers, by the interface's name; see `cosim.fmu.description.Reading`.
     directory : Path
@@ -48,7 +48,7 @@ class Package:
     directory: Path
 
     def close(self) -> None:
-        """Remove what was unpacked."""
+        """Remove the unpacked files."""
         shutil.rmtree(self.directory, ignore_errors=True)
 
 
@@ -63,7 +63,7 @@ class Fmu(Package):
     binding : Binding
         Which variable plays which role.
     brought_code : str
-        What it brings that a process can hold only once, in words; see `cosim.fmu.brought_code`.
+        Code that it brings and that a process can hold only once, in words; see `cosim.fmu.brought_code`.
     """
 
     interface: str
@@ -72,7 +72,7 @@ class Fmu(Package):
 
     @property
     def about_interface(self) -> Interface:
-        """What the FMU says of the interface that is used."""
+        """The FMU's description of the interface that is used."""
         return interfaces(self.description)[self.interface]
 
 
@@ -105,7 +105,7 @@ def open_fmu(
     declared
         The binding; without it, variables have the names of the roles that they play.
     interface
-        The one to use; empty for what the FMU offers, Co-Simulation first.
+        The one to use; if empty, Co-Simulation if the FMU offers it, else Model Exchange.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def open_fmu(
 
 
 def interfaces(description: ModelDescription) -> dict[str, Interface]:
-    """Return what an FMU says of each interface that it offers and that can be used here, by its name."""
+    """Return the FMU's description of each interface that can be used here, by the interface's name."""
     known = {CO_SIMULATION: description.coSimulation, MODEL_EXCHANGE: description.modelExchange}
     return {name: about for name, about in known.items() if about is not None}
 
@@ -141,7 +141,7 @@ def experiment_number(description: ModelDescription, name: str) -> float | None:
 def _described(path: Path, directory: Path, where: Location | None) -> Reading:
     try:
         return read(directory)
-    except Exception as error:  # FMPy raises what it comes across; the text says what is wrong with the file
+    except Exception as error:  # FMPy raises exceptions of any kind; the text names the fault of the file
         said = str(error).replace(f"{directory}{os.sep}", "")
         raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
 
@@ -182,7 +182,7 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
     if clocks:
         raise InputError(
             f"the FMU {package.path} has the input clock{'s' * (len(clocks) > 1)} {', '.join(map(repr, clocks[:3]))}"
-            f"{', ...' if len(clocks) > 3 else ''}, which an importer must let tick at its times: here, no clock ticks",
+            f"{', ...' if len(clocks) > 3 else ''}, which the importer must tick: input clocks are not supported here",
             where,
         )
     return chosen
@@ -225,7 +225,7 @@ def check_binary(package: Package, identifier: str, where: Location | None) -> N
 
 
 def _brought_code(package: Package) -> str:
-    """Return what an FMU brings that a process can hold only once, in words."""
+    """Return the code of an FMU that a process can hold only once, in words."""
     about = package.description
     interfaces_ = (about.coSimulation, about.modelExchange, about.scheduledExecution)
     names = [one.modelIdentifier + fmpy.sharedLibraryExtension for one in interfaces_ if one and one.modelIdentifier]
@@ -233,12 +233,12 @@ def _brought_code(package: Package) -> str:
 
 
 def this_machine(description: ModelDescription) -> str:
-    """Return what an FMU of this version calls the folder of its binaries for this machine."""
+    """Return the folder of the binaries for this machine, as an FMU of this version names it."""
     return str(fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform)
 
 
 def machines(package: Package) -> list[str]:
-    """Return what an FMU has binaries for, as its folders are called."""
+    """Return the platforms that an FMU has binaries for, by the names of its folders."""
     folder = package.directory / "binaries"
     return sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
 

@@ -1,4 +1,4 @@
-"""What a scenario says of a plant's parameters, understood by what the FMU says of them."""
+"""A plant's parameters: values of the scenario, checked against the FMU's description."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
     fmu, settings
         The FMU, and what is set.
     way_out
-        What can be done if the FMU has no such parameter, for the message.
+        Remedy for a parameter that the FMU lacks, for the message.
 
     Raises
     ------
@@ -105,11 +105,11 @@ def check_constant(role: Role, constant: float | str | None, text: str) -> None:
     )
     if not same:
         said = f"{constant:g} {role.unit}" if isinstance(constant, float) else constant
-        raise ValueError(f"{text!r} contradicts the binding, which says {said}")
+        raise ValueError(f"{text!r} contradicts the binding, which states {said}")
 
 
 def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
-    """Return a role of the geometry with what plays it."""
+    """Return a role of the geometry with its player."""
     roles = {role.name for role in fmu.binding.kind.geometry.values()}
     return fmu.binding.bound.get(name) if name in roles else None
 
@@ -135,7 +135,7 @@ def _drives(fmu: Fmu, variable: Variable) -> bool:
 
 
 def _player(bound: BoundRole | None) -> BoundVariable | None:
-    """Return what plays a role, if it is a parameter or an input of the FMU."""
+    """Return the player of a role, if it is a parameter or an input of the FMU."""
     if bound is None or bound.played_by is None or bound.played_by.variable.causality not in ("parameter", "input"):
         return None
     return bound.played_by
@@ -154,7 +154,9 @@ def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float |
         check_bounds(player.variable, number, setting.value)
         return number
     if abs(number - round(number)) > _WHOLE_TOLERANCE * max(1.0, abs(number)):
-        raise ValueError(f"{setting.value} would be {number:g} of {player.variable.name!r}, which is a whole number")
+        raise ValueError(
+            f"{setting.value} would set {player.variable.name!r} to {number:g}, but it takes whole numbers only"
+        )
     check_whole(player.variable, round(number), setting.value)
     return round(number)
 

@@ -1,4 +1,4 @@
-"""Folders for what is unpacked, whose path is its own URI: many FMUs take the one for the other."""
+"""Folders to unpack FMUs in, whose path needs no encoding as a URI: many FMUs use the URI as the path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9._~/:\\-]+" if sys.platform == "win32" else r"[A
 
 
 def plain_folder(prefix: str) -> Path:
-    """Return a new folder, where possible of a path in plain ASCII, without spaces and the like.
+    """Return a new folder, where possible with a path in plain ASCII, without spaces and other special characters.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def _bases() -> Iterator[str]:
 
 
 def _short(path: str) -> str:
-    """Return what Windows calls a file in eight letters and three; itself where it has no such name."""
+    """Return the short (8.3) path of a file on Windows; the path itself if there is none."""
     if sys.platform != "win32":
         return path
     import ctypes

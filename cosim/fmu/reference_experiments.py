@@ -31,7 +31,7 @@ MAX_VALUES = 20_000_000
 
 _NAMESPACE = "{http://fmi-standard.org/fmi-ls-manifest}"
 _EXPERIMENTS = ("application/x-ma-hs-experiments", "application/x-ma-ls-experiments")
-"""The type of a file of experiments, and what it was before the format had a document of its own."""
+"""The type of a file of experiments, now and in earlier drafts of the format."""
 _REPLAYED = ("experiment", "experiment/smoke-test", "experiment/validation")
 _PARAMETERS = "application/x-ssp-parameter-set"
 _CSV = "text/csv"
@@ -41,7 +41,7 @@ _CHILDREN = ("TransientSimulation", "Parameters", "Stimuli", "References", "Anno
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is replayed, and what is to come out.
+    """An experiment to replay, and its reference results.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Experiments:
-    """All that an FMU carries, and in words what is left out and why."""
+    """All experiments of an FMU, and notes on those left out, with the reasons."""
 
     experiments: tuple[Experiment, ...]
     notes: tuple[str, ...]
@@ -86,7 +86,7 @@ def read_experiments(package: Package) -> Experiments:
     Raises
     ------
     InputError
-        It carries none that can be replayed, or what it carries is broken: which file and line, and what is wrong.
+        It carries none that can be replayed, or they are broken: file, line and fault.
     """
     if not carries_experiments(package):
         raise InputError(
@@ -200,7 +200,7 @@ class _Reader:
         columns = 1 if references is None else 1 + sum(column.shape[1] for column in references.columns.values())
         if (stop - start) / step * columns > MAX_VALUES:
             raise self._files.error(
-                file, times, f"the experiment {name!r} has more than {MAX_VALUES} values in its steps of {step:g} s"
+                file, times, f"the experiment {name!r} has more than {MAX_VALUES} values with steps of {step:g} s"
             )
         if tolerance is not None and not tolerance > 0.0:
             raise self._files.error(
@@ -213,7 +213,7 @@ class _Reader:
     def _values(self, file: Path, element: etree._Element) -> dict[str, str]:
         if element.get("type", _PARAMETERS) != _PARAMETERS:
             raise self._files.error(
-                file, element, f"the parameters are of the type {element.get('type')!r}; read is {_PARAMETERS}"
+                file, element, f"the parameters are of the type {element.get('type')!r}; only {_PARAMETERS} can be read"
             )
         source = self._files.named(file, element)
         values: dict[str, str] = {}
@@ -251,7 +251,7 @@ class _Reader:
             return None
         if (kind := element.get("type", _CSV)) != _CSV:
             if stimuli:
-                raise self._files.error(file, element, f"the stimuli are of the type {kind!r}; read is {_CSV}")
+                raise self._files.error(file, element, f"the stimuli are of the type {kind!r}; only {_CSV} can be read")
             self.notes.append(f"{element.get('source')} is not compared: its type is {kind!r}, not {_CSV}")
             return None
         return self._tables.read(self._files.named(file, element), stimuli=stimuli)

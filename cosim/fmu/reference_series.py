@@ -1,4 +1,4 @@
-"""Tables over time in an FMU: what its inputs are given, and what is to come out."""
+"""Tables over time in an FMU: stimuli for its inputs, and reference results."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class SeriesReader:
             raise self._files.error(file, 1, f"{name!r} is a stimulus, but no input of the FMU")
         if variable.type not in _COMPARED or variable.dimensions:
             kind = "an array" if variable.dimensions else f"of the type {variable.type}"
-            raise self._files.error(file, 1, f"the stimulus {name!r} is {kind}, which is not given here")
+            raise self._files.error(file, 1, f"the stimulus {name!r} is {kind}, which cannot be given here")
         return variable
 
     def _comparable(self, file: Path, names: Sequence[str], variables: Sequence[Any]) -> list[Any]:
@@ -146,9 +146,7 @@ class SeriesReader:
                 )
         compared = [None if v is None or v.type not in _COMPARED else v for v in variables]
         if not any(compared):
-            raise self._files.error(
-                file, 1, "there is nothing to compare: it has no column of a variable of the FMU that is a number"
-            )
+            raise self._files.error(file, 1, "there is nothing to compare: no column is a numeric variable of the FMU")
         return compared
 
 

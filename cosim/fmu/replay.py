@@ -15,7 +15,7 @@ from typing import Any
 
 REQUEST, RESULT, FAILURE = "request.json", "result.bin", "failure.txt"
 _SAID = 3
-"""How many of the last messages of an FMU are told when it fails."""
+"""Number of the FMU's last messages that are reported when it fails."""
 
 
 def main() -> None:
@@ -28,9 +28,9 @@ def main() -> None:
     try:
         numbers = _replay(json.loads((folder / REQUEST).read_bytes()), said)
         (folder / RESULT).write_bytes(numbers)
-    except Exception as error:  # FMPy raises what it comes across
+    except Exception as error:  # FMPy raises exceptions of any kind
         why = str(error) or type(error).__name__
-        (folder / FAILURE).write_text("; it said: ".join([why, *(["; ".join(said)] if said else [])]), "utf-8")
+        (folder / FAILURE).write_text("; it logged: ".join([why, *(["; ".join(said)] if said else [])]), "utf-8")
     os._exit(0)
 
 

@@ -28,11 +28,11 @@ from cosim.plant.process import environment, kill
 from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 
 TOLERANCE = 1e-4
-"""What is tolerated where the experiment states no tolerance."""
+"""Relative tolerance of an experiment that states none."""
 ROUNDING = 1e-12
-"""What is tolerated beside that: where all references of a variable are zero, nothing else is."""
+"""Absolute tolerance added to it, for variables whose references are all zero."""
 TIME_LIMIT = 60.0
-"""How long [s] an experiment may take, unless told otherwise."""
+"""Default time limit of an experiment [s]."""
 _MAX_TEXT = 2000
 
 
@@ -47,7 +47,7 @@ class Agreement:
     largest, time
         The largest difference, and where it is [s]. It is infinite where the FMU gave no number.
     allowed
-        What it may be.
+        The largest difference that counts as agreement.
     """
 
     variable: str
@@ -63,7 +63,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of an experiment: how its variables agree, or why it failed."""
+    """Outcome of an experiment: how its variables agree, or why it failed."""
 
     experiment: Experiment
     agreements: tuple[Agreement, ...]
@@ -134,7 +134,7 @@ def _in_a_process(folder: Path, time_limit: float) -> str:
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "cosim.fmu.replay", str(folder)],
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,  # what the FMU prints
+        stdout=subprocess.DEVNULL,  # output of the FMU
         stderr=subprocess.DEVNULL,
         env=environment(),
         start_new_session=os.name == "posix",

@@ -12,7 +12,7 @@ from cosim.scenario.scenario import DEFAULT_SOLVER, PlantSource
 
 
 def check_solver(fmu: Fmu, source: PlantSource) -> None:
-    """Refuse what is said of a solver that an FMU does not use."""
+    """Refuse settings of a solver that the FMU does not use."""
     asked = {"solver": source.solver or None, "solver_step": source.solver_steps}
     given = [name for name, value in asked.items() if value is not None]
     if fmu.interface == CO_SIMULATION and source.tolerance is not None:
@@ -22,22 +22,22 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
                 source.where,
             )
         if fmu.description.fmiVersion == "1.0":
-            raise InputError(f"the FMU {fmu.path} is FMI 1.0 Co-Simulation, which is told no tolerance", source.where)
+            raise InputError(f"the FMU {fmu.path} is FMI 1.0 Co-Simulation, which takes no tolerance", source.where)
     if fmu.interface == CO_SIMULATION and given:
         other = (
-            f"; with the interface {MODEL_EXCHANGE} the solver would be asked"
+            f'; or state interface="{MODEL_EXCHANGE}", whose solver takes it'
             if len(interfaces(fmu.description)) > 1
             else ""
         )
         raise InputError(
-            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver, with which no "
-            f"{' and no '.join(given)} goes{other}",
+            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver: remove "
+            f"{' and '.join(given)}{other}",
             source.where,
         )
     solver = source.solver or DEFAULT_SOLVER
     if fmu.interface == MODEL_EXCHANGE and source.tolerance is not None and solver != "cvode":
         raise InputError(
-            f'{solver} makes the steps that it is told and has no tolerance: state a solver_step, or solver="cvode"',
+            f'{solver} makes steps of constant length and has no tolerance: state a solver_step, or solver="cvode"',
             source.where,
         )
 
@@ -56,7 +56,7 @@ def check_step(fmu: Fmu, source: PlantSource, step: float) -> None:
 def usual_step(fmu: Fmu) -> float:
     """Return the step [s] of an FMU's default experiment if it takes steps of constant length only, else 0.
 
-    What FMI 1.0 and 2.0 cannot say, a fixed internal step, many FMUs have all the same: they take constant steps only,
+    FMI 1.0 and 2.0 cannot state a fixed internal step, but many FMUs have one: they take constant steps only,
     and the step of their default experiment is one that fits.
     """
     usual = experiment_number(fmu.description, "stepSize")

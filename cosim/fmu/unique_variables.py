@@ -11,7 +11,7 @@ import struct
 from pathlib import Path
 
 _OF_THE_STANDARD_LIBRARY = re.compile(rb"_Z(GV)?Z?N?K?(S[tabsiod]|9__gnu_cxx)")
-"""What every C++ library has, and none changes to the harm of another."""
+"""Symbols of the C++ runtime, which libraries may share without harm."""
 _DYNAMIC_SYMBOLS = 11
 _UNIQUE = 10
 _WRITABLE = 1

@@ -110,7 +110,7 @@ def _defined(variable: str, name: str, base: Any) -> units.Unit:
 
 
 def stated(description: ModelDescription, variable: Variable, text: str) -> units.Unit:
-    """Return the unit of a variable of which a binding states one.
+    """Return the unit of a variable for which a binding states one.
 
     The binding decides where the FMU states no unit, one that nobody knows, or one that contradicts itself.
 
@@ -131,7 +131,7 @@ def stated(description: ModelDescription, variable: Variable, text: str) -> unit
 
 
 def _measures(own: units.Unit, other: units.Unit) -> bool:
-    """Return whether a unit measures what another one does, where its angles may be pure numbers."""
+    """Return whether two units measure the same quantity; angles may be pure numbers."""
     exponents = other.exponents
     if own.exponents[_ANGLE] == 0:
         exponents = (*exponents[:_ANGLE], 0, *exponents[_ANGLE + 1 :])

@@ -1,4 +1,4 @@
-"""The floating-point arithmetic of this thread, kept from what an FMU does to it."""
+"""Keeps the floating-point settings of this thread from changes by an FMU."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FUNCTIONS = _functions()
 
 @contextmanager
 def kept_arithmetic() -> Iterator[None]:
-    """Restore at the end of the block how numbers are rounded, and what is trapped, by this thread.
+    """Restore the rounding mode and traps of this thread at the end of the block.
 
     Some libraries change that when they are loaded, such as those that are compiled for fast mathematics.
     """

@@ -92,7 +92,7 @@ class CvodePlant:
         self._instance.change(values)
 
     def take_messages(self) -> str:
-        """Return what the FMU has logged since the last time."""
+        """Return the FMU's messages since the last call."""
         return self._instance.log.take()
 
     def close(self) -> None:
@@ -192,7 +192,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
             return self._failed(error)
 
     def _failed(self, error: FMICallException) -> int:
-        """Return what lets CVODE try a shorter step, where the FMU discards the states, or stop."""
+        """Return the status that makes CVODE try a shorter step, if the FMU discards the states, or stop."""
         self._failure = error
         return _TRY_A_SHORTER_STEP if error.status == DISCARD else _STOP
 
@@ -206,7 +206,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
 
 
 def _silence(context: Any) -> None:
-    """Keep SUNDIALS from writing to the terminal what FMPy is told as well."""
+    """Keep SUNDIALS from writing to the terminal; FMPy reports the same."""
     logger, core = ctypes.c_void_p(), libraries.sundials_core
     core.SUNContext_GetLogger(context, ctypes.byref(logger))
     for kind in ("Error", "Warning"):

@@ -1,4 +1,4 @@
-"""What can become of a plant, and how it is told."""
+"""Failures of a plant: numbers for compiled code, and their words."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ FAILURES = {
     COMPLETE: "did not complete the step",
     RETURN: "did not return its outputs",
     END: "asks to end the simulation",
-    EARLY: "returns early from the step and does not get on",
+    EARLY: "returns early from the step without progress",
     DERIVE: "did not return the derivatives of its states",
     EVENT: "did not process an event",
     ITERATE: "handles events without end",
 }
-"""What a plant did, by what failed."""
+"""The words of each failure; the plant is the subject."""
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 WARNING, DISCARD, ERROR, FATAL = range(1, 5)
@@ -22,15 +22,15 @@ WARNING, DISCARD, ERROR, FATAL = range(1, 5)
 
 
 class PlantError(Exception):
-    """A plant failed or refused something; the text, of which the plant is the subject, says what."""
+    """A plant failed or refused something; the plant is the subject of the text."""
 
 
 class NoInstance(PlantError):
-    """The FMU gave no instance of itself."""
+    """The FMU could not be instantiated."""
 
 
 def failure(what: int, status: int, said: str) -> str:
-    """Return what a plant did, with the status of the FMI call and what the FMU has logged."""
+    """Return the words of a failure, with the status of the FMI call and the FMU's messages."""
     name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
     text = FAILURES[what] + (f" (status {name})" if status > WARNING else "")
     return f"{text}: {said}" if said else text

@@ -27,7 +27,7 @@ STATE = 6
 """Pose entries and pseudo-velocities of a plant."""
 
 KEPT_MESSAGES = 20
-"""How many of a plant's messages are kept, the first ones."""
+"""Number of messages of a plant that are kept, the first ones."""
 
 _LINK = np.dtype(
     [("row", np.int64), ("place", np.int64), ("scale", np.float64), ("offset", np.float64), ("bound", np.float64)]
@@ -51,7 +51,7 @@ class Fleet:
     Attributes
     ----------
     messages : list of str
-        What the FMUs have logged, each with robot and time; the first ones of each plant.
+        The FMUs' messages, each with robot and time; the first ones of each plant.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Fleet:
         tick, step
             The communication point is ``tick * step`` [s].
         given
-            For one plant after the other what its inputs are given, in the roles' units.
+            Values of the inputs, one plant after the other, in the roles' units.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class Fleet:
         Raises
         ------
         SimulationError
-            See `step`; what was reached is in `out`.
+            See `step`; `out` holds the samples up to then.
         """
         one_by_one = len(given) if self._external else min(len(given), 1 if self._late else 0)
         for k in range(one_by_one):
@@ -236,14 +236,14 @@ class Fleet:
         if failures:
             raise SimulationError(*self._failures(failures, time))
 
-    # What has become of a step ----------------------------------------------------------------------------------
+    # Outcome of a step ----------------------------------------------------------------------------------
 
     def _check(self, time: float, found: int, after: float, failures: dict[int, str] | None = None) -> None:
-        """Keep what was logged, and raise what has failed at a communication point or after the step from there."""
+        """Keep the messages, and raise the failures at a communication point or after the step from there."""
         failures = dict(failures or {})
         if found == _FAILED:
             failures |= self._failed()
-            last = max(failures)  # what may be wrong is said once
+            last = max(failures)  # the remedy is named once
             failures[last] = self._with_doubt(last, failures[last], after - time)
         elif found == _DIVERGED:
             time, failures = after, self._diverged()
@@ -259,12 +259,12 @@ class Fleet:
             raise SimulationError(*self._failures(failures, time), variable)
 
     def _with_doubt(self, index: int, said: str, step: float) -> str:
-        """Return what has become of a plant, and why that may be if it has not completed a step of this length."""
+        """Return the failure of a plant, with a possible cause if it has not completed a step of this length."""
         doubt = misfit(self.members[index].usual_step, step) if said.startswith(FAILURES[COMPLETE]) else ""
         return f"{said}; it {doubt}" if doubt else said
 
     def _failed(self) -> dict[int, str]:
-        """Return what has become of each plant that is called here and has failed."""
+        """Return the failure of each plant that is called here and has failed."""
         failed = np.flatnonzero(self._rows.rows["what"] != FINE).tolist()
         told = {index: (int(self._rows.rows[index]["what"]), int(self._rows.rows[index]["status"])) for index in failed}
         return {index: self._instances[index].failure(*outcome) for index, outcome in told.items()}
@@ -330,11 +330,11 @@ def _links(links: Sequence[Sequence[Link]], first: NDArray[np.int64]) -> NDArray
 # Compiled ---------------------------------------------------------------------------------------------------------
 
 _FINE, _FAILED, _DIVERGED = range(3)
-"""What `_tick` and the like find: a call that failed, a state that is out of bounds."""
+"""Findings of `_tick` and its kin: a call that failed, a state out of bounds."""
 
 
 class _Arrays(NamedTuple):
-    """What compiled code needs of a fleet: the arrays of `Rows`, the links of inputs and outputs, and the state."""
+    """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state."""
 
     rows: NDArray[np.void]
     inputs: NDArray[np.float64]
@@ -410,7 +410,7 @@ def _tick(plants: _Arrays, given: NDArray[np.float64], time: float, step: float)
 def _run(
     plants: _Arrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
 ) -> tuple[int, int]:
-    """Return the last tick and what `_tick` found there."""
+    """Return the last tick and the finding of `_tick` there."""
     for k in range(len(given)):
         found = _tick(plants, given[k], (first + k) * step, step)
         if found != _FINE:

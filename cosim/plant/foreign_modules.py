@@ -1,4 +1,4 @@
-"""Python modules that an FMU brings: in a process of its own it gets its own, not those of the same name of ours."""
+"""Python modules of an FMU: in a process of its own it imports them, not modules of the harness of the same name."""
 
 from __future__ import annotations
 

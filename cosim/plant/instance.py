@@ -33,7 +33,7 @@ from cosim.plant.unloading import keep, threads, unload
 
 _MAX_EVENT_ITERATIONS = 100
 _MAX_STATES = 1_000_000
-"""Of a Model Exchange FMU, and event indicators likewise: what a larger number is said by is broken."""
+"""Upper limit for states and event indicators; an FMU that reports more is taken to be broken."""
 
 _SETTERS = {
     "Real": "setReal",
@@ -49,12 +49,12 @@ _SETTERS = {
 class Instance:
     """An initialised instance at the start of its run; of Model Exchange, in Continuous-Time Mode.
 
-    Legal call order: `change`, `handle_event` and what `cosim.plant.stepping` does, in any number, `close` once.
+    Legal call order: `change`, `handle_event` and the calls of `cosim.plant.stepping`, in any number, `close` once.
 
     Parameters
     ----------
     spec
-        What to start.
+        The FMU to start, with all that its start needs.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Instance:
     """
 
     living: ClassVar[list[PlantSpec]] = []
-    """What has been started in this process and not been closed."""
+    """Instances that are started in this process and not closed."""
 
     def __init__(self, spec: PlantSpec) -> None:
         self.spec = spec
@@ -79,7 +79,7 @@ class Instance:
         self.status = 0
         self._fmu: Any = None
         self._initialised = False
-        self._it = "it "  # the subject of what is said, until the plant is started
+        self._it = "it "  # the subject of messages until the plant is started
         folder = os.getcwd()
         try:
             with kept_arithmetic():
@@ -108,7 +108,7 @@ class Instance:
         return self._fmu
 
     def address(self, function: str) -> int:
-        """Return the address of a function of the FMU, by its name without ``fmi2`` or the like; FMPy has found all."""
+        """Return the address of a function of the FMU, by its name without a prefix such as ``fmi2``."""
         prefix = f"{self.spec.identifier}_fmi" if self._version == 1 else f"fmi{self._version}"
         return int(ctypes.cast(self._fmu.dll[prefix + function], ctypes.c_void_p).value or 0)
 
@@ -186,7 +186,7 @@ class Instance:
             raise PlantError(self.failure(EVENT, error.status)) from None
 
     def failure(self, what: int, status: int) -> str:
-        """Return in words what failed, a number of `cosim.plant.failures`, with the status of the FMI call."""
+        """Return a failure (a number of `cosim.plant.failures`) in words, with the status of the FMI call."""
         self.status = max(self.status, status)
         said = self.log.take()
         if what == COMPLETE and status == DISCARD and self._version == 2 and self._co_simulation:
@@ -248,7 +248,7 @@ class Instance:
         try:
             self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
         except Exception as error:
-            reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before that of the system
+            reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before the system's
             raise PlantError(f"its binary cannot be loaded: {why_not_loaded(reason, spec.directory)}") from None
         callbacks: dict[str, Any]
         if self._version == 1:
@@ -265,7 +265,7 @@ class Instance:
             if type(error) is not Exception:
                 raise
         if not self._fmu.component:
-            raise NoInstance(self._reason("it does not instantiate"))
+            raise NoInstance(self._reason("its instantiation failed"))
 
     def _initialise(self) -> None:
         fmu = self._fmu
@@ -336,15 +336,15 @@ class Instance:
         if self._version == 3:
             numbers = (self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators())
         if max(numbers) > _MAX_STATES:
-            raise PlantError(f"it says that it has {numbers[0]} continuous states and {numbers[1]} event indicators")
+            raise PlantError(f"it reports {numbers[0]} continuous states and {numbers[1]} event indicators")
         return numbers
 
     def _reason(self, otherwise: str) -> str:
-        """Return what the FMU has logged; if that is nothing, something else with what to do."""
+        """Return the FMU's messages; if there are none, another reason with a remedy."""
         return self.log.take() or "; ".join(filter(None, (otherwise, self._no_reason())))
 
     def _no_reason(self) -> str:
-        """Return what to do where the FMU has logged nothing."""
+        """Return the remedy for an FMU that has logged nothing."""
         return "" if self.spec.logging else 'the FMU gives no reason; log="on" in its <plant> may show one'
 
     def _note(self, error: BaseException) -> None:

@@ -1,4 +1,4 @@
-"""What FMUs log, instance by instance."""
+"""Messages of FMUs, instance by instance."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Log:
     _handles = itertools.count(1)
     _open: ClassVar[dict[int, Log]] = {}
     pending: ClassVar[int] = 0
-    """How many messages were received in this process and not taken."""
+    """Number of messages received in this process and not taken."""
     listener: ClassVar[Callable[[str], None] | None] = None
-    """Is told every message as it comes."""
+    """Called with every message as it comes."""
 
     def __init__(self, instance_name: str) -> None:
         self._handle = next(self._handles)

@@ -1,4 +1,4 @@
-"""A plant of a fleet: what to start, and which numbers play which roles."""
+"""A plant of a fleet: its specification, and the numbers that play its roles."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Link:
     bound : float
         Magnitude in the role's unit beyond which the motion has diverged.
     resolution : float
-        How far a whole number may be from what it stands for, in the role's unit.
+        Largest rounding error of a whole number, in the role's unit.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Member:
     Attributes
     ----------
     spec : PlantSpec
-        What to start.
+        The FMU to start, with all that its start needs.
     inputs, outputs : tuple of Link
         Its roles.
     pose : tuple of float

@@ -10,7 +10,7 @@ _MISSING = (
     re.compile(r"(?P<name>[^\s:]+): cannot open shared object file"),  # Linux
     re.compile(r"Library not loaded: (?P<name>\S+)"),  # macOS
 )
-"""How the system says that a library which the binary needs is not to be found."""
+"""The system's messages about a library that the binary needs and that is missing."""
 
 
 def why_not_loaded(reason: str, directory: str) -> str:
@@ -19,7 +19,7 @@ def why_not_loaded(reason: str, directory: str) -> str:
     Parameters
     ----------
     reason
-        What the system says.
+        The message of the system.
     directory
         The folder.
     """

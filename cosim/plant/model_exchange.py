@@ -23,17 +23,17 @@ FUNCTIONS = {
     "update": ("EventUpdate", "NewDiscreteStates", "UpdateDiscreteStates"),
     "enter_continuous": ("", "EnterContinuousTimeMode", "EnterContinuousTimeMode"),
 }
-"""What is called, with its name in FMI 1.0, which has no modes, in FMI 2.0 and in FMI 3.0."""
+"""Functions of Model Exchange, by their names in FMI 1.0 (which has no modes), 2.0 and 3.0."""
 
 SCRATCH = 8
-"""Doubles per plant for what FMI functions return through pointers."""
+"""Doubles per plant for values that FMI functions return through pointers."""
 
 _EULER, _RUNGE_KUTTA_4 = 0, 1
 _MAX_ITERATIONS = 100
 _MAX_PARTS = 100_000
-"""Into how many parts time events may cut a step of the solver."""
+"""Upper limit for the parts into which time events cut a step of the solver."""
 _SMALLEST_PART = 1e-9
-"""Of a solver step: a time event nearer than this counts as reached."""
+"""Part of a solver step; a time event nearer than this counts as reached."""
 
 _STAGE_TIME = (0.0, 0.5, 0.5, 1.0)
 _STAGE_WEIGHT = (1 / 6, 1 / 3, 1 / 3, 1 / 6)

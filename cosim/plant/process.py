@@ -30,12 +30,12 @@ from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_SAID, MAX_TEXT, 
 from cosim.plant.spec import PlantSpec, Value
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
-"""What the interpreter is told."""
+"""Options of the interpreter."""
 
 _LAUNCH_LIMIT = 60.0
-"""How long [s] the interpreter of a new process may take to be there, before the plant's own time limit counts."""
+"""Time limit [s] for the interpreter of a new process to start, before the plant's own time limit counts."""
 _EXIT_LIMIT = 5.0
-"""How long [s] a process that has closed its pipes may take to exit."""
+"""Time limit [s] for a process that has closed its pipes to exit."""
 
 
 class ProcessPlant:
@@ -51,7 +51,7 @@ class ProcessPlant:
     Attributes
     ----------
     first_outputs : list of float
-        What it returned at the start.
+        Its outputs at the start.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class ProcessPlant:
         self._receive("did not change its parameters", 0)
 
     def take_messages(self) -> str:
-        """Return what the FMU has logged since the last time."""
+        """Return the FMU's messages since the last call."""
         said, self._messages = self._messages, ""
         return said
 
@@ -150,11 +150,11 @@ class ProcessPlant:
         self._send(kind, body)
 
     def _send(self, kind: int, body: bytes) -> None:
-        with suppress(OSError):  # the process has ended: reading its reply will tell how
+        with suppress(OSError):  # the process has ended: reading its reply finds out how
             send(self._requests, kind, body)
 
     def _receive(self, failed: str, numbers: int) -> NDArray[np.float64]:
-        """Return the numbers of a reply, of which nothing is trusted, and keep its messages."""
+        """Return the numbers of a reply, which is not trusted, and keep its messages."""
         self._last_words.clear()
         kind, body = self._frame(failed, numbers)
         while kind == SAID:  # until the watchdog ends it
@@ -173,7 +173,7 @@ class ProcessPlant:
     def _frame(self, failed: str, numbers: int) -> tuple[int, bytes]:
         kind, length = HEADER.unpack(self._exactly(HEADER.size, failed))
         if length > 8 * numbers + MAX_TEXT or (kind == DONE and length < 8 * numbers):
-            raise PlantError(f"{failed}: through the pipe of its process comes what no plant would answer")
+            raise PlantError(f"{failed}: its process answers with bytes that are no reply")
         return kind, self._exactly(length, failed)
 
     def _exactly(self, length: int, failed: str) -> bytes:
@@ -232,7 +232,7 @@ def _launched() -> subprocess.Popen[bytes]:
             **options,
         )
     except OSError as error:
-        raise PlantError(f"there can be no process of its own: {error.strerror}") from None
+        raise PlantError(f"its process cannot be started: {error.strerror}") from None
 
 
 def _standard_error() -> bool:
@@ -244,7 +244,7 @@ def _standard_error() -> bool:
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
-    """End a process of a session of its own, with what it has started itself, and wait for it."""
+    """End a process with its process group, and wait for it."""
     _signal(process)
     process.wait()
     for pipe in (process.stdin, process.stdout):

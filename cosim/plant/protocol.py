@@ -1,4 +1,4 @@
-"""What the harness and a plant's own process say to each other, through a pipe each way.
+"""Messages between the harness and a plant's own process, through a pipe each way.
 
 A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. What comes from
 the plant's process is numbers and text, never anything that is executed: the FMU may have written it.
@@ -16,11 +16,11 @@ HEADER = struct.Struct("<BI")
 START, STEP, CHANGE, END = range(4)
 """Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
 DONE, FAILED, SAID = range(3)
-"""Kinds of replies: outputs as doubles, if any, and what was logged; a text on what failed; a message as it comes."""
+"""Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a message as it comes."""
 MAX_TEXT = 65536
 """Bytes of text in a reply."""
 MAX_SAID = 20
-"""How many messages are told as they come, of those during one request."""
+"""Upper limit for messages that are sent as they come, for each request."""
 
 
 def send(pipe: int, kind: int, body: bytes) -> None:

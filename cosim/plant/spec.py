@@ -1,4 +1,4 @@
-"""What is needed to start a plant, as plain data: it is the same in this process and in one of the plant's own."""
+"""Everything that starts a plant, as plain data: the same in this process and in a process of the plant's own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 CO_SIMULATION = "co_simulation"
 MODEL_EXCHANGE = "model_exchange"
 SOLVERS = ("euler", "runge_kutta_4", "cvode")
-"""What integrates a Model Exchange FMU."""
+"""Solvers of Model Exchange."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class PlantSpec:
     values : tuple of Value
         Start values and parameters.
     inputs, outputs : Block
-        What it is given and what it returns at every communication point.
+        Numbers that it is given, and that it returns, at every communication point.
     held : tuple of Value
         Other inputs, which keep their values until they are changed, at the start of the run.
     stop_time : float
@@ -87,19 +87,19 @@ class PlantSpec:
     states, event_indicators : int
         How many a Model Exchange FMU of FMI 2.0 has; one of FMI 3.0 is asked.
     completed_steps : bool
-        Whether a Model Exchange FMU needs to be told that a step of the solver is completed.
+        Whether a Model Exchange FMU needs a call after each completed step of the solver.
     solver : str
         Of a Model Exchange FMU: one of `SOLVERS`.
     solver_steps : int
         How many steps of the solver make a communication step.
     tolerance : float or None
-        Relative tolerance: of CVODE, or what a Co-Simulation FMU is told for its own solver; None if there is none.
+        Relative tolerance of CVODE, or of a Co-Simulation FMU's own solver; None if there is none.
     late_outputs : bool
         Whether the outputs count only from the first step on, and are taken to be as `outputs` has them until then.
     time_limit : float
         Of a process of its own: how long [s] the plant may take to start, for a step, and to end.
     logging : bool
-        Whether the FMU logs all that it can, or only what it does unasked.
+        Whether the FMU is asked to log everything.
     """
 
     robot: str
@@ -140,7 +140,7 @@ class PlantSpec:
 
     @classmethod
     def from_json(cls, text: bytes) -> PlantSpec:
-        """Return what `to_json` has written."""
+        """Return the specification that `to_json` has written."""
         data = json.loads(text)
         for values in ("values", "held"):
             data[values] = values_from(data[values])

@@ -1,4 +1,4 @@
-"""Whether a plant has started, and where: what is told where it has not, or is elsewhere than at its initial pose."""
+"""Checks that a plant has started, and at its initial pose; messages for one that has not."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from cosim.plant.instance import Instance
 from cosim.plant.member import Link, Member
 
 START_TOLERANCE = 1e-6
-"""How far [m, rad], and relative to what was asked for, a plant may be from its initial pose at the start."""
+"""Largest distance [m, rad] from the initial pose at the start, absolute and relative to the pose."""
 
 FASTEST = 50.0
-"""How fast [m/s, rad/s] a plant may have moved in its first step, if it shall have been at its initial pose."""
+"""Largest speed [m/s, rad/s] in the first step that is plausible for a start at the initial pose."""
 
 
 SHOWN_LATE = 'if its outputs show the pose only after the first step: start="first_step" in its <plant>'
-"""What to do about a pose that is not there at the start."""
+"""Remedy for outputs that do not show the pose at the start."""
 
 
 def not_started(members: Sequence[Member], index: int, error: PlantError) -> InputError:
-    """Return the error of a plant that cannot be started: its own reason, and what may help."""
+    """Return the error of a plant that cannot be started: its own reason, and possible remedies."""
     member = members[index]
     spec = member.spec
     message = f"the FMU {spec.file} cannot be started as {spec.robot}: {error}"
@@ -38,7 +38,7 @@ def not_started(members: Sequence[Member], index: int, error: PlantError) -> Inp
     if FAILURES[RETURN] in str(error):
         message += f"; {SHOWN_LATE}"
     if member.needs_tool:
-        message += "; it also says that it needs an execution tool, which may be missing here"
+        message += "; it also needs the tool that made it, which may be missing here"
     return InputError(message, member.where)
 
 
@@ -61,7 +61,7 @@ def check_pose(member: Member, state: NDArray[np.float64]) -> None:
 
 
 def moved_too_far(member: Member, time: float, state: NDArray[np.float64]) -> str:
-    """Return why a plant cannot have been at its initial pose, by what it shows at a time [s]; empty if it can."""
+    """Return why a plant, by its outputs at a time [s], cannot have started at its initial pose; empty if it can."""
     for link, wanted, found, apart in _apart(member, state):
         if apart > FASTEST * time:
             return (
@@ -72,7 +72,7 @@ def moved_too_far(member: Member, time: float, state: NDArray[np.float64]) -> st
 
 
 def _apart(member: Member, state: NDArray[np.float64]) -> Iterator[tuple[Link, float, float, float]]:
-    """Yield each pose entry with what it shall be, what it is, and the difference, of angles without whole turns."""
+    """Yield each pose entry with its wanted value, its value, and the difference, for angles without whole turns."""
     for link, wanted, found in zip(member.outputs, member.pose, state.tolist(), strict=False):
         difference = math.remainder(found - wanted, math.tau) if link.unit == "rad" else found - wanted
         yield link, wanted, found, abs(difference)

@@ -42,32 +42,32 @@ _do_step = c_function("pointer", "double", "double", "int")
 _do_step_3 = c_function("pointer", "double", "double", "int", "pointer", "pointer", "pointer", "pointer")
 
 _SMALLEST_PART = 1e-9
-"""Of a communication step: what is left after an early return counts as done below it."""
+"""Part of a communication step; a rest below it after an early return counts as done."""
 _MAX_PARTS = 100_000
-"""Into how many parts early returns may cut a communication step."""
+"""Upper limit for the parts into which early returns cut a communication step."""
 
 
 class Rows:
-    """What the calls of several plants need, and where they leave what they return.
+    """Arguments and results of the FMI calls of several plants.
 
     Parameters
     ----------
     instances
         The plants; None for one that is stepped elsewhere, such as in a process of its own.
     sizes
-        How many numbers each plant is given and returns.
+        Number of inputs and of outputs of each plant.
 
     Attributes
     ----------
     rows : ndarray of ROW
         A record a plant; ``next_event`` is the time [s] of its next time event, ``in_changed`` whether inputs differ
-        from those of the last step, ``what`` and ``status`` what became of that.
+        from those of the last step, ``what`` and ``status`` the outcome of the last call.
     inputs, outputs : ndarray
-        What is given and returned, one plant after the other, in the FMUs' own units.
+        Numbers given and returned, one plant after the other, in the FMUs' own units.
     first_input, first_output : ndarray of int
         Where in these each plant begins; the last entry is the end.
     scratch, work
-        Space for what functions return through pointers, and for solvers.
+        Space for values that functions return through pointers, and for solvers.
     """
 
     def __init__(self, instances: Sequence[Instance | None], sizes: Sequence[tuple[int, int]]) -> None:
@@ -80,7 +80,7 @@ class Rows:
         self.rows = np.zeros(n, ROW)
         self.scratch = np.zeros((n, SCRATCH))
         self.work = np.zeros(sum(work_size(i.states, i.event_indicators) for i in instances if i is not None))
-        self._names: list[NDArray[np.uint32]] = []  # keeps alive what the records point to
+        self._names: list[NDArray[np.uint32]] = []  # keeps the strings alive to which the records point
         first = 0
         for index, instance in enumerate(instances):
             if instance is not None:
@@ -122,7 +122,7 @@ class Rows:
 
 @compiled
 def read_outputs(row: np.void) -> tuple[int, int]:
-    """Read the outputs of one plant, if they are read here; return what failed and the status."""
+    """Read the outputs of one plant, if they are read here; return the failure and the status."""
     if row["out_count"] == 0:
         return FINE, 0
     if row["version"] == 3:
@@ -155,7 +155,7 @@ def advance(
     Returns
     -------
     tuple of int
-        What failed, of `cosim.plant.failures`, and the status of the FMI call.
+        The failure, of `cosim.plant.failures`, and the status of the FMI call.
     """
     what, status = FINE, 0
     jump = row["kind"] == MODEL and row["in_count"] > 0 and row["in_changed"] != 0

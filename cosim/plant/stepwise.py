@@ -29,14 +29,14 @@ class StepwisePlant(Protocol):
         """Change parameters, or raise PlantError."""
 
     def take_messages(self) -> str:
-        """Return what was logged since the last time."""
+        """Return the messages since the last call."""
 
     def close(self) -> None:
         """End it."""
 
 
 def stepper(spec: PlantSpec) -> Callable[[PlantSpec], StepwisePlant] | None:
-    """Return what makes a plant that must be stepped one call at a time; None of one that compiled code can step."""
+    """Return the constructor of a plant that is stepped one call at a time; None if compiled code can step it."""
     if spec.uses_cvode:
         from cosim.plant.cvode import CvodePlant  # loads SUNDIALS
 

@@ -68,7 +68,7 @@ class TypedPlant:
         self._rows.rows["next_event"] = self._instance.next_event
 
     def take_messages(self) -> str:
-        """Return what the FMU has logged since the last time."""
+        """Return the FMU's messages since the last call."""
         return self._instance.log.take()
 
     def close(self) -> None:

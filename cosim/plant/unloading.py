@@ -20,7 +20,7 @@ _kept: list[object] = []
 
 
 def threads() -> frozenset[int] | None:
-    """Return the threads of this process that Python has not started; None where the system does not tell."""
+    """Return the threads of this process that Python has not started; None if the system cannot list them."""
     if sys.platform == "linux":
         try:
             found = {int(name) for name in os.listdir("/proc/self/task")}
@@ -46,7 +46,7 @@ def unload(library: object, free: Callable[[], None], before: frozenset[int] | N
     Parameters
     ----------
     library
-        What must stay as long as the library does.
+        Objects to keep as long as the library.
     free
         Unloads it.
     before
@@ -66,7 +66,7 @@ def unload(library: object, free: Callable[[], None], before: frozenset[int] | N
 def keep(library: object) -> None:
     """Keep a library loaded to the end of the process, which then ends without the exit handlers of libraries."""
     if not _kept and sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "on_exit"):  # glibc
-        atexit.register(libc.fflush, None)  # what FMUs have printed
+        atexit.register(libc.fflush, None)  # output of FMUs
         libc.on_exit(libc._exit, None)
     _kept.append(library)
 

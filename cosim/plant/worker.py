@@ -76,7 +76,7 @@ class LocalPlant:
         self._rows.rows["next_event"] = self._instance.next_event
 
     def take_messages(self) -> str:
-        """Return what the FMU has logged since the last time."""
+        """Return the FMU's messages since the last call."""
         return self._instance.log.take()
 
     def close(self) -> None:
@@ -97,7 +97,7 @@ def start(spec: PlantSpec) -> StepwisePlant:
         See `cosim.plant.instance.Instance`.
     """
     plant = stepper(spec) or LocalPlant
-    make_room(Path(spec.directory, "resources"))  # from now on what is imported may be the FMU's
+    make_room(Path(spec.directory, "resources"))  # from now on imports may find modules of the FMU
     return plant(spec)
 
 
@@ -120,7 +120,7 @@ def main() -> None:
 
 
 class _Replies:
-    """What goes to the harness: replies, and before them what the FMU logs, from whichever thread."""
+    """The pipe to the harness: replies, and before them the FMU's messages, from any thread."""
 
     def __init__(self) -> None:
         self._pipe = _out_of_reach(1)

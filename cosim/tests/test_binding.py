@@ -104,9 +104,7 @@ def test_what_is_missing_is_named_for_every_kind_of_vehicle(describe: Describe) 
         "scenario.xml:3:5: the FMU car.fmu is no vehicle that can be driven as it is: as a car_like vehicle it lacks "
         "the input 'tau_steer' [N.m]; it lacks the parameter 'a' [m]; it lacks the parameter 'drive'. as a tractor"
     )
-    assert message.endswith(
-        'A <binding> says which of its variables play these roles; "formation swap" writes one to start from'
-    )
+    assert message.endswith('A <binding> assigns variables to these roles; "formation swap" writes one to complete')
 
 
 @pytest.mark.parametrize(
@@ -384,7 +382,7 @@ def test_a_dimension_may_be_a_structural_parameter(describe: Describe, bound: Bo
         ("pose[5]", "so that there is no 'pose[5]'"),
         ("pose[1,1]", "so that there is no 'pose[1,1]'"),
         ("pose[1234567890]", "has no variable 'pose[1234567890]'"),
-        ("v[1]", "has 'v' as a scalar, of which there is no 'v[1]'"),
+        ("v[1]", "has 'v' as a scalar, so there is no 'v[1]'"),
         ("poses[1]", "has no variable 'poses[1]': did you mean 'pose'?"),
     ],
 )
@@ -396,7 +394,7 @@ def test_elements_that_are_not_there(describe: Describe, bound: Bound, variable:
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ('<Dimension start="4"/>', '<Dimension start="2000000"/>', "has 'pose' with a dimension that is not known"),
+        ('<Dimension start="4"/>', '<Dimension start="2000000"/>', "has 'pose' with an unknown dimension"),
         (
             '<Dimension start="4"/>',
             '<Dimension start="100000"/><Dimension start="100000"/>',
@@ -436,7 +434,7 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
         ('<role name="x" variable="events"/>', "has 'events' without a unit: a binding states it"),
         ('<role name="a" variable="drive"/>', "has 'drive' as Enumeration, not as Real"),
         ('<role name="drive" variable="a"/>', "has 'a' as Real, not as Enumeration"),
-        ('<role name="drive" variable="drive" unit="m"/>', "with which neither unit nor factor nor offset go"),
+        ('<role name="drive" variable="drive" unit="m"/>', "which takes no unit, factor or offset"),
         ('<role name="x" variable="psi"/>', "offers a unit that does not fit: 'psi' is in rad, not in m"),
         ('<role name="x" variable="y" unit="mm"/>', "has 'y' in m, not in mm as the binding states"),
         ('<role name="x" variable="y" unit="furlong"/>', ":2:1: unit=\"furlong\" of the role 'x': "),

@@ -87,7 +87,7 @@ def test_no_description(car: Path, tmp_path: Path) -> None:
 
 def test_entry_outside(car: Path, tmp_path: Path) -> None:
     path = repack(car, tmp_path / "a.fmu", extra="../../escaped.txt")
-    assert "has the entry '../../escaped.txt', outside of itself" in refused(path)
+    assert "has the entry '../../escaped.txt', which leads outside of the FMU" in refused(path)
     assert not (tmp_path.parent / "escaped.txt").exists()
 
 
@@ -187,9 +187,9 @@ def test_a_constant_of_the_binding_may_be_set_to_itself(car: Path, tmp_path: Pat
     with closing(open_fmu(path, HERE, BindingSource("car_like", roles, HERE))) as opened:
         assert understand(opened, [setting("a", "1.2 m"), setting("drive", "as_printed")]) == ()
         for name, text, sentence in (
-            ("a", "1.3 m", "parameter a of b.fmu: '1.3 m' contradicts the binding, which says 1.2 m"),
+            ("a", "1.3 m", "parameter a of b.fmu: '1.3 m' contradicts the binding, which states 1.2 m"),
             ("a", "1.2", "the unit is missing"),
-            ("drive", "rear_wheel", "drive of b.fmu: 'rear_wheel' contradicts the binding, which says as_printed"),
+            ("drive", "rear_wheel", "drive of b.fmu: 'rear_wheel' contradicts the binding, which states as_printed"),
         ):
             with pytest.raises(InputError, match=sentence):
                 understand(opened, [setting(name, text)])
@@ -220,9 +220,9 @@ OPENED = {
     "fmi_4": "has no valid model description: Unsupported FMI version: 4.0",
     "entity_bomb": "declares a document type in its modelDescription.xml",
     "external_entity": "declares a document type in its modelDescription.xml",
-    "parent_entry": f"has the entry '../{EVIL}', outside of itself",
-    "backslash_entry": f"has the entry '..\\\\{EVIL}', outside of itself",
-    "absolute_entry": f"has the entry '/tmp/{EVIL}', outside of itself",
+    "parent_entry": f"has the entry '../{EVIL}', which leads outside of the FMU",
+    "backslash_entry": f"has the entry '..\\\\{EVIL}', which leads outside of the FMU",
+    "absolute_entry": f"has the entry '/tmp/{EVIL}', which leads outside of the FMU",
     "link_entry": "has the symbolic link 'resources/link', not a file",
     "identifier_outside": f"has the model identifier '../../{EVIL}', which is no ",
     "no_identifier": "has the model identifier '', which is no ",
@@ -305,7 +305,7 @@ def test_what_works_all_the_same(broken: Broken, kind: str, fmi: str) -> None:
 @pytest.mark.parametrize("entry", ["./modelDescription.xml", "x/../modelDescription.xml", "binaries//../../x"])
 def test_one_file_by_two_names(car: Path, tmp_path: Path, entry: str) -> None:
     said = refused(repack(car, tmp_path / "a.fmu", extra=entry))
-    assert "twice" in said or "outside of itself" in said
+    assert "twice" in said or "leads outside of the FMU" in said
 
 
 def test_many_variables_take_no_time(tmp_path: Path) -> None:

@@ -447,13 +447,13 @@ def test_followers_without_velocities(make: Make, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("said", "names"),
     [
-        ('solver="cvode"', "no solver goes"),
-        ('solver_step="20 ms"', "no solver_step goes"),
-        ('solver="euler" solver_step="5 ms"', "no solver and no solver_step goes"),
+        ('solver="cvode"', "own solver: remove solver"),
+        ('solver_step="20 ms"', "own solver: remove solver_step"),
+        ('solver="euler" solver_step="5 ms"', "own solver: remove solver and solver_step"),
     ],
 )
 def test_a_solver_for_what_brings_its_own_is_refused(make: Make, tmp_path: Path, said: str, names: str) -> None:
-    more = "; with the interface model_exchange the solver would be asked"
+    more = '; or state interface="model_exchange", whose solver takes it'
     for fmu, end in ((make(), names), (make(interface="both"), names + more)):
         path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {said}/>')
         with pytest.raises(InputError, match=f"is used by Co-Simulation and brings .*{re.escape(end)}$"):
@@ -465,9 +465,7 @@ def test_a_tolerance_of_fixed_steps_is_refused(make: Make, tmp_path: Path, solve
     fmu = make(interface="model_exchange")
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {solver}tolerance="1e-6"/>')
     name = "euler" if solver else "runge_kutta_4"
-    with pytest.raises(
-        InputError, match=rf"s.xml:4:\d+: {name} makes the steps that it is told and has no tolerance: "
-    ):
+    with pytest.raises(InputError, match=rf"s.xml:4:\d+: {name} makes steps of constant length and has no tolerance: "):
         Simulation(read_scenario(path))
 
 
@@ -481,7 +479,7 @@ def test_what_needs_a_tool_says_so_where_it_cannot_be_started(make: Make, tmp_pa
     fmu = make(execution_tool=True, behaviour="error", place="instantiate")
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>')
     with pytest.raises(
-        InputError, match="as it was made to; it also says that it needs an execution tool, which may be missing"
+        InputError, match="as it was made to; it also needs the tool that made it, which may be missing"
     ):
         Simulation(read_scenario(path))
 

@@ -110,9 +110,9 @@ SILENT = 'the FMU gives no reason; log="on" in its <plant> may show one'
 @pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
 def test_an_fmu_that_gives_no_instance_and_no_reason(make: Make, fmi: str) -> None:
     fmu = make(fmi=fmi, behaviour="silent", place="instantiate")
-    assert refusal(fmu) == f"robot_1: it does not instantiate; {SILENT}"
-    assert refusal(fmu, logging=True) == "robot_1: it does not instantiate"
-    assert refusal(fmu, isolated=True) == f"robot_1: it does not instantiate; {SILENT}"
+    assert refusal(fmu) == f"robot_1: its instantiation failed; {SILENT}"
+    assert refusal(fmu, logging=True) == "robot_1: its instantiation failed"
+    assert refusal(fmu, isolated=True) == f"robot_1: its instantiation failed; {SILENT}"
 
 
 def test_an_fmu_that_does_not_initialise_and_gives_no_reason(make: Make) -> None:
@@ -133,7 +133,7 @@ def test_a_second_instance_that_is_not_given(make: Make) -> None:
     reason = "it can be instantiated only once per process, and there is an instance already"
     way_out = "robot_1 runs the same FMU in this process, which may allow one only: "
     way_out += 'isolate="process" in its <plant> gives each robot a process of its own'
-    tool = "it also says that it needs an execution tool, which may be missing here"
+    tool = "it also needs the tool that made it, which may be missing here"
     assert said == f"robot_2: {reason}; {way_out}; {tool}"
 
 

@@ -166,7 +166,7 @@ def test_a_scenario_of_whole_numbers(make: Make, whole: Path, tmp_path: Path) ->
     wanted = cosim.run(plain)
     assert np.abs(result["leader_pose"].values - wanted["leader_pose"].values).max() < 2e-3
     path.write_text(path.read_text(encoding="utf-8").replace("1.3 m", "1.3004 m"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"1\.3004 m would be 1300\.4 of 'a', which is a whole number"):
+    with pytest.raises(InputError, match=r"1\.3004 m would set 'a' to 1300\.4, but it takes whole numbers only"):
         cosim.run(path)
 
 
