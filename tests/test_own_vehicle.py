@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -40,3 +41,11 @@ def test_its_own_tests_pass_from_outside(outside: tuple[Path, Path, dict[str, st
     assert result.returncode == 0, result.stdout + result.stderr
     assert " passed" in result.stdout
     assert "skipped" not in result.stdout
+
+
+def test_the_page_shows_the_entry_point_as_it_is() -> None:
+    page = (EXAMPLE.parents[1] / "docs" / "own_model.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert blocks
+    for block in blocks:
+        assert block.strip() in (EXAMPLE / "pyproject.toml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The facts about the bicycle, each stated once."""
+"""The facts about the bicycle that a controller is told. They need no harness."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from formation_controllers.vehicles import Entry, FormationGeometry
 
 @dataclass(frozen=True)
 class KinematicBicycle:
-    """What a controller is told: a bicycle that takes a speed and a steering angle.
+    """A bicycle that takes a speed and a steering angle.
 
     Its pose is that of the rear axle's midpoint. The steering angle is no part of it: the bicycle sees its leader from
     the rear axle, relative to its heading.

@@ -100,17 +100,6 @@ def test_a_team_of_bicycles_takes_its_places_behind_a_leader(functions, turn):
     assert np.max(errors[-200:]) < 0.02
 
 
-def test_it_goes_on_from_a_copy_and_from_bytes():
-    pose, leader = np.array([[0.0, 0.0, 0.3]]), Leader(np.array([4.0, 1.0, 0.0]), np.array([1.0, 0.0]))
-    one, other = (Follow(Team(VEHICLE, 1, PERIOD)) for _ in range(2))
-    one.start(pose, leader, desired([3.0, 0.1]))
-    one.step(pose, leader, desired([3.0, 0.1]))
-    other.from_bytes(one.to_bytes())
-    commands = [law.step(pose + 0.1, leader, desired([3.0, 0.1])) for law in (one.copy(), other, one)]
-    assert np.array_equal(commands[0], commands[1])
-    assert np.array_equal(commands[0], commands[2])
-
-
 def test_bad_use_is_refused_by_name():
     with pytest.raises(GainError, match=r"'gamma_max' is 1\.6: must be less than 1\.57"):
         FollowGains(gamma_max=1.6)

@@ -1,0 +1,56 @@
+"""The kind of vehicle, for the harness: it is found by the entry point ``formation.vehicles``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.vehicle.kind import Excitation, Kind, OnPath, Response, Role
+from cosim.vehicle.path import Course, Motion, PathMotion
+from kinematic_bicycle.vehicle import KinematicBicycle
+
+
+def _course(_: KinematicBicycle, state: Sequence[float]) -> Course:
+    """Return where on a path a bicycle is; at rest it is on a straight one."""
+    x, y, heading, v, omega = state
+    return Course(x, y, heading, v, omega / v if v else 0.0, 0.0)
+
+
+def _state(_: KinematicBicycle, course: Course) -> tuple[float, ...]:
+    return course.x, course.y, course.heading, course.v, course.v * course.curvature
+
+
+def _motion(_: KinematicBicycle, path: PathMotion) -> Motion:
+    """Return pose and velocities along a path: omega is speed times curvature."""
+    return Motion(
+        np.column_stack([path.x, path.y, path.heading, path.v, path.v * path.kappa]),
+        np.column_stack([path.v_dot, path.v_dot * path.kappa + path.v * path.kappa_dot]),
+    )
+
+
+BICYCLE = Kind(
+    name="kinematic_bicycle",
+    title="kinematic bicycle",
+    pose=(
+        Role("x", "output", "m", meaning="the rear axle's midpoint along X"),
+        Role("y", "output", "m", meaning="the rear axle's midpoint along Y, to the left of X"),
+        Role("psi", "output", "rad", meaning="the heading, counter-clockwise from X"),
+    ),
+    velocity=(
+        Role("v", "output", "m/s", optional=True, meaning="the forward velocity of the rear axle's midpoint"),
+        Role("omega", "output", "rad/s", optional=True, meaning="the angular velocity, counter-clockwise"),
+    ),
+    command=(
+        Role("v_command", "input", "m/s", meaning="the commanded forward velocity"),
+        Role("gamma_command", "input", "rad", meaning="the commanded steering angle, counter-clockwise"),
+    ),
+    geometry={"wheelbase": Role("a", "parameter", "m", meaning="the wheelbase")},
+    vehicle=KinematicBicycle,
+    probe=(1.0, -2.0, math.radians(30)),
+    responses=(Response("v_command", "v", 1),),
+    # In a comparison, one course is the speed and the other the steering angle; the heading must not turn too far.
+    excitation=Excitation((1.0, 0.3), commands=lambda courses: courses, turned=lambda states: states[:, 2]),
+    on_path=OnPath(_course, _state, _motion, steering_length=lambda vehicle: vehicle.wheelbase),
+)
