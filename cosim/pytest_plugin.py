@@ -43,13 +43,17 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run the scenario and judge it."""
+        from functools import partial
+
+        from cosim.master.other_runs import run_other
         from cosim.master.simulation import Simulation
         from cosim.results.summary import summarise
         from cosim.scenario.reader import read_scenario
 
         scenario = read_scenario(self._shown_path())
         with Simulation(scenario) as simulation:
-            self._judge(summarise(scenario, simulation.run()))  # before the plants end
+            run = partial(run_other, simulation.setup)
+            self._judge(summarise(scenario, simulation.run(), run))  # before the plants end
 
     def _judge(self, summary: Summary) -> None:
         for verdict in summary.verdicts:

@@ -16,6 +16,7 @@ from cosim.master.members import in_own_process, tolerance_of, why_own_process
 from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+from cosim.results.expectations import understood
 from cosim.scenario.scenario import (
     DEFAULT_SOLVER,
     DEFAULT_TOLERANCE,
@@ -186,21 +187,6 @@ def _happening(event: Event) -> str:
 
 
 def _expected(expectation: Expectation) -> str:
-    subject = " of ".join(part for part in (expectation.component, expectation.signal) if part)
-    bound = f"{expectation.bound:g} {expectation.unit}".removesuffix(" 1")
-    if expectation.kind == "settled":
-        text = f"settled by {bound} within {_place(expectation.range_band, expectation.bearing_band)}"
-    elif expectation.kind == "distance":
-        text = f"distance between followers above {bound}"
-    elif expectation.kind == "compare":
-        assert expectation.scenario is not None
-        text = f"{expectation.measure} {subject} at most {bound} times that of {expectation.scenario.name}"
-    elif expectation.kind == "regular":
-        text = "no singularity"
-    else:
-        text = f"{expectation.kind} {subject} {'above' if expectation.kind == 'least' else 'below'} {bound}"
-    if expectation.kind != "settled":
-        text += f", {expectation.start:g} to {expectation.stop:g} s"
-    if expectation.robots:
-        text += f" ({', '.join(expectation.robots)})"
-    return text + (f"; known to fail: {expectation.fails}" if expectation.fails else "")
+    robots, fails = expectation.robots, expectation.get("fails")
+    text = understood(expectation).overview + (f" ({', '.join(robots)})" if robots else "")
+    return text + (f"; known to fail: {fails}" if fails else "")

@@ -13,6 +13,7 @@ from cosim.cli.console import warn
 from cosim.control.team import installed
 from cosim.errors import InputError
 from cosim.missing_file import absent
+from cosim.results.expectations import understood
 from cosim.scenario.edits import Change, Edit, as_changes, set_binding, set_controller, set_fmu, set_seed, split_setting
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
@@ -26,7 +27,7 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     once("--set", [(setting, *split_setting(setting)) for setting in options.set])
     scenario = read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
     fmus = [plant.fmu.resolve() for plant in scenario.plants.values() if plant.fmu is not None]
-    if not any(expectation.scenario for expectation in scenario.expectations):  # whose plants might be meant
+    if not any(understood(expectation).others for expectation in scenario.expectations):  # whose plants might be meant
         for folder in options.untrusted:
             if not any(fmu.is_relative_to(folder.resolve()) for fmu in fmus):
                 warn(f"--untrusted {folder}: no FMU of {path} is in this folder")

@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import xarray as xr
@@ -20,6 +21,7 @@ from cosim.cli.reading import read
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
 from cosim.master.interrupt import HeldSignals
+from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
@@ -116,7 +118,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
         console = out()
         # What follows may run other scenarios, to compare with: the result is safe by now.
         with timed(timing, "expectations"), taking_a_while("judging the expectations"):
-            outcome.summary = summary = summarise(scenario, result)
+            outcome.summary = summary = summarise(scenario, result, partial(run_other, simulation.setup))
         write(folder / "summary.json", summary.to_json().encode())
         if summary.verdicts:
             annotate(folder / "result.nc", verdicts=summary.verdicts_as_json())

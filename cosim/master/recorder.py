@@ -2,52 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-@dataclass(frozen=True)
-class Channel:
-    """A recorded signal.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    dims, shape : tuple
-        Dimensions and shape after ``time``.
-    units, long_name : str
-        How a reader is told what it is.
-    singular_at_zero : str
-        What is singular where it is zero, if anything is.
-    singular_below : float
-        Magnitude below which it is near that; zero if only changes of sign tell.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    units: str
-    long_name: str
-    singular_at_zero: str = ""
-    singular_below: float = 0.0
-
-    @property
-    def attributes(self) -> dict[str, str | float]:
-        """The attributes of the variable in a result."""
-        told: dict[str, str | float] = {"units": self.units, "long_name": self.long_name}
-        if self.singular_at_zero:
-            told |= {"singular_at_zero": self.singular_at_zero, "singular_below": self.singular_below}
-        return told
-
-    @property
-    def bytes_per_sample(self) -> int:
-        """Memory of one sample."""
-        return 8 * math.prod(self.shape)
+from cosim.results.channel import Channel
 
 
 class Recorder:

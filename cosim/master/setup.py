@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,12 @@ from cosim.fmu.binding import number_name
 from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
-from cosim.master.recorder import Channel
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_inputs import RobotInputs, robot_inputs
 from cosim.master.timing import timed
-from cosim.results.expectations import Recorded, check, recorded
+from cosim.results.channel import Channel
+from cosim.results.expectations import Recorded, Recording, check, recorded
+from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
 from cosim.signals.effects import check_channels, tick_at
 from cosim.signals.places import desired_samples
@@ -61,6 +62,8 @@ class Setup:
         What is recorded.
     signals : dict
         The same as expectations know it, with what follows from it, by name.
+    others : dict
+        Scenarios that this one is compared with, each with its own set-up, by file.
     """
 
     leader: RobotSetup
@@ -72,6 +75,7 @@ class Setup:
     gains: tuple[Any, ...]
     channels: tuple[Channel, ...]
     signals: Mapping[str, Recorded]
+    others: Mapping[Path, tuple[Scenario, Setup]]
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
@@ -123,7 +127,17 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     channels = _channels(leader.kind, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
     signals = _recorded(scenario, channels, (leader.kind, *(robot.kind for robot in followers)), laws)
-    check(scenario, signals)
+    others: dict[Path, tuple[Scenario, Setup]] = {}
+
+    def prepare(path: Path) -> Recording:
+        """Read and set up a scenario to compare with, once; what is expected of it is not followed."""
+        if path not in others:
+            other = replace(read_scenario(path, untrusted=scenario.untrusted), expectations=())
+            others[path] = other, set_up(other, cleanup, {})
+        other, setup = others[path]
+        return Recording(other, setup.signals)
+
+    check(scenario, signals, prepare)
     return Setup(
         leader=leader,
         followers=followers,
@@ -134,6 +148,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         gains=gains,
         channels=channels,
         signals=signals,
+        others=others,
     )
 
 

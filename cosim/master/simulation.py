@@ -21,7 +21,7 @@ from cosim.master.members import member
 from cosim.master.pacing import Pacer
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
-from cosim.master.setup import set_up
+from cosim.master.setup import Setup, set_up
 from cosim.master.timing import timed
 from cosim.plant.fleet import Fleet, returning
 from cosim.scenario.scenario import LEADER, Scenario
@@ -38,6 +38,8 @@ class Simulation:
     ----------
     scenario
         What to run. Built-in plants are built into FMUs here if they are not in the cache.
+    setup
+        With which set-up; without one, the scenario is set up here.
 
     Attributes
     ----------
@@ -55,7 +57,7 @@ class Simulation:
         A plant returns no finite pose at the start.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, setup: Setup | None = None) -> None:
         self.scenario = scenario
         self.tick = 0
         self.timing: dict[str, float] = {}
@@ -72,7 +74,7 @@ class Simulation:
         self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
         self.velocities = {robot: visible[row, 4:] for row, robot in enumerate(robots)}
         with ExitStack() as cleanup:
-            self.setup = set_up(scenario, cleanup, self.timing)
+            self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
             driven = self._driven
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
             with timed(self.timing, "load"):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -11,39 +12,51 @@ import xarray as xr
 from numpy.typing import NDArray
 
 
-def figure_of(kind: str, time: NDArray[np.float64], values: NDArray[np.float64], start: float = 0.0) -> float:
-    """Return one figure of a signal over a window; NaN if it is empty or a value that counts is NaN.
+@dataclass(frozen=True)
+class Measure:
+    """A way to sum up a signal over a window in one figure.
 
-    Parameters
+    Attributes
     ----------
-    kind
-        ``rms``, the root mean square; ``peak``, the largest magnitude; ``final``, the last magnitude; ``itae``, the
-        integral of time times magnitude by the trapezoidal rule; ``least``, the smallest value.
-    time, values
-        The window (T,): times [s] and the signal in its unit.
-    start
-        From when the time of ``itae`` counts [s].
-
-    Returns
-    -------
-    float
-        In the unit of the signal; ``itae`` in that times s2.
+    figure : callable
+        Returns the figure from times (T,) [s], values (T,) and the time [s] from which time counts; NaN if a value is.
+    at : callable
+        Returns the sample at which the figure comes about; None if that is not one sample.
+    unit : callable
+        Returns the figure's unit from the signal's.
+    fewest : int
+        Samples that are needed.
     """
-    if not len(values):
-        return math.nan
-    magnitude = np.abs(values)
-    if kind == "rms":
-        return float(np.sqrt(np.mean(np.square(values))))
-    if kind == "peak":
-        return float(magnitude.max())
-    if kind == "final":
-        return float(magnitude[-1])
-    if kind == "itae":
-        integrand = (time - start) * magnitude
-        return float(0.5 * np.sum((integrand[1:] + integrand[:-1]) * np.diff(time)))
-    if kind == "least":
-        return float(values.min())
-    raise ValueError(f"{kind!r} is no figure of a signal")
+
+    figure: Callable[[NDArray[np.float64], NDArray[np.float64], float], float]
+    at: Callable[[NDArray[np.float64]], int | None] = lambda values: None
+    unit: Callable[[str], str] = lambda unit: unit
+    fewest: int = 1
+
+    def __call__(self, time: NDArray[np.float64], values: NDArray[np.float64], start: float = 0.0) -> float:
+        """Return the figure; NaN if the window is empty or a value that counts is NaN."""
+        return float(self.figure(time, values, start)) if len(values) else math.nan
+
+
+def _itae(time: NDArray[np.float64], values: NDArray[np.float64], start: float) -> float:
+    integrand = (time - start) * np.abs(values)
+    return float(0.5 * np.sum((integrand[1:] + integrand[:-1]) * np.diff(time)))
+
+
+def _times_s2(unit: str) -> str:
+    numerator, slash, denominator = unit.partition("/")
+    return f"{'s2' if unit == '1' else numerator + '.s2'}{slash}{denominator}"
+
+
+MEASURES: Mapping[str, Measure] = {
+    "rms": Measure(lambda time, values, start: float(np.sqrt(np.mean(np.square(values))))),
+    "peak": Measure(lambda time, values, start: float(np.abs(values).max()), at=lambda v: int(np.abs(v).argmax())),
+    "final": Measure(lambda time, values, start: float(np.abs(values)[-1])),
+    "itae": Measure(_itae, unit=_times_s2, fewest=2),
+    "least": Measure(lambda time, values, start: float(values.min()), at=lambda values: int(values.argmin())),
+}
+"""Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
+time counts from the start of the window; smallest value."""
 
 
 def settling_time(follower: xr.Dataset, range_band: float, bearing_band: float) -> float | None:

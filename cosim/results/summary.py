@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 
 from cosim.errors import InputError
-from cosim.results.expectations import judge, verdicts_on
-from cosim.results.metrics import figure_of, settling_time, smallest_distance
+from cosim.results.expectations import RunOther, judge
+from cosim.results.metrics import MEASURES, settling_time, smallest_distance
 from cosim.results.provenance import Provenance
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import read_expectations
@@ -96,10 +96,10 @@ class Summary:
         return json.dumps(_without_nan([asdict(verdict) for verdict in self.verdicts]))
 
 
-def summarise(scenario: Scenario, result: xr.Dataset) -> Summary:
+def summarise(scenario: Scenario, result: xr.Dataset, run_other: RunOther | None = None) -> Summary:
     """Return the figures of a run, complete or not, and the verdicts on a complete one (`expectations.judge`)."""
     completed = result.attrs["status"] == "completed"
-    verdicts = judge(scenario, result) if completed else ()
+    verdicts = judge(scenario.expectations, result, run_other) if completed else ()
     return _summary(scenario.name, scenario.horizon, scenario.step, result, verdicts)
 
 
@@ -120,7 +120,7 @@ def summary_of(result: xr.Dataset) -> Summary:
             verdicts = tuple(Verdict.of(data) for data in json.loads(told["verdicts"]))
         elif told["status"] == "completed":
             file = Path(Provenance.of(told).file or told["scenario_name"])
-            verdicts = verdicts_on(read_expectations(told["scenario"], file), result, run_others=False)
+            verdicts = judge(read_expectations(told["scenario"], file), result, run_other=None)
         else:
             verdicts = ()
         return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
@@ -156,8 +156,8 @@ def _figures(horizon: float, step: float, follower: xr.Dataset) -> FollowerFigur
     return FollowerFigures(
         robot=str(follower["robot"].values),
         settling_time=settled if settled is not None and settled <= last_chance else None,
-        range_rms=figure_of("rms", time[steady], follower["range_error"].values[steady]),
-        bearing_rms=figure_of("rms", time[steady], follower["bearing_error"].values[steady]),
+        range_rms=MEASURES["rms"](time[steady], follower["range_error"].values[steady]),
+        bearing_rms=MEASURES["rms"](time[steady], follower["bearing_error"].values[steady]),
         peak_torque=float(torque.max()) if torque.size else math.nan,
         within_from=settled,
     )

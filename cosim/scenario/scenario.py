@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from cosim.errors import InputError, Location
 from cosim.scenario.edits import Change, as_changes
+from cosim.scenario.written import Written
 
 LEADER = "leader"
 
@@ -270,49 +271,20 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Expectation:
-    """Something that must hold for the run to pass.
+class Expectation(Written):
+    """Something that must hold for the run to pass, as it is written; `cosim.results.expectations` understands it.
 
     Attributes
     ----------
-    kind : str
-        ``settled``, ``rms``, ``peak``, ``final``, ``itae``, ``least``, ``distance``, ``regular`` or ``compare``.
-    signal, component : str
-        What it is about; empty where the kind tells.
-    bound : float
-        The number as it is written, in `unit`: below it, or above it for ``least`` and ``distance``; for ``settled``
-        the latest time; for ``compare`` the factor.
-    unit : str
-        The unit of the bound as it is written; "1" for a pure number.
     start, stop : float
         The window [s], both ends included.
-    range_band, bearing_band : float
-        Of ``settled`` [m], [rad].
-    measure, scenario
-        Of ``compare``: which figure (a kind), of which other scenario file.
     robots : tuple of str
         The followers of whom it is expected; empty for all.
-    fails : str
-        Why it is known not to hold; empty if it should.
-    untrusted : tuple of Path
-        Of ``compare``: folders whose FMUs run in processes of their own.
     """
 
-    kind: str
-    signal: str
-    component: str
-    bound: float
-    unit: str
     start: float
     stop: float
-    range_band: float
-    bearing_band: float
-    measure: str
-    scenario: Path | None
     robots: tuple[str, ...]
-    fails: str
-    where: Location
-    untrusted: tuple[Path, ...] = ()
 
 
 def _unread(scenario: Scenario, changes: Sequence[Change]) -> NoReturn:

@@ -3,8 +3,10 @@
 import json
 import math
 import signal
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +14,18 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import cosim
 from cosim.cli import main
 from cosim.errors import InputError, Location, SimulationError
-from cosim.master.recorder import Channel
+from cosim.master import setup, simulation
+from cosim.master.other_runs import run_other
 from cosim.master.simulation import Simulation
-from cosim.results.expectations import Recorded, check, judge, recorded
+from cosim.results.channel import Channel
+from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
 from cosim.results.files import load
-from cosim.results.metrics import figure_of, smallest_distance
+from cosim.results.metrics import MEASURES, smallest_distance
 from cosim.results.verdict import Verdict
+from cosim.scenario import reader
+from cosim.scenario.grammar import children_of
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Expectation, Scenario
 from plants import units
@@ -31,23 +36,19 @@ TIME = np.arange(5001) * 0.02
 ZERO = np.zeros(5001)
 
 
-def expecting(kind: str, bound: str = "0", **given: Any) -> Expectation:
-    number, _, unit = bound.partition(" ")
-    blank: dict[str, Any] = {
-        "signal": "",
-        "component": "",
-        "unit": unit or "1",
-        "start": 0.0,
-        "stop": 100.0,
-        "range_band": math.inf,
-        "bearing_band": math.inf,
-        "measure": "",
-        "scenario": None,
-        "robots": (),
-        "fails": "",
-        "where": HERE,
-    }
-    return Expectation(kind=kind, bound=float(number), **{**blank, **given})
+BOUNDS = {"settled": "by", "least": "above", "distance": "above", "compare": "factor"}
+
+
+def expecting(
+    kind: str, bound: str = "", start: float = 0.0, stop: float = 100.0, robots: tuple[str, ...] = (), **attributes: str
+) -> Expectation:
+    """Return an expectation as it is written in an element."""
+    given = {BOUNDS.get(kind, "below"): bound} if bound else {}
+    return Expectation(kind, given | attributes, HERE, Path("folder"), start, stop, robots)
+
+
+def no_other(path: Path) -> Recording:
+    raise AssertionError(f"{path} is not to be set up")
 
 
 def made_up(**signals: np.ndarray) -> xr.Dataset:
@@ -83,9 +84,9 @@ def scenario() -> Scenario:
 
 
 @pytest.fixture
-def verdicts(scenario: Scenario) -> Callable[[Expectation, xr.Dataset], dict[str, Verdict]]:
+def verdicts() -> Callable[[Expectation, xr.Dataset], dict[str, Verdict]]:
     def judged(expectation: Expectation, result: xr.Dataset) -> dict[str, Verdict]:
-        found = judge(replace(scenario, expectations=(expectation,)), result)
+        found = judge((expectation,), result, run_other=None)
         assert len({verdict.robot for verdict in found}) == len(found)
         return {verdict.robot: verdict for verdict in found}
 
@@ -104,18 +105,13 @@ Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
 def test_figures_of_a_signal(kind: str, figure: float) -> None:
     """The integrand of itae is 0, 1 * 5, 2 * 2: trapezoids of 2.5 and 4.5."""
     values, time = np.array([0.0, -5.0, 2.0]), np.array([10.0, 11.0, 12.0])
-    assert figure_of(kind, time, values, 10.0) == pytest.approx(figure)
-    assert math.isnan(figure_of(kind, time[:0], values[:0]))
-    assert math.isnan(figure_of(kind, time, np.array([0.0, -5.0, math.nan])))
-
-
-def test_an_unknown_figure() -> None:
-    with pytest.raises(ValueError, match="'mean' is no figure"):
-        figure_of("mean", TIME, ZERO)
+    assert MEASURES[kind](time, values, 10.0) == pytest.approx(figure)
+    assert math.isnan(MEASURES[kind](time[:0], values[:0]))
+    assert math.isnan(MEASURES[kind](time, np.array([0.0, -5.0, math.nan])))
 
 
 def test_itae_is_the_integral() -> None:
-    assert figure_of("itae", TIME, np.exp(-TIME)) == pytest.approx(1.0, abs=1e-4)
+    assert MEASURES["itae"](TIME, np.exp(-TIME)) == pytest.approx(1.0, abs=1e-4)
 
 
 # Verdicts ---------------------------------------------------------------------------------------------------
@@ -207,7 +203,7 @@ def test_what_is_not_a_number_does_not_hold(verdicts: Judged) -> None:
 def test_settled(verdicts: Judged, last_outside: int, by: str, passed: bool, margin: float | None) -> None:
     errors = ZERO.copy()
     errors[[3, last_outside]] = 0.11
-    expectation = expecting("settled", by, range_band=0.1, bearing_band=math.radians(2))
+    expectation = expecting("settled", by, range="0.1 m", bearing="2 deg")
     found = verdicts(expectation, made_up(range_error=errors))
     assert [verdict.passed for verdict in found.values()] == [passed, True, True]
     assert found["b"].figure == 0.0
@@ -279,6 +275,37 @@ def test_marks(verdicts: Judged) -> None:
     assert found["b"].passed
 
 
+def test_a_comparison_calls_what_is_handed_in(scenario: Scenario) -> None:
+    """No file is read and nothing is run but by the two functions."""
+    comparing = expecting("compare", "2", signal="range_error", measure="peak", scenario="other.xml", fails="slow")
+    other = (Path("folder") / "other.xml").absolute()
+    asked: list[Path] = []
+
+    def prepare(path: Path) -> Recording:
+        asked.append(path)
+        return Recording(replace(scenario, path=path), {"range_error": Recorded({"": "cm"}, ("a",))})
+
+    def run(path: Path) -> xr.Dataset:
+        asked.append(path)
+        return made_up(range_error=ZERO + 3)
+
+    def fails(path: Path) -> xr.Dataset:
+        raise SimulationError("a", 2.0, "out of fuel")
+
+    check(replace(scenario, expectations=(comparing,)), KNOWN, prepare)
+    (verdict,) = judge((comparing,), made_up(range_error=ZERO + 4), run)
+    assert asked == [other, other]
+    assert (verdict.figure, verdict.bound, verdict.known_failure) == pytest.approx((4 / 3, 2.0, "slow"))
+    for how, why in ((fails, "the run of other.xml failed: a at t = 2 s: out of fuel"), (None, "there is no run of")):
+        (verdict,) = judge((comparing,), made_up(), how)
+        assert not verdict.as_marked
+        assert verdict.detail.startswith(why)
+
+
+def test_each_kind_is_an_element_of_the_schema() -> None:
+    assert set(KINDS) == set(children_of("expect"))
+
+
 # Checks before the run --------------------------------------------------------------------------------------
 
 KNOWN = {
@@ -313,16 +340,21 @@ KNOWN = {
         ("peak", "1", {"signal": "weight_norm", "robots": ("follower_2",)}, "'follower_2' has no signal 'weight_norm'"),
         ("rms", "1 m", {"signal": "range_error", "start": 1.005, "stop": 1.015}, "holds too few of the samples"),
         ("itae", "1 m.s2", {"signal": "range_error", "start": 1.0, "stop": 1.01}, "holds too few of the samples"),
-        ("regular", "0", {"robots": ("follower_2",)}, "'follower_2' has no controller that tells how near"),
+        ("regular", "", {"robots": ("follower_2",)}, "'follower_2' has no controller that tells how near"),
         ("distance", "1 s", {}, "the bound of the distance, which is in m: cannot"),
         ("distance", "-1 m", {}, "is not greater than zero, so it would hold whatever happens"),
         ("distance", "0 m", {}, "is not greater than zero, so it would hold whatever happens"),
-        ("compare", "1e999", {"signal": "speed", "measure": "rms"}, "the factor is not a finite number"),
+        (
+            "compare",
+            "1e999",
+            {"signal": "speed", "measure": "rms", "scenario": "other.xml"},
+            "the factor is not a finite number",
+        ),
     ],
 )
 def test_bad_expectations(scenario: Scenario, kind: str, bound: str, given: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        check(replace(scenario, expectations=(expecting(kind, bound, **given),)), KNOWN)
+        check(replace(scenario, expectations=(expecting(kind, bound, **given),)), KNOWN, no_other)
     assert caught.value.where == HERE
     assert sentence in caught.value.message
 
@@ -335,18 +367,18 @@ def test_good_expectations(scenario: Scenario) -> None:
         expecting("least", "-1 km/h", signal="speed", robots=("follower_2",)),
         expecting("regular"),
         expecting("distance", "10 cm"),
-        expecting("settled", "1 min", range_band=1.0, bearing_band=1.0),
+        expecting("settled", "1 min", range="1 m", bearing="1 rad"),
     ):
-        check(replace(scenario, expectations=(expectation,)), KNOWN)
+        check(replace(scenario, expectations=(expectation,)), KNOWN, no_other)
 
 
 def test_what_the_team_cannot_have(scenario: Scenario) -> None:
     alone = replace(scenario, followers=scenario.followers[:1], expectations=(expecting("distance", "1 m"),))
     with pytest.raises(InputError, match="a single follower has no distance"):
-        check(alone, KNOWN)
+        check(alone, KNOWN, no_other)
     untold = replace(scenario, expectations=(expecting("regular"),))
     with pytest.raises(InputError, match=r"no follower has a controller that tells .*: leave <regular> out"):
-        check(untold, {"range_error": KNOWN["range_error"]})
+        check(untold, {"range_error": KNOWN["range_error"]}, no_other)
 
 
 def test_what_is_recorded_by_component_and_robot() -> None:
@@ -394,21 +426,28 @@ ALL = """
 
 
 def test_every_kind_on_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[Path] = []
-    original = Simulation.run
+    """What is compared with is read, set up and run once for all, and what is expected of it is not followed."""
+    counts: dict[str, Counter[Path]] = {"read": Counter(), "set up": Counter(), "run": Counter()}
 
-    def counted(self: Simulation, *arguments: Any) -> xr.Dataset:
-        runs.append(self.scenario.path)
-        return original(self, *arguments)
+    def counted(what: str, place: Any, name: str, path_of: Callable[[Any], Path]) -> None:
+        original = getattr(place, name)
 
-    monkeypatch.setattr(Simulation, "run", counted)
+        def call(first: Any, *others: Any, **named: Any) -> Any:
+            counts[what][path_of(first)] += 1
+            return original(first, *others, **named)
+
+        monkeypatch.setattr(place, name, call)
+
+    counted("read", reader, "read_document", lambda path: path)
+    counted("set up", setup, "set_up", lambda scenario: scenario.path)
+    counted("set up", simulation, "set_up", lambda scenario: scenario.path)
+    counted("run", Simulation, "run", lambda simulation: simulation.scenario.path)
     path = written(tmp_path, "one.xml", ALL)
     other = written(tmp_path, "other.xml", '<compare measure="rms" signal="range" factor="1" scenario="one.xml"/>')
     scenario = read_scenario(path)
-    found = judge(scenario, cosim.run(scenario))
-    assert runs == [path, other], (
-        "what is compared with is run once for all, and what is expected of it is not followed"
-    )
+    with Simulation(scenario) as running:
+        found = judge(scenario.expectations, running.run(), partial(run_other, running.setup))
+    assert counts == {key: Counter({path: 1, other: 1}) for key in counts}
     assert len(found) == 4 + 4 + 4 + 4 + 4 + 2 + 1 + 4 + 1 + 1
     by_kind = {verdict.expectation.split()[0] for verdict in found}
     assert by_kind == {"settled", "rms", "peak", "final", "itae", "least", "distance", "regular,"}

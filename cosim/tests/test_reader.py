@@ -255,25 +255,6 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "must be greater than zero",
         ),
         (ONE, ONE.replace("follower_1", "leader"), "47:3", "a follower cannot have the id 'leader'"),
-        # expectations
-        (
-            "</scenario>",
-            '<expect><regular from="9 s" to="101 s"/></expect></scenario>',
-            "64:9",
-            "is not within the run of 100 s",
-        ),
-        (
-            "</scenario>",
-            '<expect><settled by="100 s" range="1 m" bearing="1 deg"/></expect></scenario>',
-            "64:9",
-            "100 s is not within the run",
-        ),
-        (
-            "</scenario>",
-            '<expect><compare measure="rms" signal="a" factor="0" scenario="b"/></expect></scenario>',
-            "64:9",
-            "must be greater than zero",
-        ),
     ],
 )
 def test_what_a_schema_cannot_say(tmp_path: Path, old: str, new: str, place: str, sentence: str) -> None:

@@ -68,7 +68,7 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     """
     document = parse_document(text, Path(path))
     root = Element.root(document)
-    return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")], ())
+    return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")])
 
 
 def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable[str]) -> Scenario:
@@ -98,7 +98,7 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
         leader=leading,
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
-        expectations=expectations(root, times, list(followers), untrusted),
+        expectations=expectations(root, times, list(followers)),
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,

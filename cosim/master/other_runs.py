@@ -1,0 +1,50 @@
+"""Runs of the scenarios that a scenario is compared with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeAlias
+
+import xarray as xr
+
+from cosim.errors import FormationError
+from cosim.master.setup import Setup
+from cosim.master.simulation import Simulation
+
+_Key: TypeAlias = tuple[Path, tuple[Path, ...], str]
+_KEPT = 2
+"""How many results are kept, as they are large: expectations that share one stand next to each other."""
+
+_results: dict[_Key, xr.Dataset | FormationError] = {}
+
+
+def run_other(setup: Setup, path: Path) -> xr.Dataset:
+    """Return the result of a scenario that one is compared with; once in a process for the same resolved text.
+
+    Parameters
+    ----------
+    setup
+        The set-up of the scenario that is compared, whose plants have not ended.
+    path
+        The file of the other one.
+
+    Raises
+    ------
+    FormationError
+        Its run fails, or has failed.
+    """
+    other, prepared = setup.others[path]
+    key = other.path, other.untrusted, other.text
+    if key not in _results:
+        try:
+            with Simulation(other, prepared) as simulation:
+                result: xr.Dataset | FormationError = simulation.run()
+        except FormationError as error:
+            result = error
+        _results[key] = result
+        while len(_results) > _KEPT:
+            del _results[next(iter(_results))]
+    result = _results[key]
+    if isinstance(result, FormationError):
+        raise result
+    return result

@@ -1,0 +1,87 @@
+"""What must hold for a run to pass: checked before the run, judged after it.
+
+Each kind of expectation is a module of this folder, with a class that names its element in the schema. What concerns
+other scenarios is handed in: one function that tells their signals, and one that runs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING
+
+from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded, recorded
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import Expectation, Scenario
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["KINDS", "Kind", "Prepare", "Recorded", "Recording", "RunOther", "check", "judge", "recorded", "understood"]
+
+
+def _kinds() -> dict[str, type[Kind]]:
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    named = {value for module in modules for value in vars(module).values() if isinstance(value, type)}
+    return {kind.element: kind for kind in named if issubclass(kind, Kind) and kind.element}
+
+
+KINDS: Mapping[str, type[Kind]] = _kinds()
+"""The kinds of expectations, by the element's name."""
+
+
+def understood(written: Expectation) -> Kind:
+    """Return an expectation with its attributes read.
+
+    Raises
+    ------
+    InputError
+        A value makes no sense, with the place in the scenario.
+    """
+    return KINDS[written.kind](written)
+
+
+def check(scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare) -> None:
+    """Check that every expectation of a scenario can be judged when it has run.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    signals
+        The signals that its run will record, by name.
+    prepare
+        Tells those of another scenario.
+
+    Raises
+    ------
+    InputError
+        An expectation is about a signal, component or follower that is not there, its bound has a unit that does not
+        fit, its window holds no sample, or what it compares with cannot be run; with the place in the scenario.
+    """
+    for expectation in scenario.expectations:
+        understood(expectation).check(Recording(scenario, signals), prepare)
+
+
+def judge(expectations: Iterable[Expectation], result: xr.Dataset, run_other: RunOther | None) -> tuple[Verdict, ...]:
+    """Return the verdict on each expectation and follower; on an expectation about the team, one.
+
+    A follower whose controller has no such signal is left out.
+
+    Parameters
+    ----------
+    expectations
+        Those of a scenario, which `check` has accepted.
+    result
+        Its result, complete.
+    run_other
+        Runs another scenario; None if none is to be run: a comparison then has no figure and does not hold.
+
+    Raises
+    ------
+    RunInterrupted
+        The user pressed Ctrl-C while another scenario ran.
+    """
+    return tuple(verdict for written in expectations for verdict in understood(written).judge(result, run_other))

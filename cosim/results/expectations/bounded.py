@@ -1,0 +1,70 @@
+"""What the expectations have in common that hold a measure of a signal against a bound."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.subject import Subject
+from cosim.results.metrics import Measure
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import Expectation
+from plants import units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Bounded(Kind):
+    """A measure of a signal of each follower is below a bound.
+
+    Attributes
+    ----------
+    measure : Measure
+        The measure.
+    attribute : str
+        The attribute with the bound, and how the measure must be to it.
+    """
+
+    measure: ClassVar[Measure]
+    attribute: ClassVar[str] = "below"
+
+    def __init__(self, written: Expectation) -> None:
+        super().__init__(written)
+        self.read_bound(self.attribute)
+        self.subject = Subject(written.get("signal"), written.get("component"))
+        self.fewest = self.measure.fewest
+
+    @property
+    def text(self) -> str:
+        """What is expected, as a verdict says it."""
+        return f"{self.element} {self.subject} {self.attribute} {self.bound_text}, {self.span}"
+
+    def check(self, own: Recording, prepare: Prepare) -> None:
+        """Check signal, bound and window."""
+        self.check_within(own.scenario.horizon)
+        what = f"the bound of the {self.element} of {str(self.subject)!r}"
+        self.check_bound(self.measure.unit(self.subject.check(self, own.signals)), what)
+        if self.attribute == "below" and self.bound <= 0:
+            raise self.written.error(f"{what} is not greater than zero, so it cannot hold")
+        self.check_samples(own.scenario)
+
+    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+        """Judge each follower that has such a signal."""
+        unit = self.measure.unit(self.subject.unit(result))
+        hold = self.below if self.attribute == "below" else self.above
+        verdicts = []
+        for robot, (time, course) in self.subject.courses(self, result).items():
+            figure = units.convert(self.measure(time, course, self.written.start), unit, self.unit)
+            detail = "a sample is not a number" if math.isnan(figure) else self.detail(time, course)
+            verdicts.append(hold(figure, robot, detail))
+        return verdicts
+
+    def detail(self, time: NDArray[np.float64], course: NDArray[np.float64]) -> str:
+        """Return when the figure came about, where that is one time."""
+        at = self.measure.at(course)
+        return "" if at is None else f"at t = {time[at]:.2f} s"

@@ -1,0 +1,95 @@
+"""A measure of a signal, on average over the followers, is at most a factor times the same of another scenario."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.errors import FormationError, InputError
+from cosim.results.expectations.kind import TOLERANCE, Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.subject import Subject
+from cosim.results.metrics import MEASURES
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import Expectation
+from plants import UnitError, units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Compare(Kind):
+    """``<compare>``, which is about the team."""
+
+    element = "compare"
+
+    def __init__(self, written: Expectation) -> None:
+        super().__init__(written)
+        self.bound = float(written.get("factor", "nan"))
+        if self.bound <= 0:
+            raise written.error(f'factor="{written.get("factor")}" of <compare> must be greater than zero')
+        self.name = written.get("measure")
+        self.measure = MEASURES[self.name]
+        self.fewest = self.measure.fewest
+        self.subject = Subject(written.get("signal"), written.get("component"))
+        self.path = written.path("scenario")
+        self.others = (self.path,)
+
+    @property
+    def text(self) -> str:
+        """What is expected, as a verdict says it."""
+        return f"{self.name} {self.subject} at most {self.bound:g} times that of {self.path.name}, {self.span}"
+
+    def check(self, own: Recording, prepare: Prepare) -> None:
+        """Check factor, signal and window, and that the other scenario can be run and has the same signal."""
+        self.check_within(own.scenario.horizon)
+        unit = self.measure.unit(self.subject.check(self, own.signals))
+        self.check_bound("1", "the factor")
+        self._check_other(own, prepare, unit)
+        self.check_samples(own.scenario)
+
+    def _check_other(self, own: Recording, prepare: Prepare, unit: str) -> None:
+        path, error = self.path, self.written.error
+        if path.exists() and own.scenario.path.exists() and path.samefile(own.scenario.path):
+            raise error("a scenario cannot be compared with itself")
+        try:
+            other = prepare(path)
+        except InputError as wrong:
+            raise error(f"the other scenario is wrong: {wrong}") from None
+        stop, horizon = self.written.stop, other.scenario.horizon
+        if stop > horizon + TOLERANCE:
+            raise error(f"the window ends at {stop:g} s, but {path.name} at {horizon:g} s")
+        try:
+            its_unit = self.measure.unit(self.subject.check(self, other.signals))
+            self.check_samples(other.scenario)
+            units.convert(1.0, its_unit, unit)
+        except InputError as wrong:
+            raise error(f"in the other scenario, {path.name}: {wrong.message}") from None
+        except UnitError as wrong:
+            has = f"{str(self.subject)!r} has another unit"
+            raise error(f"in the other scenario, {path.name}, {has}: {wrong}") from None
+
+    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+        """Judge the team; the expectation fails, even if it is known to, if there is no other run to compare with."""
+        unit = self.measure.unit(self.subject.unit(result))
+        figure = self._mean(result)
+        if run_other is None:
+            return [self._without(figure, unit, f"there is no run of {self.path.name} to compare with")]
+        try:
+            other = run_other(self.path)
+        except FormationError as error:
+            return [self._without(figure, unit, f"the run of {self.path.name} failed: {error}")]
+        reference = units.convert(self._mean(other), self.measure.unit(self.subject.unit(other)), unit)
+        bound = self.bound * reference
+        margin = bound - figure
+        detail = f"{self.path.name}: {f'{reference:.4g} {unit}'.removesuffix(' 1')}"
+        return [self.verdict(figure, margin, margin >= 0, "", detail, bound=bound, unit=unit)]
+
+    def _without(self, figure: float, unit: str, why: str) -> Verdict:
+        """Return the verdict that is not the failure that may be known: nobody can tell whether it holds."""
+        return self.verdict(figure, math.nan, False, "", why, bound=math.nan, unit=unit, known_failure="")
+
+    def _mean(self, result: xr.Dataset) -> float:
+        courses = self.subject.courses(self, result).values()
+        return float(np.mean([self.measure(time, course, self.written.start) for time, course in courses]))

@@ -1,0 +1,13 @@
+"""The integral of time times magnitude of a signal is below a bound."""
+
+from __future__ import annotations
+
+from cosim.results.expectations.bounded import Bounded
+from cosim.results.metrics import MEASURES
+
+
+class Itae(Bounded):
+    """``<itae>``."""
+
+    element = "itae"
+    measure = MEASURES["itae"]

@@ -1,0 +1,185 @@
+"""What all kinds of expectations have in common: they are read, checked before the run and judged after it."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+from cosim.quantity import split
+from cosim.results.expectations.recorded import Recorded
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import Expectation, Scenario
+from plants import UnitError, units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+TOLERANCE = 1e-9
+"""Of a window's ends [s]: a communication point is a rounded product."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A scenario and the signals that its run will record, by name."""
+
+    scenario: Scenario
+    signals: Mapping[str, Recorded]
+
+
+Prepare: TypeAlias = Callable[[Path], Recording]
+"""Tells the signals of another scenario, from its file; raises `InputError` if it cannot be run."""
+RunOther: TypeAlias = "Callable[[Path], xr.Dataset]"
+"""Runs another scenario that has been prepared, from its file; raises `FormationError` if the run fails."""
+
+
+class Kind(ABC):
+    """A kind of expectation: an instance is one element of a scenario, with its attributes read.
+
+    A kind is one module of this folder, which is found by itself, and an entry of the schema.
+
+    Attributes
+    ----------
+    element : str
+        The element's name; empty for what several kinds have in common.
+    fewest : int
+        Samples that its window must hold.
+    lasts : bool
+        Whether its window must be longer than an instant, and end within the run.
+    bound, unit : float, str
+        The number that a figure is held against, in the unit in which it is written.
+    others : tuple of Path
+        Files of other scenarios that are run for it.
+    """
+
+    element: ClassVar[str] = ""
+    lasts: ClassVar[bool] = True
+    fewest: int = 1
+    bound: float = 0.0
+    unit: str = "1"
+    others: tuple[Path, ...] = ()
+
+    def __init__(self, written: Expectation) -> None:
+        self.written = written
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """What is expected, as a verdict says it."""
+
+    @property
+    def overview(self) -> str:
+        """What is expected, as an overview of the scenario says it."""
+        return self.text
+
+    @abstractmethod
+    def check(self, own: Recording, prepare: Prepare) -> None:
+        """Refuse, with its place, what could not be judged when the scenario has run."""
+
+    @abstractmethod
+    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+        """Return the verdict on each follower, or one on the team; None instead of `run_other`: nothing is run."""
+
+    # Reading and checking
+
+    def read_bound(self, name: str) -> None:
+        """Read the bound from an attribute that is a quantity."""
+        self.bound, self.unit = split(self.written.get(name))
+
+    def check_bound(self, unit: str, what: str) -> None:
+        """Check that the bound is a finite number in a unit that fits."""
+        try:
+            bound = units.convert(self.bound, self.unit, unit)
+        except UnitError as error:
+            raise self.written.error(f"{what}, which is in {unit}: {error}") from None
+        if not math.isfinite(bound):
+            raise self.written.error(f"{what} is not a finite number")
+
+    def check_robots(self, having: Collection[str], what: str) -> None:
+        """Check that some followers, and all that are named, are among those that have something."""
+        if not having:
+            raise self.written.error(f"no follower has a {what}")
+        for robot in self.written.robots:
+            if robot not in having:
+                raise self.written.error(f"{robot!r} has no {what}; those that have: {', '.join(sorted(having))}")
+
+    def check_within(self, horizon: float) -> None:
+        """Check that the window is within the run."""
+        start, stop = self.written.start, self.written.stop
+        if self.lasts and not start < stop <= horizon:
+            raise self.written.error(
+                f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s"
+            )
+
+    def check_samples(self, scenario: Scenario) -> None:
+        """Check that the window holds samples of a scenario."""
+        start, stop = self.written.start, self.written.stop
+        first = math.ceil((start - TOLERANCE) / scenario.step)
+        last = min(math.floor((stop + TOLERANCE) / scenario.step), scenario.ticks)
+        if last - first + 1 < self.fewest:
+            raise self.written.error(
+                f"the window from {start:g} s to {stop:g} s holds too few of the samples of {scenario.path.name}, "
+                f"which are {scenario.step:g} s apart"
+            )
+
+    # Judging
+
+    @property
+    def span(self) -> str:
+        """The window in words."""
+        return f"{self.written.start:g} to {self.written.stop:g} s"
+
+    @property
+    def window(self) -> slice:
+        """The window, to select from the times of a result."""
+        return slice(self.written.start - TOLERANCE, self.written.stop + TOLERANCE)
+
+    @property
+    def bound_text(self) -> str:
+        """The bound as it is written."""
+        return f"{self.bound:g} {self.unit}".removesuffix(" 1")
+
+    def followers(self, result: xr.Dataset) -> list[str]:
+        """Return the followers of a result of whom it is expected."""
+        chosen = self.written.robots
+        return [str(robot) for robot in result["robot"].values if not chosen or robot in chosen]
+
+    def below(self, figure: float, robot: str, detail: str) -> Verdict:
+        """Return the verdict on a figure, in the bound's unit, that must be less than the bound."""
+        margin = self.bound - figure
+        return self.verdict(figure, margin, margin > 0, robot, detail)
+
+    def above(self, figure: float, robot: str, detail: str) -> Verdict:
+        """Return the verdict on a figure, in the bound's unit, that must be greater than the bound."""
+        margin = figure - self.bound
+        return self.verdict(figure, margin, margin > 0, robot, detail)
+
+    def verdict(
+        self,
+        figure: float,
+        margin: float,
+        passed: bool,
+        robot: str,
+        detail: str,
+        *,
+        bound: float | None = None,
+        unit: str | None = None,
+        known_failure: str | None = None,
+    ) -> Verdict:
+        """Return a verdict; bound, unit and known failure are those written, unless others are given."""
+        shown = self.unit if unit is None else unit
+        return Verdict(
+            expectation=self.text,
+            robot=robot,
+            figure=figure,
+            bound=self.bound if bound is None else bound,
+            unit="" if shown == "1" else shown,
+            margin=margin,
+            passed=passed,
+            known_failure=self.written.get("fails") if known_failure is None else known_failure,
+            detail=detail,
+            where=self.written.where,
+        )

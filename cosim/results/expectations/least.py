@@ -1,0 +1,14 @@
+"""The smallest value of a signal is above a bound."""
+
+from __future__ import annotations
+
+from cosim.results.expectations.bounded import Bounded
+from cosim.results.metrics import MEASURES
+
+
+class Least(Bounded):
+    """``<least>``."""
+
+    element = "least"
+    measure = MEASURES["least"]
+    attribute = "above"

@@ -1,0 +1,67 @@
+"""What a run will record, as far as expectations need to know it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from cosim.results.channel import Channel
+from cosim.scenario.scenario import LEADER
+
+DERIVED = {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
+"""Signals of every follower that follow from what is recorded, with their units."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a run will record under one name.
+
+    Attributes
+    ----------
+    units : dict
+        The unit by the component's name; of a signal that has no components, by "".
+    robots : tuple of str
+        The followers that have it; only "leader" for a signal of the leader.
+    tells_singularity : bool
+        Whether something is singular where it is zero.
+    """
+
+    units: Mapping[str, str]
+    robots: tuple[str, ...]
+    tells_singularity: bool = False
+
+
+def recorded(
+    channels: Iterable[Channel],
+    labels: Mapping[str, Sequence[str]],
+    followers: Sequence[str],
+    owners: Mapping[str, Sequence[str]],
+) -> dict[str, Recorded]:
+    """Return the signals that expectations can be about, by name.
+
+    Parameters
+    ----------
+    channels
+        The channels that are recorded.
+    labels
+        The components' names by the dimension, such as those of ``pose_component``.
+    followers
+        The followers' ids.
+    owners
+        For each signal that not every follower has, who has it.
+    """
+    known = {name: Recorded({"": unit}, tuple(followers)) for name, unit in DERIVED.items()}
+    for channel in channels:
+        components = next((labels[dim] for dim in channel.dims if dim != "robot"), ("",))
+        known[channel.name] = Recorded(
+            units=units_by_component(components, channel.units),
+            robots=tuple(owners.get(channel.name, followers)) if "robot" in channel.dims else (LEADER,),
+            tells_singularity=bool(channel.singular_at_zero),
+        )
+    return known
+
+
+def units_by_component(components: Sequence[str], text: str) -> dict[str, str]:
+    """Return the units of a signal's components, which are written one after another, or once if all have the same."""
+    several = text.split(", ")
+    return dict(zip(components, several if len(several) == len(components) else [text] * len(components), strict=True))

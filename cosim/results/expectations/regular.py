@@ -1,0 +1,79 @@
+"""No follower comes near a singularity of its controller, as the controller's signals tell."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.subject import Subject
+from cosim.results.verdict import Verdict
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Regular(Kind):
+    """``<regular>``."""
+
+    element = "regular"
+
+    @property
+    def text(self) -> str:
+        """What is expected, as a verdict says it."""
+        return f"regular, {self.span}"
+
+    @property
+    def overview(self) -> str:
+        """What is expected, as an overview of the scenario says it."""
+        return f"no singularity, {self.span}"
+
+    def check(self, own: Recording, prepare: Prepare) -> None:
+        """Check that controllers tell how near a singularity is."""
+        self.check_within(own.scenario.horizon)
+        telling = {robot for signal in own.signals.values() if signal.tells_singularity for robot in signal.robots}
+        if not telling:
+            raise self.written.error(
+                "no follower has a controller that tells how near a singularity is: leave <regular> out"
+            )
+        self.check_robots(telling, "controller that tells how near a singularity is")
+        self.check_samples(own.scenario)
+
+    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+        """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""
+        worst: dict[str, tuple[tuple[bool, float], Verdict]] = {}
+        for name, signal in result.data_vars.items():
+            if not signal.attrs.get("singular_at_zero"):
+                continue
+            threshold = float(signal.attrs.get("singular_below", 0.0))
+            for robot, (time, course) in Subject(str(name)).courses(self, result).items():
+                if np.isnan(signal.sel(robot=robot).values).all():  # another robot's controller has it
+                    continue
+                least, at, jumps = _nearness(course)
+                verdict = self.verdict(
+                    least,
+                    margin=least - threshold,
+                    passed=least - threshold > 0,
+                    robot=robot,
+                    detail=f"{name} {'changes sign' if jumps else 'nearest to zero'} at t = {time[at]:.2f} s",
+                    bound=threshold,
+                    unit=str(signal.attrs["units"]),
+                )
+                rank = (verdict.passed, least / threshold if threshold else math.inf)
+                if robot not in worst or math.isnan(least) or rank < worst[robot][0]:
+                    worst[robot] = rank, verdict
+        return [worst[robot][1] for robot in self.followers(result) if robot in worst]
+
+
+def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:
+    """Return how near to zero a signal (T, ...) comes, zero if it jumps over it; at which sample; whether it jumps."""
+    values = values.reshape(len(values), -1)
+    jumps = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
+    if len(jumps):
+        return 0.0, int(jumps[0]) + 1, True
+    nearness = np.abs(values).min(axis=1)
+    at = int(nearness.argmin())
+    return float(nearness[at]), at, False

@@ -1,0 +1,55 @@
+"""From a time on, both errors of each follower stay within their bands."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from cosim.results.expectations.kind import TOLERANCE, Kind, Prepare, Recording, RunOther
+from cosim.results.metrics import settling_time
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import Expectation
+from plants import units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Settled(Kind):
+    """``<settled>``."""
+
+    element = "settled"
+
+    def __init__(self, written: Expectation) -> None:
+        super().__init__(written)
+        self.read_bound("by")
+        self.bands = written.positive("range", "m"), written.positive("bearing", "rad")
+
+    @property
+    def text(self) -> str:
+        """What is expected, as a verdict says it."""
+        distance, bearing = self.bands
+        return f"settled by {self.bound_text} within {distance:g} m and {math.degrees(bearing):g} deg"
+
+    @property
+    def overview(self) -> str:
+        """What is expected, as an overview of the scenario says it."""
+        distance, bearing = self.bands
+        return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
+
+    def check(self, own: Recording, prepare: Prepare) -> None:
+        """Check that the time is within the run."""
+        horizon = own.scenario.horizon
+        if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
+            raise self.written.error(f"{by:g} s is not within the run of {horizon:g} s")
+
+    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+        """Judge each follower."""
+        return [self._judge(result.sel(robot=robot), robot) for robot in self.followers(result)]
+
+    def _judge(self, follower: xr.Dataset, robot: str) -> Verdict:
+        settled = settling_time(follower, *self.bands)
+        figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
+        margin = self.bound - figure
+        detail = "outside at the end of the run" if settled is None else ""
+        return self.verdict(figure, margin, margin >= -TOLERANCE, robot, detail)
