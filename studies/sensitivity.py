@@ -37,14 +37,14 @@ TRACTOR_TRAILER = "tractor_trailer_circle"
 
 @dataclass(frozen=True)
 class Reading:
-    """A reading: its edits of the scenario, and of the controller.
+    """What is changed: in the scenario, and in the controller.
 
     Attributes
     ----------
     changes
         As `cosim.read_scenario` takes them.
     patches
-        Replacements of attributes, by object and name.
+        What replaces an attribute of an object, by the two.
     scenario
         A variant of the scenario, in its place.
     """

@@ -96,7 +96,7 @@ def main() -> None:
             controller.start(pose, leader, desired)
             velocity = np.zeros((size, 2))
             step = best(lambda: controller.step(pose, leader, desired, velocity), ticks) / size  # noqa: B023
-            inputs = TickInputs(pose, velocity, leader, desired)
+            inputs = TickInputs(pose, velocity, *leader, *desired)
             tick = best(compiled_tick(controller, inputs, ticks), 3) / ticks / size
             rows.setdefault(name, []).extend([tick, step])
     for name, times in rows.items():

@@ -20,24 +20,26 @@ from formation_controllers.vehicles import OTHERS, VEHICLES, states_all
 
 
 class TickInputs(NamedTuple):
-    """What a team is given at a tick; arrays of `Controller.step`, checked.
+    """What a team is given at a tick: the arrays of `Controller.step`, checked.
 
     Attributes
     ----------
-    pose : ndarray
-        Poses of the followers.
-    velocity : ndarray
-        Their measured velocities; NaN for a law that does not need them.
-    leader : Leader
+    pose, velocity : ndarray
+        Poses of the followers and their measured velocities, NaN for a law that does not need these.
+    leader_pose, leader_velocity, leader_acceleration : ndarray
         The leader; its acceleration is zero where it is not known.
-    desired : Desired
-        Desired range and bearing.
+    q_d, q_d_dot, q_d_ddot : ndarray
+        Desired range and bearing and their derivatives.
     """
 
     pose: Floats
     velocity: Floats
-    leader: Leader
-    desired: Desired
+    leader_pose: Floats
+    leader_velocity: Floats
+    leader_acceleration: Floats
+    q_d: Floats
+    q_d_dot: Floats
+    q_d_ddot: Floats
 
 
 class TeamRecords(NamedTuple):
@@ -106,9 +108,11 @@ class CompiledLaw(Controller[G], Generic[G]):
 
     def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
         """Return the torques of this tick, then advance the states."""
-        if leader.acceleration is None:
-            leader = Leader(leader.pose, leader.velocity, self._no_acceleration)
-        inputs, torque = TickInputs(pose, self._velocity, leader, desired), np.empty(self._command_shape)
+        leader_pose, leader_velocity, acceleration = leader
+        if acceleration is None:
+            acceleration = self._no_acceleration
+        inputs = TickInputs(pose, self._velocity, leader_pose, leader_velocity, acceleration, *desired)
+        torque = np.empty(self._command_shape)
         if self._call is None:
             self._call = compiled_for(type(self).tick, inputs, self._records, torque)
         self._call(inputs, self._records, torque)

@@ -32,7 +32,7 @@ import numpy as np
 
 from formation_controllers.compiled import compiled
 from formation_controllers.gains import Gains, gain
-from formation_controllers.kinematics import BY_ANGLE, Geometry, Matrix
+from formation_controllers.kinematics import BY_ANGLE, Geometry, Matrix, Steering
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,28 +64,28 @@ wheels of 2 kg, radius 0.1 m and half track 0.25 m; m and I_2 contain what the w
 
 
 @compiled
-def inertia(steering: float, vehicle: Geometry, model: np.void) -> Matrix:
+def inertia(h: Steering, vehicle: Geometry, model: np.void) -> Matrix:
     """M2 of (3)."""
-    k = math.tan(steering) / vehicle.length
+    k = h.tan / vehicle.length
     coupling = model["I_2"] * k if vehicle.steering == BY_ANGLE else 0.0
     return Matrix(model["m"] + model["I_1"] * k * k, coupling, coupling, model["I_2"])
 
 
 @compiled
-def coriolis(steering: float, v: float, omega: float, vehicle: Geometry, model: np.void) -> Matrix:
+def coriolis(h: Steering, v: float, omega: float, vehicle: Geometry, model: np.void) -> Matrix:
     """C2 of (3) at the pseudo-velocities (v, omega); linear in them."""
-    length, t = vehicle.length, math.tan(steering)
+    length, t = vehicle.length, h.tan
     k = t / length
     if vehicle.steering == BY_ANGLE:
         k_dot = omega * (1.0 + t * t) / length
         return Matrix(model["I_1"] * k * k_dot, 0.0, model["I_2"] * k_dot, 0.0)
     k_dot = (omega - v * k) * (1.0 + t * t) / length
-    swing = model["S_0"] * omega / math.cos(steering)
+    swing = model["S_0"] * omega / h.cos
     return Matrix(model["I_1"] * k * k_dot, -swing, swing, 0.0)
 
 
 @compiled
-def damping(heading: float, steering: float, vehicle: Geometry, model: np.void) -> tuple[float, float]:
+def damping(heading: float, h: Steering, vehicle: Geometry, model: np.void) -> tuple[float, float]:
     """D2 of (3): its diagonal. The heading is the pose's third entry."""
-    c, s, k = math.cos(heading), math.sin(heading), math.tan(steering) / vehicle.length
+    c, s, k = math.cos(heading), math.sin(heading), h.tan / vehicle.length
     return model["d_x"] * c * c + model["d_y"] * s * s + model["d_1"] * k * k, model["d_2"]

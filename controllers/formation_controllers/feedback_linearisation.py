@@ -26,13 +26,15 @@ class FeedbackLinearisationGains(ModelGains, GuardGains):
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry."""
-    leader, desired, vehicle = inputs.leader, inputs.desired, team.vehicle
-    v_d, v_d_dot = leader.velocity[0], leader.acceleration[0]  # type: ignore[index]
-    turn_d = kinematics.body_turn(v_d, leader.velocity[1], kinematics.steering_angle(leader.pose, vehicle), vehicle)
+    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
+    v_d_dot = inputs.leader_acceleration[0]
+    turn_d = kinematics.body_turn(
+        v_d, inputs.leader_velocity[1], kinematics.steering_of(kinematics.steering_angle(leader_pose, vehicle)), vehicle
+    )
     for i in range(len(inputs.pose)):
         own, g, out = team.state[i], team.gains[i], team.telemetry[i]
         v, omega = inputs.velocity[i, 0], inputs.velocity[i, 1]
-        view = robot_view.view_of(inputs.pose[i], leader.pose, v_d, own["bearing"], vehicle, g["guard"])
+        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
         rho = max(view.sight.rho, g["guard"] * vehicle.length)
 
         # Rates, (8)
@@ -49,14 +51,14 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
 
         # Wanted q_ddot = R_dot (v, omega) + R (v_dot, omega_dot) + delta_dot, solved for (v_dot, omega_dot)
         q_1_ddot = (
-            desired.q_ddot[i, 0]
-            - g["K_1"][0] * (q_1_dot - desired.q_dot[i, 0])
-            - g["K_0"][0] * (view.sight.rho - desired.q[i, 0])
+            inputs.q_d_ddot[i, 0]
+            - g["K_1"][0] * (q_1_dot - inputs.q_d_dot[i, 0])
+            - g["K_0"][0] * (view.sight.rho - inputs.q_d[i, 0])
         )
         q_2_ddot = (
-            desired.q_ddot[i, 1]
-            - g["K_1"][1] * (q_2_dot - desired.q_dot[i, 1])
-            - g["K_0"][1] * (view.sight.bearing - desired.q[i, 1])
+            inputs.q_d_ddot[i, 1]
+            - g["K_1"][1] * (q_2_dot - inputs.q_d_dot[i, 1])
+            - g["K_0"][1] * (view.sight.bearing - inputs.q_d[i, 1])
         )
         v_dot, omega_dot = robot_view.from_rates(
             view, q_1_ddot - r_11_dot * v - delta_1_dot, q_2_ddot - r_21_dot * v - delta_2_dot

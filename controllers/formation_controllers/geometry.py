@@ -255,7 +255,8 @@ def _posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry, e: Floa
 def _posture_error_rates(pose: Floats, leader_pose: Floats, vehicle: Geometry, j: Floats, s: Floats) -> None:
     for i in range(len(pose)):
         error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
-        h, h_d = kinematics.steering_angle(pose[i], vehicle), kinematics.steering_angle(leader_pose[i], vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
+        h_d = kinematics.steering_of(kinematics.steering_angle(leader_pose[i], vehicle))
         kinematics.fill_posture_error_rates(error, h, h_d, vehicle, j[i], s[i])
 
 
@@ -282,7 +283,8 @@ def _formation_rates(
     for i in range(len(pose)):
         error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
-        R = kinematics.rate_matrix(rho, phi, kinematics.steering_angle(pose[i], vehicle), vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
+        R = kinematics.rate_matrix(rho, phi, h, vehicle)
         r[i, 0], r[i, 1], r[i, 2], r[i, 3] = R.m_11, R.m_12, R.m_21, R.m_22
         delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, phi, error.e_3, v_d[i])
 
@@ -290,5 +292,6 @@ def _formation_rates(
 @compiled
 def _input_matrix(pose: Floats, vehicle: Geometry, b: Floats) -> None:
     for i in range(len(pose)):
-        B2 = kinematics.input_matrix(pose[i, 2], kinematics.steering_angle(pose[i], vehicle), vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
+        B2 = kinematics.input_matrix(pose[i, 2], h, vehicle)
         b[i, 0], b[i, 1], b[i, 2], b[i, 3] = B2.m_11, B2.m_12, B2.m_21, B2.m_22

@@ -78,6 +78,14 @@ class PostureError(NamedTuple):
     e_4: float
 
 
+class Steering(NamedTuple):
+    """A steering angle h, its tangent and its cosine: worked out once, as they cost more than the rest of a formula."""
+
+    angle: float
+    tan: float
+    cos: float
+
+
 class Matrix(NamedTuple):
     """A 2 x 2 matrix, row by row."""
 
@@ -114,11 +122,17 @@ def steering_angle(pose: Floats, vehicle: Geometry) -> float:
 
 
 @compiled
-def body_turn(v: float, omega: float, steering: float, vehicle: Geometry) -> float:
+def steering_of(angle: float) -> Steering:
+    """Return a steering angle with its tangent and cosine."""
+    return Steering(angle, math.tan(angle), math.cos(angle))
+
+
+@compiled
+def body_turn(v: float, omega: float, h: Steering, vehicle: Geometry) -> float:
     """Return the rate of the pose's third entry, the body's heading [rad/s]."""
     if vehicle.steering == STEERS_NOT:
         return omega
-    return v * math.tan(steering) / vehicle.length
+    return v * h.tan / vehicle.length
 
 
 @compiled
@@ -140,7 +154,7 @@ def posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry) -> Postu
 
 @compiled
 def fill_posture_error_rates(
-    error: PostureError, steering: float, leader_steering: float, vehicle: Geometry, J: Floats, S: Floats
+    error: PostureError, h: Steering, leader_h: Steering, vehicle: Geometry, J: Floats, S: Floats
 ) -> None:
     """Fill J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d); what is not filled in is zero."""
     J[0, 0] = -1.0
@@ -149,7 +163,7 @@ def fill_posture_error_rates(
         J[0, 1], J[1, 1], J[2, 1] = error.e_2, -error.e_1, -1.0
         S[2, 1] = 1.0
         return
-    t, t_d = math.tan(steering) / vehicle.length, math.tan(leader_steering) / vehicle.length
+    t, t_d = h.tan / vehicle.length, leader_h.tan / vehicle.length
     J[0, 0], J[1, 0], J[2, 0], J[3, 1] = -1.0 + error.e_2 * t, -error.e_1 * t, -t, -1.0
     S[2, 0], S[3, 1] = t_d, 1.0
 
@@ -168,7 +182,7 @@ def unwrapped(angle: float, previous: float) -> float:
 
 
 @compiled
-def rate_matrix(rho: float, phi: float, steering: float, vehicle: Geometry) -> Matrix:
+def rate_matrix(rho: float, phi: float, h: Steering, vehicle: Geometry) -> Matrix:
     """R of (8) or (55): what (v, omega) do to range and bearing. NaN at range zero.
 
     The body turns with v tan(steering)/length, by which phi falls. The car-like robot's bearing falls with it:
@@ -179,19 +193,19 @@ def rate_matrix(rho: float, phi: float, steering: float, vehicle: Geometry) -> M
     """
     if rho == 0.0:
         return Matrix(math.nan, math.nan, math.nan, math.nan)
-    c, s, t = math.cos(phi), math.sin(phi), math.tan(steering)
+    c, s, t = math.cos(phi), math.sin(phi), h.tan
     turn = t / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return Matrix(-c - s * t, 0.0, (s - c * t) / rho - turn, -1.0)
 
 
 @compiled
 def rate_matrix_dot(
-    rho: float, phi: float, steering: float, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: Geometry
+    rho: float, phi: float, h: Steering, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: Geometry
 ) -> tuple[float, float]:
     """Time derivative of the first column of R, (8) or (55); the second column is constant. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    c, s, t = math.cos(phi), math.sin(phi), math.tan(steering)
+    c, s, t = math.cos(phi), math.sin(phi), h.tan
     t_dot = steering_dot * (1.0 + t * t)
     turn_dot = t_dot / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return (
@@ -220,7 +234,7 @@ def leader_rates_dot(
 
 
 @compiled
-def input_matrix(heading: float, steering: float, vehicle: Geometry) -> Matrix:
+def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
     """B2 = S' B1 of (3): what the torques do to (v, omega). The heading is the pose's third entry. NaN if not stated.
 
     For the car-like robot, (56), it is diagonal, with 1 + tan(gamma) sin(psi) as printed, 1/cos(gamma) with
@@ -229,12 +243,12 @@ def input_matrix(heading: float, steering: float, vehicle: Geometry) -> Matrix:
     """
     if vehicle.torques == WHEELS:
         r = vehicle.wheel_radius
-        pull, turn = 1.0 / (r * math.cos(steering)), vehicle.half_track / r
+        pull, turn = 1.0 / (r * h.cos), vehicle.half_track / r
         return Matrix(pull, pull, turn, -turn)
     if vehicle.torques == AS_PRINTED:
-        return Matrix(1.0 + math.tan(steering) * math.sin(heading), 0.0, 0.0, 1.0)
+        return Matrix(1.0 + h.tan * math.sin(heading), 0.0, 0.0, 1.0)
     if vehicle.torques == FRONT_WHEEL:
-        return Matrix(1.0 / math.cos(steering), 0.0, 0.0, 1.0)
+        return Matrix(1.0 / h.cos, 0.0, 0.0, 1.0)
     if vehicle.torques == REAR_WHEEL:
         return Matrix(1.0, 0.0, 0.0, 1.0)
     return Matrix(math.nan, math.nan, math.nan, math.nan)

@@ -55,14 +55,14 @@ class LqgGains(ModelGains, LimitGains):
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader, desired, vehicle = inputs.leader, inputs.desired, team.vehicle
-    v_d, v_d_dot = leader.velocity[0], leader.acceleration[0]  # type: ignore[index]
+    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
+    v_d_dot, straight = inputs.leader_acceleration[0], kinematics.steering_of(0.0)
     x = np.empty(STATES + 2)
     for i in range(len(inputs.pose)):
         own, g, out = team.state[i], team.gains[i], team.telemetry[i]
         x_hat, Phi, Gamma, K, L, M = own["x_hat"], own["Phi"], own["Gamma"], own["K"], own["L"], own["M"]
-        view = robot_view.view_of(inputs.pose[i], leader.pose, v_d, own["bearing"], vehicle, g["guard"])
-        epsilon_1, epsilon_2 = view.sight.rho - desired.q[i, 0], view.sight.bearing - desired.q[i, 1]
+        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
+        epsilon_1, epsilon_2 = view.sight.rho - inputs.q_d[i, 0], view.sight.bearing - inputs.q_d[i, 1]
 
         # Kalman filter
         for j in range(STATES):
@@ -74,9 +74,9 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
         for k in range(STATES + 2):
             u_1 -= K[0, k] * x[k]
             u_2 -= K[1, k] * x[k]
-        w_1 = u_1 + M[0, 0] * desired.q_ddot[i, 0] + M[0, 1] * desired.q_ddot[i, 1]
-        w_2 = u_2 + M[1, 0] * desired.q_ddot[i, 0] + M[1, 1] * desired.q_ddot[i, 1]
-        d_1, _ = dynamics.damping(inputs.pose[i, 2], 0.0, vehicle, g)
+        w_1 = u_1 + M[0, 0] * inputs.q_d_ddot[i, 0] + M[0, 1] * inputs.q_d_ddot[i, 1]
+        w_2 = u_2 + M[1, 0] * inputs.q_d_ddot[i, 0] + M[1, 1] * inputs.q_d_ddot[i, 1]
+        d_1, _ = dynamics.damping(inputs.pose[i, 2], straight, vehicle, g)
         pace = g["m"] * v_d_dot + d_1 * v_d
         f_1, f_2 = robot_view.along_velocities(view, w_1, w_2)
         tau_1, tau_2 = robot_view.torque_of(view, f_1 + pace, f_2)
@@ -84,10 +84,10 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
 
         limit = g["torque_limit"]
         held = saturation.beyond(tau_1, tau_2, limit)
-        out["range_estimate"], out["bearing_estimate"] = desired.q[i, 0] + x[0], desired.q[i, 1] + x[1]
+        out["range_estimate"], out["bearing_estimate"] = inputs.q_d[i, 0] + x[0], inputs.q_d[i, 1] + x[1]
         out["range_rate_estimate"], out["bearing_rate_estimate"] = (
-            desired.q_dot[i, 0] + x[2],
-            desired.q_dot[i, 1] + x[3],
+            inputs.q_d_dot[i, 0] + x[2],
+            inputs.q_d_dot[i, 1] + x[3],
         )
         robot_view.report(view, tau_1, tau_2, out)
         out["held"] = held

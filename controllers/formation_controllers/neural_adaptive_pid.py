@@ -81,24 +81,24 @@ def network_input(
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader, desired, vehicle = inputs.leader, inputs.desired, team.vehicle
+    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
     errors = observer_pid.no_errors()
     x_w = np.empty(network_inputs(vehicle))
     sigma = np.empty(len(team.gains[0]["centres"]))
     u = np.empty(2)
-    steering_d = steering_angle(leader.pose, vehicle)
+    steering_d = steering_angle(leader_pose, vehicle)
 
     for i in range(len(inputs.pose)):
         own, g, out = team.state[i], team.gains[i], team.telemetry[i]
         W, theta = own["W"], own["theta"]
-        view = robot_view.view_of(inputs.pose[i], leader.pose, leader.velocity[0], own["bearing"], vehicle, g["guard"])
-        observer_pid.estimate(view, own, g, desired.q[i], desired.q_dot[i], errors)
+        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
+        observer_pid.estimate(view, own, g, inputs.q_d[i], inputs.q_d_dot[i], errors)
 
         # PID, network and robust term; torque, (24)
         s = errors.s
         s_norm = math.sqrt(s[0] * s[0] + s[1] * s[1])
         network_input(
-            x_w, view.error, steering_d, leader.velocity, errors.q_hat_dot, desired.q_dot[i], desired.q_ddot[i]
+            x_w, view.error, steering_d, inputs.leader_velocity, errors.q_hat_dot, inputs.q_d_dot[i], inputs.q_d_ddot[i]
         )
         network.basis(x_w, g["centres"], g["widths"], sigma)
         robust = theta * theta / (theta * s_norm + g["epsilon_t"])
@@ -118,7 +118,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
         if not held:
             projection.step_weights(W, s, sigma, g["gamma_w"], g["W_m"], team.period)
             own["theta"] = projection.step_gain(theta, s_norm, g["gamma_theta"], g["theta_m"], team.period)
-        observer_pid.advance(own, g, desired.q[i], desired.q_ddot[i], errors, held, team.period)
+        observer_pid.advance(own, g, inputs.q_d[i], inputs.q_d_ddot[i], errors, held, team.period)
 
 
 class NeuralAdaptivePid(ObserverPid):

@@ -42,7 +42,7 @@ NETWORK_INPUTS: Final = 8
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader, desired = inputs.leader, inputs.desired
+    leader_pose, v_d = inputs.leader_pose, inputs.leader_velocity[0]
     Z = np.empty(NETWORK_INPUTS)
     S = np.empty(len(team.gains[0]["centres"]))
     pairs = np.empty((6, 2))
@@ -51,16 +51,14 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     for i in range(len(inputs.pose)):
         own, g, out = team.state[i], team.gains[i], team.telemetry[i]
         Theta = own["Theta"]
-        view = robot_view.view_of(
-            inputs.pose[i], leader.pose, leader.velocity[0], own["bearing"], team.vehicle, g["guard"]
-        )
+        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], team.vehicle, g["guard"])
         q[0], q[1] = view.sight.rho, view.sight.bearing
         for j in range(2):
-            z_1[j] = q[j] - desired.q[i, j]
+            z_1[j] = q[j] - inputs.q_d[i, j]
 
         # (58), with q_hat_dot of (59)
         alpha[0], alpha[1] = robot_view.velocity(
-            view, desired.q_dot[i, 0] - g["K_1"][0] * z_1[0], desired.q_dot[i, 1] - g["K_1"][1] * z_1[1]
+            view, inputs.q_d_dot[i, 0] - g["K_1"][0] * z_1[0], inputs.q_d_dot[i, 1] - g["K_1"][1] * z_1[1]
         )
         q_1_hat_dot, q_2_hat_dot = own["pi_2"][0] / g["epsilon"], own["pi_2"][1] / g["epsilon"]
         v_hat[0], v_hat[1] = robot_view.velocity(view, q_1_hat_dot, q_2_hat_dot)

@@ -117,14 +117,12 @@ def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Err
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader, desired = inputs.leader, inputs.desired
+    leader_pose, v_d = inputs.leader_pose, inputs.leader_velocity[0]
     errors = no_errors()
     for i in range(len(inputs.pose)):
         own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        view = robot_view.view_of(
-            inputs.pose[i], leader.pose, leader.velocity[0], own["bearing"], team.vehicle, g["guard"]
-        )
-        estimate(view, own, g, desired.q[i], desired.q_dot[i], errors)
+        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], team.vehicle, g["guard"])
+        estimate(view, own, g, inputs.q_d[i], inputs.q_d_dot[i], errors)
         tau_1, tau_2 = robot_view.torque_of_formation_force(
             view, -g["K_p"][0] * errors.pid[0], -g["K_p"][1] * errors.pid[1]
         )
@@ -133,7 +131,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
         report_estimate(view, own, errors, out)
         robot_view.report(view, tau_1, tau_2, out)
         out["held"] = held
-        advance(own, g, desired.q[i], desired.q_ddot[i], errors, held, team.period)
+        advance(own, g, inputs.q_d[i], inputs.q_d_ddot[i], errors, held, team.period)
 
 
 class ObserverPid(CompiledLaw[ObserverPidGains]):

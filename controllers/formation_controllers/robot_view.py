@@ -10,7 +10,7 @@ import numpy as np
 from formation_controllers import kinematics
 from formation_controllers.compiled import compiled
 from formation_controllers.interface import Floats
-from formation_controllers.kinematics import Geometry, Matrix, PostureError
+from formation_controllers.kinematics import Geometry, Matrix, PostureError, Steering
 from formation_controllers.singularities import Guard, Margins, away_from_zero
 
 
@@ -39,7 +39,7 @@ class RobotView(NamedTuple):
         Posture error, (4).
     sight : LineOfSight
         Range and bearing.
-    steering : float
+    steering : Steering
         Steering angle h; it keeps its guarded distance.
     rates : FormationRates
         R and delta.
@@ -53,7 +53,7 @@ class RobotView(NamedTuple):
 
     error: PostureError
     sight: LineOfSight
-    steering: float
+    steering: Steering
     rates: FormationRates
     B2: Matrix
     margins: Margins
@@ -67,29 +67,29 @@ def view_of(
     """Measure the formation from poses; range and steering angle keep their guarded distance in R, delta and B2."""
     error = kinematics.posture_error(pose, leader_pose, vehicle)
     rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
-    steering = kinematics.steering_angle(pose, vehicle)
-    bearing = kinematics.unwrapped(phi - steering, last_bearing)
-    cos_steering = math.cos(steering)
-    far, steered = rho, steering
+    measured = kinematics.steering_of(kinematics.steering_angle(pose, vehicle))
+    bearing = kinematics.unwrapped(phi - measured.angle, last_bearing)
+    far, steering = rho, measured
     guarded = 0.0
     if rho < guard * vehicle.length:
         far, guarded = guard * vehicle.length, 1.0
-    if abs(cos_steering) < guard:
-        steered = math.copysign(math.acos(math.copysign(guard, cos_steering)), math.sin(steering))
+    if abs(measured.cos) < guard:
+        kept = math.copysign(math.acos(math.copysign(guard, measured.cos)), math.sin(measured.angle))
+        steering = kinematics.steering_of(kept)
         guarded = 1.0
-    R = kinematics.rate_matrix(far, phi, steered, vehicle)
+    R = kinematics.rate_matrix(far, phi, steering, vehicle)
     delta_1, delta_2 = kinematics.leader_rates(far, phi, error.e_3, v_d)
-    B2 = kinematics.input_matrix(pose[2], steered, vehicle)
+    B2 = kinematics.input_matrix(pose[2], steering, vehicle)
     drive_gain = B2.m_11 * vehicle.wheel_radius if vehicle.torques == kinematics.WHEELS else B2.m_11
     if abs(R.m_11) < guard or abs(drive_gain) < guard:
         guarded = 1.0
     return RobotView(
         error,
         LineOfSight(rho, phi, bearing),
-        steered,
+        steering,
         FormationRates(R, delta_1, delta_2),
         B2,
-        Margins(rho / vehicle.length, math.cos(bearing), cos_steering, drive_gain),
+        Margins(rho / vehicle.length, math.cos(bearing), measured.cos, drive_gain),
         Guard(guard, guarded),
     )
 

@@ -230,7 +230,7 @@ def test_rates_of_r_and_delta_are_their_time_derivatives(vehicle):
     for i in range(100):
         error = kinematics.posture_error(pose[i], leader[i], car)
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, car.ahead)
-        steers, steers_d = float(steering(pose[i], vehicle)), float(steering(leader[i], vehicle))
+        steers, steers_d = (kinematics.steering_of(float(steering(at[i], vehicle))) for at in (pose, leader))
         rho_dot, bearing_dot = R[i] @ [v[i], omega[i]] + delta[i]
         turn = kinematics.body_turn(v[i], omega[i], steers, car)
         turn_d = kinematics.body_turn(v_d[i], omega_d[i], steers_d, car)

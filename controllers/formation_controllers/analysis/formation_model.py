@@ -34,7 +34,7 @@ from formation_controllers.gains import gain_records
 from formation_controllers.geometry import posture_error_rates
 from formation_controllers.input_checks import RANGE_BEARING, checked, checked_leader
 from formation_controllers.interface import Floats, Leader
-from formation_controllers.kinematics import geometry_of
+from formation_controllers.kinematics import Steering, geometry_of
 from formation_controllers.vehicles import Vehicle, names
 
 COSINE_MIN: Final = 1e-9
@@ -67,8 +67,8 @@ class ReducedDynamics:
         car = geometry_of(vehicle)
         own = gain_records([ModelGains() if model is None else model])[0]
 
-        def steering(pose: Floats) -> float:
-            return kinematics.steering_angle(pose, car)
+        def steering(pose: Floats) -> Steering:
+            return kinematics.steering_of(kinematics.steering_angle(pose, car))
 
         def inertia(pose: Floats) -> Floats:
             return np.reshape(dynamics.inertia(steering(pose), car, own), (2, 2))
@@ -189,11 +189,12 @@ def formation_model(
     error = kinematics.posture_error(own, told, car)
     e_3 = error.e_3
     rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, car.ahead)
-    h, h_d = kinematics.steering_angle(own, car), kinematics.steering_angle(told, car)
+    h = kinematics.steering_of(kinematics.steering_angle(own, car))
+    h_d = kinematics.steering_of(kinematics.steering_angle(told, car))
     R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
-    if not (np.isfinite(R).all() and abs(math.cos(phi - h)) >= COSINE_MIN):
-        raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h:g} rad")
+    if not (np.isfinite(R).all() and abs(math.cos(phi - h.angle)) >= COSINE_MIN):
+        raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h.angle:g} rad")
     R_inverse = np.linalg.inv(R)
     b = R_inverse @ delta
     velocity = R_inverse @ rates - b
