@@ -62,7 +62,7 @@ class TeamRecords(NamedTuple):
     telemetry: NDArray[np.void]
 
 
-Tick: TypeAlias = Callable[["TickInputs", "TeamRecords", Floats], None]
+Tick: TypeAlias = Callable[[TickInputs, TeamRecords, Floats], None]
 """A compiled law: fills the torques of a team and its telemetry, and advances its state by one period."""
 
 

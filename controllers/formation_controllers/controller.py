@@ -100,15 +100,8 @@ class Controller(ABC, Generic[G]):
             len(entries) for entries in (team.vehicle.pose, team.vehicle.velocity, team.vehicle.command)
         )
         pairs = (team.size, 2)
-        self._shapes = (
-            (team.size, poses),
-            (poses,),
-            (velocities,),
-            (velocities,),
-            pairs,
-            pairs,
-            pairs,
-        )  # what comes in
+        leader = (poses,), (velocities,), (velocities,)
+        self._shapes = ((team.size, poses), *leader, pairs, pairs, pairs)  # of what comes in at a tick
         self._command_shape = (team.size, commands)
         self._command_word = "torque" if {entry.unit for entry in team.vehicle.command} == {"N.m"} else "command"
         self._velocity = np.full((team.size, velocities), np.nan)
