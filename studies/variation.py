@@ -19,15 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "figures"
 SCENARIOS = ROOT / "scenarios"
 
-HEADER = (
-    "settled followers",
-    "last one settles after",
-    "range error, RMS",
-    "bearing error, RMS",
-    "least drive gain",
-    "least det R",
-    "largest steering angle",
-)
+HEADER = ("settled", "last after", "range", "bearing", "drive gain", "det R", "steering")
+"""Settled followers, time of the last one, errors (RMS), and the extremes of drive gain, det R and steering angle."""
 
 
 @dataclass(frozen=True)
