@@ -31,6 +31,7 @@ from cosim.scenario.scenario import (
     Setting,
     Trajectory,
 )
+from cosim.signals.waves import understood as understood_wave
 
 NARROW = 100
 """Columns of a terminal below which names of plants and controllers are broken."""
@@ -173,7 +174,7 @@ def _window(start: float, stop: float, end: float) -> str:
 
 def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:
     for source in inputs:
-        waves = (f"{wave.kind} {wave.value or wave.column}" for wave in source.waves)
+        waves = (understood_wave(wave).text for wave in source.waves)
         yield f"input {source.name}: {' + '.join(waves)}"
 
 

@@ -13,9 +13,10 @@ from cosim.errors import InputError, nearest
 from cosim.fmu.model_description import Variable
 from cosim.plant.exchange import whole_range
 from cosim.plant.spec import WHOLE
-from cosim.scenario.scenario import InputSource, Wave
-from cosim.scenario.table import read_table
-from cosim.signals.waves import acting
+from cosim.scenario.grammar import children_of
+from cosim.scenario.scenario import InputSource
+from cosim.scenario.table import Table
+from cosim.signals.waves import WAVES, Wave, understood
 from plants import units
 
 DISCRETE = (*WHOLE, "Boolean", "Enumeration", "String")
@@ -129,7 +130,7 @@ def input_course(source: InputSource, variable: Variable, times: NDArray[np.floa
     InputError
         A signal makes no sense for the type of the input, or a value does not fit.
     """
-    courses = [_course(wave, source, variable, times) for wave in source.waves]
+    courses = [_course(understood(wave), source, variable, times) for wave in source.waves]
     index = np.stack([which for _, which in courses])
     ticks = [0, *(np.flatnonzero((index[:, 1:] != index[:, :-1]).any(axis=0)) + 1).tolist()]
     course: dict[int, Discrete] = {}
@@ -157,35 +158,35 @@ def _course(
     wave: Wave, source: InputSource, variable: Variable, times: NDArray[np.float64]
 ) -> tuple[list[Discrete], NDArray[np.int64]]:
     """Return the values of a signal, and which of them it has at each communication point; -1 where it does not act."""
-    if wave.kind == "table" and variable.type != "String":
-        return _tabled(wave, variable, times)
-    if wave.kind not in ("constant", "step", "pulse"):
-        raise InputError(
-            f"the input {source.name!r} is {_kind(variable)}, which takes no <{wave.kind}> but <constant>, <step>, "
-            f"<pulse>{' and, held from row to row, <table>' if variable.type != 'String' else ''}",
-            wave.where,
+    if variable.type != "String" and (tabled := wave.table()) is not None:
+        return _tabled(*tabled, wave, variable, times)
+    if not wave.keeps_a_value:
+        usable = ", ".join(f"<{name}>" for name in children_of("input") if WAVES[name].keeps_a_value)
+        raise wave.written.error(
+            f"the input {source.name!r} is {_kind(variable)}, which takes no <{wave.element}> but {usable}"
+            f"{' and, held from row to row, <table>' if variable.type != 'String' else ''}"
         )
     try:
         value = discrete_value(variable, wave.value)
     except ValueError as error:
-        raise InputError(f'value="{wave.value}" of <{wave.kind}>: {error}', wave.where) from None
-    return [value], np.where(acting(wave, times), 0, -1)
+        raise wave.written.error(f'value="{wave.value}" of <{wave.element}>: {error}') from None
+    return [value], np.where(wave.acting(times), 0, -1)
 
 
-def _tabled(wave: Wave, variable: Variable, times: NDArray[np.float64]) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the rows of a table; each holds from its time on, the first one before its time too."""
-    assert wave.file is not None
-    table = read_table(wave.file, wave.where)
+def _tabled(
+    table: Table, column: str, wave: Wave, variable: Variable, times: NDArray[np.float64]
+) -> tuple[list[Discrete], NDArray[np.int64]]:
+    """Return the rows of a table, each of which holds from its time on; the first one also before."""
+    where = wave.written.where
     known = (
         items(variable) if variable.type == "Enumeration" else {0: "", 1: ""} if variable.type == "Boolean" else None
     )
     values: list[Discrete] = []
-    for time, number in zip(table.time, table.column(wave.column, units.parse("1"), wave.where), strict=True):
+    for time, number in zip(table.time, table.column(column, units.parse("1"), where), strict=True):
         if number != round(number) or (known is not None and int(number) not in known):
             wanted = "a whole number" if known is None else f"one of {', '.join(map(str, known))}"
             raise InputError(
-                f"the column {wave.column!r} of {wave.file} has {number:g} at {time:g} s; expected is {wanted}",
-                wave.where,
+                f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected is {wanted}", where
             )
         values.append(bool(number) if variable.type == "Boolean" else int(number))
     which = np.searchsorted(table.time, times * (1 + 1e-12) + 1e-9, side="right") - 1

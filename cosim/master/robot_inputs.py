@@ -18,9 +18,9 @@ from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.units import unit_of_values
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
-from cosim.scenario.scenario import InputSource, Scenario, Setting, Wave
+from cosim.scenario.scenario import InputSource, Scenario, Setting, WaveSource
 from cosim.signals.effects import tick_at
-from cosim.signals.waves import input_samples
+from cosim.signals.waves import input_samples, understood
 from cosim.vehicle.kind import Role
 from plants import UnitError, units
 
@@ -119,7 +119,7 @@ def _joined(sources: Iterable[InputSource]) -> Iterable[InputSource]:
     joined: dict[str, InputSource] = {}
     for source in sources:
         before = joined.get(source.name)
-        waves: tuple[Wave, ...] = (*before.waves, *source.waves) if before else source.waves
+        waves: tuple[WaveSource, ...] = (*before.waves, *source.waves) if before else source.waves
         joined[source.name] = InputSource(source.name, waves, before.where if before else source.where)
     return joined.values()
 
@@ -161,7 +161,7 @@ def _as_role(
     """Return the role that stands for an input, which may be one that it plays, and the unit of its samples."""
     if role is not None:
         return role, units.parse(role.role.unit)
-    values = [wave.value for wave in source.waves if wave.kind != "table"]
+    values = [value for wave in source.waves if (value := understood(wave).value)]
     try:
         unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
         start_of(fmu.description, variable)  # which must be such that it can be exchanged

@@ -164,43 +164,25 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Wave:
-    """One signal of a sum.
+class WaveSource(Written):
+    """One of the waves that an input is the sum of, as it is written; `cosim.signals.waves` understands it.
 
     Attributes
     ----------
-    kind : str
-        ``constant``, ``step``, ``ramp``, ``pulse``, ``sine``, ``random`` or ``table``.
-    value : str
-        How large, as it is written: which unit fits is known from the plant. Empty for a table.
     start, stop : float
-        When it begins and ends [s]; of a step, when; of a ramp, between which it rises.
-    period, phase, cutoff : float
-        Of a sine [s], [rad]; of a random signal [Hz].
-    file : Path or None
-        Of a table.
-    column : str
-        Of a table.
+        When it begins and ends [s]; of a ramp, between which it rises.
     """
 
-    kind: str
-    value: str
     start: float
     stop: float
-    period: float
-    phase: float
-    cutoff: float
-    file: Path | None
-    column: str
-    where: Location
 
 
 @dataclass(frozen=True)
 class InputSource:
-    """What is added to an input of a plant: a sum of signals."""
+    """What is added to an input of a plant: a sum of waves."""
 
     name: str
-    waves: tuple[Wave, ...]
+    waves: tuple[WaveSource, ...]
     where: Location
 
 

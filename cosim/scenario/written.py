@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cosim.errors import InputError, Location
 from cosim.quantity import quantity
+from plants import units
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Written:
         """Return an attribute as it is written."""
         return self.attributes.get(name, default)
 
-    def quantity(self, name: str, unit: str) -> float:
+    def quantity(self, name: str, unit: str | units.Unit) -> float:
         """Return an attribute as a number in a unit.
 
         Raises

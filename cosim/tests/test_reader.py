@@ -242,18 +242,6 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             'probability="-0.1" of <dropout> is not from 0 to 1',
         ),
         ("<actuator>", '<actuator><rate limit="0 N.m/s"/>', "38:13", "must be greater than zero"),
-        (
-            "<leader ",
-            '<input name="i"><random value="1 N" cutoff="25 Hz"/></input><leader ',
-            "42:19",
-            "is not below half of the ticks' frequency, 25 Hz",
-        ),
-        (
-            "<leader ",
-            '<input name="i"><sine value="1 N" period="0 s"/></input><leader ',
-            "42:19",
-            "must be greater than zero",
-        ),
         (ONE, ONE.replace("follower_1", "leader"), "47:3", "a follower cannot have the id 'leader'"),
     ],
 )

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, Location
 from cosim.scenario.scenario import Effect
 from cosim.signals.effects import check_channels, tick_at
-from cosim.signals.sensors import PoseSensor, random_stream
+from cosim.signals.random import random_stream
+from cosim.signals.sensors import PoseSensor
 
 CHANNELS = ("x", "y", "psi", "gamma")
 HERE = Location("file.xml", 1, 1)

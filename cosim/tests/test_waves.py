@@ -1,7 +1,6 @@
 """Signals are what the scenario says at every communication point, and random ones are white through a low-pass."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,21 +8,22 @@ import pytest
 from scipy import signal
 
 from cosim.errors import InputError, Location
-from cosim.scenario.scenario import InputSource, Wave
-from cosim.signals.waves import MIN_CUTOFF, input_samples
+from cosim.scenario.grammar import children_of
+from cosim.scenario.scenario import InputSource, WaveSource
+from cosim.signals.waves import WAVES, input_samples
+from cosim.signals.waves.random import MIN_CUTOFF
 from plants import units
 
 WHERE = Location("scenario.xml", 7, 3)
 STEP = 0.02
 
 
-def wave(kind: str, value: str = "2 N", start: float = 0.0, stop: float = math.inf, **more: object) -> Wave:
-    blank = Wave(kind, value, start, stop, period=0.0, phase=0.0, cutoff=0.0, file=None, column="", where=WHERE)
-    return replace(blank, **more)
+def wave(kind: str, value: str = "2 N", start: float = 0.0, stop: float = math.inf, **attributes: str) -> WaveSource:
+    return WaveSource(kind, {"value": value} | attributes, WHERE, Path("folder"), start, stop)
 
 
 def samples(
-    *waves: Wave,
+    *waves: WaveSource,
     unit: str = "N",
     ticks: int = 100,
     step: float = STEP,
@@ -65,7 +65,7 @@ def test_ramp() -> None:
 
 def test_sine_counts_from_its_beginning() -> None:
     times = np.arange(100) * STEP
-    course = samples(wave("sine", "2 N", 0.2, 1.2, period=0.8, phase=0.3))
+    course = samples(wave("sine", "2 N", 0.2, 1.2, period="0.8 s", phase="0.3 rad"))
     expected = np.where((times > 0.19) & (times < 1.19), 2 * np.sin(2 * np.pi * (times - 0.2) / 0.8 + 0.3), 0.0)
     assert course == pytest.approx(expected, abs=1e-14)
 
@@ -73,7 +73,7 @@ def test_sine_counts_from_its_beginning() -> None:
 def test_table_is_interpolated_and_kept_beyond_its_ends(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
     path.write_text("time [s],wind [kN]\n0.5,1\n1.0,2\n1.5,-2\n")
-    course = samples(wave("table", "", file=path, column="wind"))
+    course = samples(wave("table", "", file=str(path), column="wind"))
     assert course[:26].tolist() == [1000.0] * 26
     assert course[[50, 60, 75, 99]] == pytest.approx([2000, 400, -2000, -2000])
 
@@ -84,8 +84,8 @@ def test_signals_add_up() -> None:
     assert samples().tolist() == [0.0] * 100
 
 
-def random(cutoff: float, **more: object) -> Wave:
-    return wave("random", cutoff=cutoff, **more)
+def random(cutoff: float, start: float = 0.0, stop: float = math.inf) -> WaveSource:
+    return wave("random", start=start, stop=stop, cutoff=f"{cutoff!r} Hz")
 
 
 def test_random_is_fixed_by_the_seed_and_the_same_in_a_longer_run() -> None:
@@ -151,9 +151,17 @@ def test_random_within_a_window_is_the_same_course() -> None:
     assert not part[20:].any()
 
 
-@pytest.mark.parametrize("cutoff", [0.5e-6 / STEP, 0.4999995 / STEP, 0.5 / STEP, 1e9])
-def test_a_cutoff_out_of_range_is_refused(cutoff: float) -> None:
-    with pytest.raises(InputError, match=r"the cutoff .* Hz of a random signal is not from 5e-05 Hz to") as caught:
+@pytest.mark.parametrize(
+    ("cutoff", "message"),
+    [
+        (0.5e-6 / STEP, r"the cutoff .* Hz of a random signal is not from 5e-05 Hz to"),
+        (0.4999995 / STEP, r"the cutoff .* Hz of a random signal is not from 5e-05 Hz to"),
+        (0.5 / STEP, r"the cutoff 25 Hz is not below half of the ticks' frequency, 25 Hz"),
+        (1e9, r"the cutoff 1e\+09 Hz is not below half of the ticks' frequency, 25 Hz"),
+    ],
+)
+def test_a_cutoff_out_of_range_is_refused(cutoff: float, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         samples(random(cutoff))
     assert caught.value.where == WHERE
 
@@ -170,7 +178,7 @@ def test_a_cutoff_out_of_range_is_refused(cutoff: float) -> None:
 )
 def test_a_value_that_does_not_fit_is_refused_with_its_place(kind: str, value: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        samples(wave(kind, value, 0.0, 1.0, period=1.0, cutoff=1.0))
+        samples(wave(kind, value, 0.0, 1.0, period="1 s", cutoff="1 Hz"))
     assert message in caught.value.message
     assert f'value="{value}" of <{kind}>' in caught.value.message
     assert caught.value.where == WHERE
@@ -180,9 +188,9 @@ def test_a_table_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
     path.write_text("time [s],wind [m]\n0,1\n")
     with pytest.raises(InputError, match="'wind' is in m, but a unit such as N"):
-        samples(wave("table", "", file=path, column="wind"))
+        samples(wave("table", "", file=str(path), column="wind"))
     with pytest.raises(InputError, match="did you mean 'wind'") as caught:
-        samples(wave("table", "", file=path, column="wimd"))
+        samples(wave("table", "", file=str(path), column="wimd"))
     assert caught.value.where == WHERE
 
 
@@ -190,3 +198,24 @@ def test_a_sum_beyond_all_numbers_is_refused() -> None:
     with pytest.raises(InputError, match="the signals of the input 'wind' add up to more") as caught:
         samples(wave("constant", "1e308 N"), wave("constant", "1e308 N"))
     assert caught.value.where == Location("scenario.xml", 6, 1)
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        (wave("sine", period="0 s"), 'period="0 s" of <sine> must be greater than zero'),
+        (wave("sine", period="1 m"), "period=\"1 m\" of <sine>: '1 m': m does not fit"),
+        (wave("random", cutoff="0 Hz"), "must be greater than zero"),
+        (wave("ramp", start=1.0, stop=1.0), "it begins and ends at 1 s: it must last"),
+        (wave("pulse", start=1.0, stop=1.0), "it begins and ends at 1 s: it must last"),
+    ],
+)
+def test_what_no_wave_can_be_is_refused_at_its_place(written: WaveSource, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        samples(written)
+    assert message in caught.value.message
+    assert caught.value.where == WHERE
+
+
+def test_each_kind_is_an_element_of_the_schema() -> None:
+    assert set(WAVES) == set(children_of("input"))

@@ -7,10 +7,9 @@ other scenarios is handed in: one function that tells their signals, and one tha
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
+from cosim.kinds_in import kinds_in
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded, recorded
 from cosim.results.verdict import Verdict
@@ -22,13 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["KINDS", "Kind", "Prepare", "Recorded", "Recording", "RunOther", "check", "judge", "recorded", "understood"]
 
 
-def _kinds() -> dict[str, type[Kind]]:
-    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
-    named = {value for module in modules for value in vars(module).values() if isinstance(value, type)}
-    return {kind.element: kind for kind in named if issubclass(kind, Kind) and kind.element}
-
-
-KINDS: Mapping[str, type[Kind]] = _kinds()
+KINDS: Mapping[str, type[Kind]] = kinds_in(__name__, __path__, Kind)
 """The kinds of expectations, by the element's name."""
 
 

@@ -6,7 +6,7 @@ import math
 
 from cosim.scenario.reader.element import Element
 from cosim.scenario.reader.times import Times
-from cosim.scenario.scenario import InputSource, Wave
+from cosim.scenario.scenario import InputSource, WaveSource
 
 
 def inputs(element: Element, times: Times) -> tuple[InputSource, ...]:
@@ -21,29 +21,12 @@ def _input(element: Element, times: Times) -> InputSource:
     return InputSource(element.get("name"), waves or (_constant(element),), element.where)
 
 
-def _constant(element: Element) -> Wave:
-    return Wave("constant", element.get("value"), 0.0, math.inf, 0.0, 0.0, 0.0, None, "", element.where)
+def _constant(element: Element) -> WaveSource:
+    return WaveSource("constant", {"value": element.get("value")}, element.where, element.folder, 0.0, math.inf)
 
 
-def _wave(element: Element, times: Times) -> Wave:
-    kind = element.kind
-    start, stop = times.span(element) if kind in ("ramp", "pulse") else times.window(element)
-    if kind == "step":
+def _wave(element: Element, times: Times) -> WaveSource:
+    start, stop = times.window(element)
+    if "at" in element:
         start = times.beginning(element, "at")
-    cutoff = element.positive("cutoff", "Hz") if kind == "random" else 0.0
-    if cutoff >= 0.5 / times.step:
-        raise element.error(
-            f"the cutoff {cutoff:g} Hz is not below half of the ticks' frequency, {0.5 / times.step:g} Hz"
-        )
-    return Wave(
-        kind=kind,
-        value=element.get("value"),
-        start=start,
-        stop=stop,
-        period=element.positive("period", "s") if kind == "sine" else 0.0,
-        phase=element.quantity("phase", "rad") if "phase" in element else 0.0,
-        cutoff=cutoff,
-        file=element.path("file") if kind == "table" else None,
-        column=element.get("column"),
-        where=element.where,
-    )
+    return WaveSource(element.kind, element.attributes, element.where, element.folder, start, stop)

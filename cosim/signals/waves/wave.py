@@ -1,0 +1,107 @@
+"""What all kinds of waves have in common: they are read, and give samples at the communication points."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.scenario.scenario import WaveSource
+from cosim.scenario.table import Table
+from plants import units
+
+TIME_TOLERANCE = 1e-9
+"""By how much [s] a computed point in time may differ from the decimal number that is meant."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """At which points in time, in which unit and with which random numbers samples are wanted.
+
+    Attributes
+    ----------
+    times : ndarray
+        The communication points (T,) [s], from 0 on in steps of `step`.
+    step : float
+        Communication step [s].
+    unit : Unit
+        The unit.
+    stream : callable
+        Returns the stream of random numbers.
+    """
+
+    times: NDArray[np.float64]
+    step: float
+    unit: units.Unit
+    stream: Callable[[], np.random.Generator]
+
+
+class Wave(ABC):
+    """A kind of wave: an instance is one element of a scenario, with its attributes read.
+
+    A kind is one module of this folder, which is found by itself, and an entry of the schema.
+
+    Attributes
+    ----------
+    element : str
+        The element's name; empty for what several kinds have in common.
+    keeps_a_value : bool
+        Whether it has one value as long as it acts, so that this may be true, an item or a text.
+    lasts : bool
+        Whether it must last longer than an instant.
+    """
+
+    element: ClassVar[str] = ""
+    keeps_a_value: ClassVar[bool] = False
+    lasts: ClassVar[bool] = False
+
+    def __init__(self, written: WaveSource) -> None:
+        self.written = written
+        if self.lasts and written.start == written.stop:
+            raise written.error(f"it begins and ends at {written.start:g} s: it must last")
+
+    @abstractmethod
+    def samples(self, sampling: Sampling) -> NDArray[np.float64]:
+        """Return its values (T,).
+
+        Raises
+        ------
+        InputError
+            A value's unit does not fit, a table cannot be used, or a number is out of range.
+        """
+
+    @property
+    def value(self) -> str:
+        """How large it is, as it is written: which unit fits is known from the plant. Empty if another file says it."""
+        return self.written.get("value")
+
+    @property
+    def text(self) -> str:
+        """The wave in words."""
+        return f"{self.element} {self.value}"
+
+    def table(self) -> tuple[Table, str] | None:
+        """Return the table that it is from, and the column; None if it is from none."""
+        return None
+
+    def amount(self, sampling: Sampling) -> float:
+        """Return its value as a number."""
+        return self.written.quantity("value", sampling.unit)
+
+    def acting(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return at which communication points it acts: from its start on, until before its end."""
+        return (times >= self.written.start - TIME_TOLERANCE) & (times < self.written.stop - TIME_TOLERANCE)
+
+
+class Kept(Wave):
+    """A value that is kept as long as the wave acts; zero otherwise."""
+
+    keeps_a_value = True
+
+    def samples(self, sampling: Sampling) -> NDArray[np.float64]:
+        """Return the value where it acts."""
+        return np.where(self.acting(sampling.times), np.full(len(sampling.times), self.amount(sampling)), 0.0)
