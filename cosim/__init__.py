@@ -75,7 +75,7 @@ def run(
     scenario
         A scenario, or the path of its file.
     changes, horizon, expectations
-        What is changed in it; see `Scenario.edited`.
+        Changes of it; see `Scenario.edited`.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def run(
     SimulationError
         A plant or controller failed, or the motion diverged; its ``result`` holds everything up to then.
     RunInterrupted
-        The user pressed Ctrl-C; likewise.
+        The user pressed Ctrl-C; its ``result`` holds everything up to then.
     """
     from cosim.master.simulation import Simulation
     from cosim.scenario.edits import as_changes

@@ -1,4 +1,4 @@
-"""What can go wrong, as the user is told it; each kind has its exit status of the command line."""
+"""Errors that a user sees; each kind has its exit status of the command line."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Picklable(BaseException):
 
 
 class FormationError(Picklable, Exception):
-    """Base of all errors that a user sees: a sentence on what is wrong and what would be right."""
+    """Base of all errors that a user sees: a sentence with the fault and its remedy."""
 
     exit_status: ClassVar[int] = 2
 
@@ -94,9 +94,9 @@ class Failure:
     time : float
         Communication point [s] at which it was noticed.
     variable : str
-        What has diverged or was not finite, such as ``v``; empty if it is not about one variable.
+        Variable that has diverged or was not finite, such as ``v``; empty if it is not about one variable.
     message : str
-        What happened.
+        The event, in words.
     """
 
     robot: str
@@ -110,7 +110,7 @@ class Failure:
         return not self.robot
 
     def __str__(self) -> str:
-        """Return who failed when, and what happened, in a line."""
+        """Return robot, time and message in a line."""
         if self.interrupted:
             return f"{self.message} at t = {self.time:.6g} s"
         return f"{self.robot} at t = {self.time:.6g} s: {self.message}"
@@ -122,7 +122,7 @@ class SimulationError(FormationError):
     Attributes
     ----------
     failure : Failure
-        Which robot, when, and what happened; also as `robot` and `time`.
+        Robot, time and message; also as `robot` and `time`.
     result : xarray.Dataset or None
         Everything recorded up to then; set by the master.
     """
@@ -147,7 +147,7 @@ class RunInterrupted(Picklable, KeyboardInterrupt):
 
 
 def interruption(time: float) -> Failure:
-    """Return what a run that the user has stopped at a time [s] tells of it."""
+    """Return the failure of a run that the user has stopped at a time [s]."""
     return Failure(robot="", time=time, variable="", message="interrupted")
 
 

@@ -1,4 +1,4 @@
-"""What to say of a file that is not there."""
+"""Messages about a file that is missing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 MAX_NAMES = 5000
-"""Of how many names of a folder the nearest is looked for."""
+"""Upper limit for the names of a folder among which the nearest is searched."""
 
 
 def absent(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""The pytest plugin: each scenario file is a test, which passes when all that the scenario expects holds.
+"""The pytest plugin: each scenario file is a test, which passes when all its expectations hold.
 
 pytest loads this module at every start, so it imports the harness only when a scenario runs.
 """
@@ -68,7 +68,7 @@ class ScenarioItem(pytest.Item):
             raise _NotAsExpected(summary)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return what the user is told: the verdicts, or one sentence on what is wrong; a traceback only of a fault."""
+        """Return the report: verdicts, or one sentence on the fault; a traceback only of a fault of ours."""
         if isinstance(excinfo.value, _NotAsExpected):
             return "\n".join(_report(excinfo.value.summary))
         if isinstance(excinfo.value, FormationError):
@@ -76,7 +76,7 @@ class ScenarioItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return where the test is and what it is called."""
+        """Return the place and the name of the test."""
         return self.path, 0, f"scenario: {self.name}"
 
     def _shown_path(self) -> Path:

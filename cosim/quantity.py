@@ -77,7 +77,7 @@ def meant(text: str) -> str:
 
 
 def advice(text: str) -> str:
-    """Return what to write in the place of a text that is no quantity, as the end of a sentence; empty if unclear."""
+    """Return the right spelling of a text that is no quantity, as the end of a sentence; empty if unclear."""
     better = meant(text)
     reason = ""
     if "," in text:

@@ -317,9 +317,9 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
         (["car_like", "car_like", "--within", "wide"], "'wide' is not a number with a unit"),
         (
             ["car_like", "car_like", "--within", "1"],
-            "within 1: has no unit; what is meant may be '1 m' and '1 rad' and '1",
+            "within 1: has no unit; it may be meant as '1 m' and '1 rad' and '1",
         ),
-        (["car_like", "car_like", "--within", "psi=0.1"], "psi=0.1: has no unit; what is meant may be '0.1 rad'\n"),
+        (["car_like", "car_like", "--within", "psi=0.1"], "psi=0.1: has no unit; it may be meant as '0.1 rad'\n"),
         (
             ["car_like", "car_like", "--within", "1 m", "--within", "2 m"],
             "within 2 m: a tolerance of x, y is given ",

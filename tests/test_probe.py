@@ -42,7 +42,7 @@ def test_what_contradicts_the_names_is_a_doubt(printed) -> None:
     text, binding = printed(names=SWAPPED)
     for role, torque in (("gamma", "steer"), ("v", "drive")):
         assert f"{role}: in a short drive {role!r} does not move under '{torque}_torque' = 1 alone, but {role}" in text
-    assert "look whether names and signs are right -->" in binding
+    assert "check names and signs -->" in binding
 
 
 def test_it_can_be_left_out(printed) -> None:

@@ -29,7 +29,7 @@ from cosim.vehicle.kind import Kind, Role
 from plants import UnitError, units
 
 TOLERANCE = 1e-6
-"""Difference, in the role's unit, from which on two plants are said to differ where nothing else is said."""
+"""Default tolerance, in the role's unit."""
 
 MAX_STEPS = 1_000_000
 
@@ -80,7 +80,7 @@ class RoleDifference:
     span : float
         Between the smallest and the largest value of the first plant, to compare with.
     tolerance : float
-        What the difference may be; infinity for anything.
+        Largest difference allowed; infinity if any is.
     first_beyond : float or None
         When it is first more than that [s]; None if never.
     """
@@ -96,7 +96,7 @@ class RoleDifference:
 
 @dataclass(frozen=True, eq=False)
 class PlantComparison:
-    """What two plants did.
+    """The motions of two plants under the same commands.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class PlantComparison:
     plants : tuple of dict
         Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
     geometry : dict
-        What controllers are told of each: the field's value for the first and the second plant.
+        Geometry as controllers know it: each field's value for the first and the second plant.
     step : float
         Communication step [s].
     torque_from : str
@@ -122,7 +122,7 @@ class PlantComparison:
     failures : tuple of SimulationError
         Why a plant did not reach the end.
     messages : tuple of str
-        What the FMUs have logged.
+        The FMUs' messages.
     """
 
     kind: Kind
@@ -150,7 +150,7 @@ class PlantComparison:
 
     @property
     def late(self) -> str:
-        """Which plant, "A" or "B", shows at each communication point what the other showed one before; else empty."""
+        """The plant, "A" or "B", whose outputs are the other's one communication step late; empty if neither is."""
         pose = len(self.kind.pose)
         first, second = (states[:, :pose] for states in self.states)
         return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.kind.pose])
@@ -226,7 +226,7 @@ def compare_plants(
     seed
         Of the phases of the sines.
     within
-        What the differences may be, such as ``1 mm`` (of all lengths) or ``psi=0.1 deg``, each at most once. Without
+        Largest differences allowed, such as ``1 mm`` (of all lengths) or ``psi=0.1 deg``, each at most once. Without
         any, `TOLERANCE` of all.
     isolated
         Whether FMU files run in processes of their own. Built-in models do not.
@@ -336,7 +336,7 @@ class _Run:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What is to be known of the plant, for JSON."""
+        """Facts about the plant, for JSON."""
         return {
             "file": str(self.fmu.path),
             "built_in": self.built_in,
@@ -350,7 +350,7 @@ class _Run:
         }
 
     def __call__(self, pose: Sequence[float], torques: NDArray[np.float64]) -> _Result:
-        """Run from a pose with commands (T, commands); what is not reached is NaN."""
+        """Run from a pose with commands (T, commands); samples that are not reached are NaN."""
         member = plant(
             self.fmu,
             self.source,
@@ -387,7 +387,7 @@ def _pose(kind: Kind, entries: Mapping[str, float]) -> tuple[float, ...]:
 
 
 def _tolerances(kind: Kind, within: Iterable[str]) -> dict[str, float]:
-    """Return what the difference may be in each role; where there are tolerances, anything in those without one."""
+    """Return the tolerance of each role; if any is given, roles without one are not limited."""
     roles = {role.name: role for role in kind.states}
     general: dict[str, float] = {}
     own: dict[str, float] = {}
@@ -415,7 +415,7 @@ def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
         raise InputError(f"within {text}: {error}") from None
     if name == "1" and number != 0:
         examples = " and ".join(f"'{value.strip()} {unit}'" for unit in dict.fromkeys(role.unit for role in roles))
-        raise InputError(f"within {text}: has no unit; what is meant may be {examples}")
+        raise InputError(f"within {text}: has no unit; it may be meant as {examples}")
     found = {}
     for role in roles:
         own = units.parse(role.unit)

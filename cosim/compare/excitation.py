@@ -48,14 +48,14 @@ _FREQUENCIES = ((0.10, 0.23, 0.61), (0.13, 0.37, 0.89))
 _PERIODS = (7.0, 5.0)
 """Of the steps in drive and steering [s]."""
 _SPEED, _BEND = 1.0, math.radians(25)
-"""What the commands are to bring about: the largest speed [m/s], and the largest change of the turned angle [rad]."""
+"""Aims of the commands: the largest speed [m/s], and the largest change of the turned angle [rad]."""
 _ATTEMPTS = 6
 
 Run = Callable[[NDArray[np.float64]], NDArray[np.float64] | None]
 
 
 def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tuple[NDArray[np.float64], str]:
-    """Return steps and sines (ticks, commands) that move a plant well but keep it far from singular, and what they are.
+    """Return steps and sines (ticks, commands) that move a plant but keep it far from singular, with a description.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
     columns = []
     for frequencies, own, period in zip(_FREQUENCIES, phases, _PERIODS, strict=True):
         sines = np.sin(2 * math.pi * np.outer(times, frequencies) + own).mean(axis=1)
-        # From the middle of a step, so that what it adds up to is around zero.
+        # From the middle of a step, so that its sum is around zero.
         steps = np.where(np.remainder(times / period + 0.25, 1.0) < 0.5, 1.0, -1.0)
         columns.append((sines + steps) / 2)
     columns[0] = (columns[0] + 1) / 2
@@ -106,5 +106,5 @@ def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
 
 
 def _change(wanted: float, found: float) -> float:
-    """Return by what a torque is to change; not at all where it brings nothing about."""
+    """Return the factor by which a torque is to change; 1 for a torque without an effect."""
     return min(max(wanted / found, 0.1), 10.0) if found > 1e-9 else 1.0

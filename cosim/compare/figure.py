@@ -25,7 +25,7 @@ _STYLES: tuple[dict[str, Any], ...] = (
 _DIFFERENCE = "tab:red"
 
 SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}
-"""In which units people are shown what is in others, and how many of these are one of those."""
+"""Display units: internal unit -> (unit shown, factor)."""
 
 
 def save_comparison_figure(comparison: PlantComparison, path: Path) -> None:
@@ -70,7 +70,7 @@ def draw_comparison(comparison: PlantComparison) -> Figure:
 
 
 def names_of(comparison: PlantComparison) -> tuple[str, str]:
-    """Return what the plants are called: A and B, with their files."""
+    """Return the names of the plants: A and B, with their files."""
     first, second = (printable(Path(about["file"]).name) for about in comparison.plants)
     return f"A: {first}", f"B: {second}"
 

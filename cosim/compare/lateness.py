@@ -1,4 +1,4 @@
-"""Whether one of two plants shows a step later what the other shows: outputs that are one communication step late."""
+"""Outputs that are one communication step late: one of two plants shows the other's motion a step later."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 SMALL = 0.01
-"""The difference that remains when one plant is taken a step later, relative to the one without."""
+"""Difference that may remain when one plant is taken a step later, relative to the unshifted difference."""
 
 
 def one_step_late(a: NDArray[np.float64], b: NDArray[np.float64], apart: float, angles: Sequence[bool]) -> str:
-    """Return which plant shows at each communication point what the other showed one before; empty if neither does.
+    """Return the plant whose outputs are the other's one communication step late; empty if neither is.
 
     Parameters
     ----------

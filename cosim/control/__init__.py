@@ -1,1 +1,1 @@
-"""Control laws: found, checked, given to teams of followers, and told of their leader."""
+"""Control laws: found, checked, given to teams of followers, with a view of their leader."""

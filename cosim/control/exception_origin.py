@@ -1,4 +1,4 @@
-"""What an exception in other people's code says, and where in that code it arose."""
+"""The message of an exception in other people's code, with its place in that code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The leader as followers of another vehicle are told of it."""
+"""The leader as followers of another kind of vehicle see it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def alike(vehicle: Vehicle, leader: Vehicle) -> bool:
 
 
 def check_view(vehicle: Vehicle, leader: Vehicle) -> None:
-    """Check that followers that are a vehicle can be told of a leader that is another.
+    """Check that followers of one kind of vehicle can follow a leader of another.
 
     Raises
     ------

@@ -26,7 +26,7 @@ class Law:
     Attributes
     ----------
     source : ControllerSource
-        What the scenario says.
+        The controller in the scenario.
     package, version : str
         The distribution that it comes from.
     controller_type : type
@@ -183,7 +183,7 @@ class Team:
         SimulationError
             The controller refused its input, failed, or returned something other than finite torques.
         """
-        own_pose = pose[self.place].copy()  # a controller may keep what it is given
+        own_pose = pose[self.place].copy()  # a controller may keep the arrays that it gets
         measured = {"velocity": velocity[self.place].copy()} if "velocity" in self.controller.needs else {}
         if self._alike:
             seen = fc.Leader(leader[:4], leader[4:], acceleration)

@@ -1,1 +1,1 @@
-"""Results of a run: what is kept of it, its figures, whether it did what was expected, and its files."""
+"""Results of a run: expectations and verdicts, summary, figure and files."""

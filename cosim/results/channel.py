@@ -17,11 +17,11 @@ class Channel:
     dims, shape : tuple
         Dimensions and shape after ``time``.
     units, long_name : str
-        How a reader is told what it is.
+        Description for a reader.
     singular_at_zero : str
-        What is singular where it is zero, if anything is.
+        Description of the singularity where it is zero, if there is one.
     singular_below : float
-        Magnitude below which it is near that; zero if only changes of sign tell.
+        Magnitude below which it is near the singularity; zero if only changes of sign count.
     """
 
     name: str

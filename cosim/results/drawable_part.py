@@ -1,4 +1,4 @@
-"""What can be drawn of a result whose numbers have run away: the part that tells something, at a legible scale."""
+"""The drawable part of a result that has diverged: the samples before, at a legible scale."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def draw(result: xr.Dataset) -> Figure:
     basis, whole = Provenance.of(result.attrs).basis, result
     result = drawable(result)
     if any(result[name].isnull().sum() > signal.isnull().sum() for name, signal in whole.data_vars.items()):
-        basis += "; numbers that ran away are not drawn"
+        basis += "; diverged values are not drawn"
     figure.supxlabel(basis, fontsize=8, color="grey", parse_math=False)
     grid = figure.add_gridspec(4, 2, height_ratios=(1.5, 1.2, 1.2, 0.8))
     robots = [str(robot) for robot in result["robot"].values]

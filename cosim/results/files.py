@@ -14,7 +14,7 @@ import xarray as xr
 from cosim.errors import InputError, OutputError
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-"""What a netCDF file of version 4 begins with."""
+"""First bytes of a netCDF file of version 4."""
 
 
 def save(result: xr.Dataset, path: Path) -> None:

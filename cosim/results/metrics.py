@@ -62,7 +62,7 @@ time counts from the start of the window; smallest value."""
 def settling_time(follower: xr.Dataset, range_band: float, bearing_band: float) -> float | None:
     """Return from when on [s] both errors of a follower stay within their bands [m], [rad]; None if they do not."""
     within = np.abs(follower["range_error"].values) <= range_band
-    within &= np.abs(follower["bearing_error"].values) <= bearing_band  # what is not a number is not within
+    within &= np.abs(follower["bearing_error"].values) <= bearing_band  # NaN is not within
     first = np.flatnonzero(~within)[-1] + 1 if not within.all() else 0
     time = follower["time"].values
     return float(time[first]) if first < len(time) else None

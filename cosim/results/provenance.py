@@ -11,7 +11,7 @@ from typing import Any, Self
 from cosim.errors import Failure
 
 HOUSE = ("formation-cosim", "formation-controllers")
-"""The distributions whose versions people are shown, besides those of the control laws."""
+"""Distributions whose versions are shown, besides the packages of the control laws."""
 
 
 @dataclass(frozen=True)

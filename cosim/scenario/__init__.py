@@ -1,1 +1,1 @@
-"""Scenarios: the language of their files, and what a file says as plain data."""
+"""Scenarios: the language of their files, and the content of a file as plain data."""

@@ -40,7 +40,7 @@ class Document:
     path : Path
         The file that it was read from; paths in the document are relative to its folder.
     text : str
-        The resolved text: what was read, as a scenario, with every change.
+        The resolved text: the scenario with its variants and every change.
     root : lxml.etree._Element
         The tree; tags carry the namespace.
     """
@@ -146,7 +146,7 @@ def _check_names(root: etree._Element, places: Mapping[etree._Element, Location]
 
 
 def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
-    """Read a file; a variant is applied to what it is of. A variant is checked against the schema, a scenario not yet.
+    """Read a file; a variant is applied to its base. A variant is checked against the schema, a scenario not yet.
 
     Parameters
     ----------
@@ -180,9 +180,9 @@ def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Pat
     base, chain = path.parent / of, (*chain, path)
     shown = " -> ".join(str(file) for file in (*chain, base))
     if os.path.realpath(base) in map(os.path.realpath, chain):
-        raise InputError(f"the variant is in the end one of itself: {shown}", place)
+        raise InputError(f"the variant refers back to itself: {shown}", place)
     if len(chain) > MAX_VARIANTS:
-        raise InputError(f"there are more than {MAX_VARIANTS} variants of variants: {shown}", place)
+        raise InputError(f"a chain has at most {MAX_VARIANTS} variants, this one has more: {shown}", place)
     try:
         document = _resolve(base, chain)
     except InputError as error:
@@ -316,6 +316,6 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         raise InputError(f"is not well-formed XML: {why}", where) from None
     except (LookupError, UnicodeDecodeError) as error:
         raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
-    except ValueError as error:  # what expat takes for a name or a namespace, and lxml does not
+    except ValueError as error:  # a name or a namespace that expat takes and lxml refuses
         raise InputError(f"is not well-formed XML: {error}", here()) from None
     return builder.close(), places

@@ -35,7 +35,7 @@ class Edit:
     make : callable
         Makes the change, given the root and `about`; a function of a module, so that it can be pickled.
     about : tuple
-        What it is about.
+        Its subject.
     """
 
     words: str
@@ -48,12 +48,12 @@ class Edit:
 
 
 def in_words(change: Change) -> str:
-    """Return what a change is called."""
+    """Return the name of a change."""
     return change.words if isinstance(change, Edit) else getattr(change, "__name__", type(change).__name__)
 
 
 def set_value(setting: str) -> Edit:
-    """Return the change that ``XPATH=VALUE`` asks for: what the XPath selects gets the value.
+    """Return the change of ``XPATH=VALUE``: the node that the XPath selects gets the value.
 
     A gain or parameter that the XPath names and its element lacks is added; see `selected_or_added`.
 

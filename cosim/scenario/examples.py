@@ -8,7 +8,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def examples() -> tuple[Path, ...]:
-    """Return the files of the scenarios that come with Formation, with all that they refer to, in one flat folder."""
+    """Return the scenarios that come with Formation, with the files that they refer to, in one flat folder."""
     installed, checkout = _PACKAGE / "scenarios", _PACKAGE.parent / "scenarios"
     folder = installed if installed.is_dir() else checkout
     return tuple(sorted(path for path in folder.glob("*") if path.is_file() and not path.name.startswith(".")))

@@ -1,4 +1,4 @@
-"""The grammar of scenario files, as the schema (XSD 1.0) gives it: what breaks it, in words, and what belongs where."""
+"""The grammar of scenario files by the schema (XSD 1.0): breaches in words, children and attributes of elements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def local_name(element: etree._Element) -> str:
 
 
 def violation(root: etree._Element) -> tuple[etree._Element, str] | None:
-    """Return the first element that breaks the schema and a sentence on what is wrong with it; None if none does."""
+    """Return the first element that breaks the schema, with a sentence on the breach; None if none does."""
     schema = _schema()
     if schema.validate(root):
         return None
@@ -107,7 +107,7 @@ def _attributes(holder: etree._Element) -> Iterator[etree._Element]:
 
 
 def _description_of(simple_type: str) -> str:
-    """Return what a value of a simple type is, in the words of the type's documentation."""
+    """Return the documentation of a simple type, as the words for its values."""
     found = _named("simpleType", simple_type)
     return "any text" if found is None else " ".join(found.findtext(f".//{_XS}documentation", "").split())
 
@@ -127,7 +127,7 @@ def matches(simple_type: str, value: str) -> bool:
 
 
 def _sentence(message: str, element: etree._Element) -> str:
-    """Say in the terms of a scenario what libxml2 says in those of XML Schema."""
+    """Translate a message of libxml2 from the terms of XML Schema to those of a scenario."""
     message = message.replace(f"{{{NAMESPACE}}}", "")
     tag = local_name(element)
     attributes = attributes_of(tag)

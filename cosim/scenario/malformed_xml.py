@@ -16,14 +16,14 @@ _C1 = re.compile(rb"[\x80-\x9f]")
 
 
 def reason(data: bytes, index: int, code: int, opened: Sequence[tuple[str, int]]) -> str:
-    """Return what is wrong and what would be right, as the second half of a sentence.
+    """Return the fault and its remedy, as the second half of a sentence.
 
     Parameters
     ----------
     data
         The file.
     index, code
-        Expat's: of the byte at which the text goes wrong, and of what it calls the error.
+        Expat's position of the fault in bytes, and its error code.
     opened
         The elements that are open there, each with its line; the innermost is the last.
     """
@@ -81,7 +81,7 @@ def _undecodable(data: bytes, index: int) -> str:
 
 
 def _unexpected(before: str, after: str) -> str:
-    """Say why a character is not expected after what is before it."""
+    """Return why a character is not expected at its place."""
     character = after[:1]
     if re.search(r"&[^\s;<>\"']*$", before[-_NEAR:]):
         return "an & stands for the beginning of an entity: write &amp; for the character itself"

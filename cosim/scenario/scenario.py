@@ -1,4 +1,4 @@
-"""What a scenario file says, as plain data in SI units; `cosim.scenario.reader` reads it."""
+"""The content of a scenario file, as plain data in SI units; `cosim.scenario.reader` reads it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FIRST_STEP = "first_step"
 """From when on the outputs of a plant count, where that is not the start."""
 
 DEFAULT_SOLVER = "runge_kutta_4"
-"""What integrates a Model Exchange FMU."""
+"""Solvers of Model Exchange."""
 DEFAULT_TOLERANCE = 1e-6
 """Relative tolerance of solvers with variable steps."""
 TIME_LIMIT = 10.0
-"""What a plant in a process of its own may take for the start, for a step and for the end [s]."""
+"""Default time limit [s] of a plant in a process of its own, for the start, for a step and for the end."""
 
 OPEN = "..."
-"""What stands in a binding for something that the user must fill in."""
+"""Stands in a binding for text that the user must fill in."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Entries:
 
 @dataclass(frozen=True)
 class RoleSource:
-    """What a binding says of a role.
+    """A role in a binding.
 
     Attributes
     ----------
@@ -98,17 +98,17 @@ class PlantSource:
     solver : str
         Of a Model Exchange FMU; empty for the default.
     solver_steps : int or None
-        How many of the solver's steps make a communication step; None if nothing is said, for one.
+        Number of solver steps in a communication step; None if not stated, for one.
     tolerance : float or None
-        Relative tolerance of cvode, or of the solver that a Co-Simulation FMU brings; None if nothing is said.
+        Relative tolerance of cvode, or of the solver that a Co-Simulation FMU brings; None if not stated.
     late_outputs : bool
         Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
     logging : bool
-        Whether the FMU logs all that it can.
+        Whether the FMU is asked to log everything.
     time_limit : float or None
-        Of such a process [s], for the start, a step and the end; None if nothing is said.
+        Of such a process [s], for the start, a step and the end; None if not stated.
     """
 
     id: str
@@ -223,7 +223,7 @@ class PlaceChange:
 
 @dataclass(frozen=True)
 class Follower:
-    """A follower: initial pose, desired range [m] and bearing [rad] with their changes, and what is its own."""
+    """A follower: initial pose, desired range [m] and bearing [rad] with their changes, and settings of its own."""
 
     id: str
     plant: str
@@ -241,7 +241,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class Event:
-    """What happens to a robot at a time [s]: parameters or inputs change, the leader's torque changes, or it stops."""
+    """A change of a robot at a time [s]: parameters or inputs change, the leader's torque changes, or it stops."""
 
     time: float
     robot: str
@@ -290,7 +290,7 @@ class Scenario:
     text : str
         The resolved document.
     changes : tuple of str
-        What was changed in it after it was read, as options of the command line.
+        Changes made after it was read, as options of the command line.
     untrusted : tuple of Path
         Folders whose FMUs run in processes of their own.
     places : tuple of Location
@@ -335,7 +335,7 @@ class Scenario:
             Another end of the run, in seconds or as in "100 s". What would only begin later is left out, and up to
             there the run is the same. An expectation about a later time is refused.
         expectations
-            False: without what is expected of the run.
+            False leaves the expectations out.
 
         Raises
         ------

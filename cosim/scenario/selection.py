@@ -1,4 +1,4 @@
-"""What an XPath selects in a scenario, to be given a value; a gain or parameter that is not there yet is added."""
+"""Selection by XPath in a scenario, to set a value; a gain or parameter that is not there yet is added."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NAMED_VALUE = re.compile(
     r"(?P<parent>.+)/(?P<tag>gain|parameter)"
     r"""\[\s*@name\s*=\s*(?P<quote>['"])(?P<name>[^'"]+)(?P=quote)\s*\]/@value"""
 )
-"""``PARENT/gain[@name='NAME']/@value``: it says all that is needed to add the element."""
+"""``PARENT/gain[@name='NAME']/@value``: it suffices to add the element."""
 
 
 def select(root: etree._Element, xpath: str) -> list[Any]:

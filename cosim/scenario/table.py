@@ -74,9 +74,9 @@ class Table:
         except UnitError as error:
             raise _error(self.path, 1, f"the column {name!r}: {error}", where) from None
         if given.exponents != wanted.exponents:
-            has = f"is in {self.columns[name]}, but a unit such as {wanted} is asked for"
+            has = f"is in {self.columns[name]}, but expected is a unit such as {wanted}"
             if self.columns[name] == "1":
-                has = f"has no unit: name it '{name} [{wanted}]' in the first line, or whatever its unit is"
+                has = f"has no unit: name it '{name} [{wanted}]' in the first line, with its true unit"
             raise _error(self.path, 1, f"the column {_shown(name)} {has}", where)
         with np.errstate(over="ignore"):
             column = self._values[:, list(self.columns).index(name)] * (given.factor / wanted.factor)
@@ -167,7 +167,7 @@ def _header(row: list[str], path: Path, where: Location) -> dict[str, str]:
 
 
 def _parse(stream: io.StringIO, names: list[str]) -> NDArray[np.float64] | None:
-    """Return the numbers (T, columns) in what is left of a file, or None if it is not such a table."""
+    """Return the numbers (T, columns) in the rest of a file, or None if it is not such a table."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # there are no rows
         try:
@@ -181,7 +181,7 @@ def _parse(stream: io.StringIO, names: list[str]) -> NDArray[np.float64] | None:
 
 
 def _problem(rows: Reader, names: list[str], path: Path, where: Location) -> InputError:
-    """Return what is wrong with the first row that is wrong."""
+    """Return the fault of the first faulty row."""
     next(rows)
     time = names.index("time")
     before = -math.inf
@@ -214,4 +214,4 @@ def _shown(text: str) -> str:
 
 
 def _error(path: Path, line: int, message: str, where: Location) -> InputError:
-    return InputError(f"{message} (the table is asked for in {where})", Location(str(path), line))
+    return InputError(f"{message} (the table is named in {where})", Location(str(path), line))

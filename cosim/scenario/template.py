@@ -17,7 +17,7 @@ _TEXT = """\
 
   <title>{title}</title>
   <description>
-    A first scenario to change. "formation check {name}.xml" says what is in it, "formation run {name}.xml" runs it and
+    A first scenario to change. "formation check {name}.xml" shows its content, "formation run {name}.xml" runs it and
     writes what came of it to runs/{name}/.
   </description>
 
@@ -67,7 +67,7 @@ _FOLLOWER = """\
 
 
 def kinds_with_example() -> Iterator[str]:
-    """Yield the kinds of vehicle of which a first scenario can be written."""
+    """Yield the kinds of vehicle that offer a first scenario."""
     yield from (kind.name for kind in kinds() if kind.example is not None)
 
 

@@ -1,4 +1,4 @@
-"""Variants: what ``<set>``, ``<replace>``, ``<insert>`` and ``<remove>`` do to the scenario that is varied.
+"""Variants: ``<set>``, ``<replace>``, ``<insert>`` and ``<remove>`` applied to a scenario.
 
 Both trees are without their namespace. Every element of the result knows where it was written; what a rule has changed,
 where the rule was.
@@ -33,7 +33,7 @@ def vary(base: etree._Element, variant: etree._Element, places: Places) -> None:
     variant
         The root of the variant.
     places
-        The place of every element of both; gets those of new elements.
+        The place of every element of both; places of new elements are added.
 
     Raises
     ------

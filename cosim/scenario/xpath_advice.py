@@ -1,4 +1,4 @@
-"""What is wrong with an XPath that selects nothing, and which one was perhaps meant."""
+"""Advice about an XPath that selects nothing: its fault, and similar XPaths that select something."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _candidates(root: etree._Element, xpath: str) -> Iterator[str]:
 
 
 def _named(root: etree._Element, name: str) -> Iterator[str]:
-    """Return what has a value by a name: gains and parameters, attributes, elements of text."""
+    """Return all nodes with a name and a value: gains and parameters, attributes, elements of text."""
     elements = list(root.iter("*"))
     yield from (f"//{e.tag}[@name='{name}']/@value" for e in elements if e.get("name") == name)
     yield from (f"//{e.tag}/@{name}" for e in elements if name in e.attrib)
@@ -87,7 +87,7 @@ def _named(root: etree._Element, name: str) -> Iterator[str]:
 
 
 def _respelled(root: etree._Element, xpath: str) -> str:
-    """Return an XPath whose words are those of the scenario that are nearest to them."""
+    """Return the XPath with each word replaced by the nearest word of the scenario."""
     known: set[str] = set()
     for element in root.iter("*"):
         known |= {element.tag, *element.attrib, element.get("name", ""), element.get("id", "")}

@@ -1,1 +1,1 @@
-"""Signals over time: where robots are to be, and what sensors, actuators and disturbances do."""
+"""Signals over time: desired places, and effects of sensors, actuators and disturbances."""

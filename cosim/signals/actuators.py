@@ -1,4 +1,4 @@
-"""What lies between the torques that controllers command and those that act."""
+"""Actuators: from commanded torques to acting ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Actuators:
     Parameters
     ----------
     channels, effects
-        Names of the torques and what the actuators do, of each robot.
+        Names of the torques and effects of the actuators, of each robot.
     step
         Communication step [s].
     """

@@ -1,4 +1,4 @@
-"""What sensors and actuators do over a run, as values of every channel that change at a few ticks."""
+"""Effects of sensors and actuators over a run, as values of every channel that change at a few ticks."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Delay:
     def __call__(
         self, tick: int, values: NDArray[np.float64], before: NDArray[np.float64] | float
     ) -> NDArray[np.float64]:
-        """Return the delayed values (robots, channels); `before` is what there was before the first tick."""
+        """Return the delayed values (robots, channels); `before` holds the values before the first tick."""
         size = len(self._memory)
         if tick == 0:
             self._memory[:] = before

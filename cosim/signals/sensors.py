@@ -1,4 +1,4 @@
-"""What lies between a robot's true pose and the pose that controllers are told."""
+"""Sensors: from a robot's true pose to the pose that controllers get."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PoseSensor:
     seed, robots, channels
         Name the random streams: one for each robot and pose entry, and one for each of its dropouts.
     effects
-        What the sensor of each robot does.
+        The effects of each robot's sensor.
     step
         Communication step [s].
     """

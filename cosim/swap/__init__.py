@@ -1,1 +1,1 @@
-"""Bringing in a foreign FMU: what its names say, proposals of a binding, and variants that use it."""
+"""Bringing in a foreign FMU: its names, proposals of a binding, and variants that use it."""

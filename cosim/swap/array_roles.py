@@ -1,4 +1,4 @@
-"""Arrays that may hold roles one after the other: which role an element plays, and whether the FMU tells so."""
+"""Arrays that may hold roles one after the other: the role of each element, and whether the FMU states it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Told(Enum):
     BY_THE_FMU = "by the FMU"
     """The name of the array and all units up to the element fit, or a description gives the order."""
     BY_PLACE = "by place"
-    """Nothing speaks for it but its place in the array, so that it is to be asked for."""
+    """Only its place in the array speaks for it, so the user is asked."""
 
 
 def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:

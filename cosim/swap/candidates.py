@@ -1,4 +1,4 @@
-"""The numbers of an FMU that could play a role: what their names say, and how their units fit."""
+"""The numbers of an FMU that could play a role: by their names and units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ALLOWED: Mapping[str, tuple[str, ...]] = {
     "output": ("output", "local"),
     "parameter": ("parameter",),
 }
-"""Causalities of what can play a role, the better ones first."""
+"""Causalities of variables that can play a role, the better ones first."""
 
 
 class Number(NamedTuple):
@@ -40,7 +40,7 @@ class Number(NamedTuple):
     hint : str
         This unit; empty if there is none.
     array : str
-        The name of the array of which it is an element; empty of a scalar.
+        The name of its array; empty for a scalar.
     place : int
         In this array, from 0; -1 of a scalar.
     size : int
@@ -143,7 +143,7 @@ class Numbers:
                 self._of_word[word].append(alike)
 
     def of(self, causality: str) -> list[Number]:
-        """Return those of a causality."""
+        """Return the numbers of a causality."""
         return [self._number(at) for at in sorted(at for alike in self._of_causality[causality] for at in alike)]
 
     def named(self, name: str) -> Number:
@@ -159,7 +159,7 @@ class Numbers:
         return [self._number(at) for at in sorted(found)]
 
     def names(self, causality: str, chosen: Callable[[Number], bool]) -> list[str]:
-        """Return the names of those of a causality that are chosen by their units and the words of their names."""
+        """Return the names of the numbers of a causality that fit by unit and by the words of the name."""
         found: list[int] = []
         for alike in self._of_causality[causality]:
             first = self._number(alike[0])
@@ -174,7 +174,7 @@ class Numbers:
         return [self._number(at) for at in self._of_array[number.array]]
 
     def telling(self, role: Role, kind: Kind) -> list[Number]:
-        """Return those whose names may tell of a role."""
+        """Return the numbers whose names may tell of a role."""
         groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
         groups += [series.words for series in kind.series if role.name in series.roles]
         recognition = kind.recognised.by_role.get(role.name)
@@ -200,7 +200,7 @@ def _letters(word: str) -> str:
 
 
 class Reading(NamedTuple):
-    """How the unit of a number fits a role: what a binding states of it, and what is open."""
+    """How the unit of a number fits a role: statements for a binding, and open questions."""
 
     unit: str = ""
     factor: str = ""

@@ -1,4 +1,4 @@
-"""What the names of variables say: their words, in English, and what a description says of a convention."""
+"""Names of variables: their words, in English; and conventions in descriptions."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
 
 @lru_cache(maxsize=10_000)
 def _parts(part: str) -> tuple[str, ...]:
-    """Return the words of which a part of a name is made, such as steer and angle, or p and x."""
+    """Return the words in a part of a name, such as steer and angle, or p and x."""
     word = part.lower()
     if match := re.fullmatch(r"(p|pos|position|v|vel|velocity|a|acc)([xyz])", word):
         return match[1], match[2]
@@ -78,7 +78,7 @@ def _words_of_clues() -> Iterator[str]:
 
 
 def doubtful(role: str, kind: Kind, description: str) -> bool:
-    """Return whether the description of what plays a role speaks of another convention than the kind's."""
+    """Return whether the description of a role's player speaks of another convention than the kind's."""
     pattern = kind.recognised.conventions.get(role)
     text = re.sub(r"(?i)(counter|anti)[ -]?clockwise", "", description)
     return pattern is not None and re.search(rf"(?i)\b({pattern})\b", text) is not None

@@ -1,4 +1,4 @@
-"""A short drive of an FMU of which not all is known: what moves under which input."""
+"""A short drive of an FMU with open questions: which output moves under which input."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from cosim.swap.candidates import Number, Numbers
 from cosim.swap.proposal import Proposal
 
 DURATION = 1.0
-"""How long the FMU is driven [s]."""
+"""Length of the drive [s]."""
 _STEP = 0.02
 _AMPLITUDES = (1.0, 10.0)
-"""What an input is, in the FMU's own unit; the second if nothing moves under the first."""
+"""Amplitudes of an input, in the FMU's own unit; the second one if nothing moves under the first."""
 _MOST_INPUTS, _MOST_OUTPUTS = 3, 24
 _TIME_LIMIT = 5.0
-"""How long [s] the FMU may take to start, and for a step."""
+"""Time limit [s] of the FMU for its start, and for a step."""
 _PATIENCE = 20.0
-"""How long [s] all may take."""
+"""Time limit [s] of the whole drive."""
 _MOVED = 1e-9
 """Relative change that counts as a movement."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """What moved.
+    """The movements in a short drive.
 
     Attributes
     ----------
     inputs : tuple of str
         Those that were given, one after the other and, if there are two or more, all together.
     amplitude : float
-        What they were, in the FMU's own units.
+        Amplitude of the inputs, in the FMU's own units.
     changes : dict
         By the output: how far it is, after `DURATION`, from where it is without any input; one number for each run.
     problem : str
@@ -59,7 +59,7 @@ class Probe:
 
 
 def probed(package: Package, proposal: Proposal) -> Probe:
-    """Drive an FMU in processes of its own and return what moved, or why that is not known."""
+    """Drive an FMU in processes of its own and return its movements, or why they are not known."""
     if sentence := obstacle(package):
         return Probe(problem=sentence)
     numbers = Numbers(package.description)
@@ -76,7 +76,7 @@ def probed(package: Package, proposal: Proposal) -> Probe:
 
 
 def with_doubts(proposal: Proposal, probe: Probe) -> Proposal:
-    """Return a proposal with a doubt at each role of which the probe says otherwise."""
+    """Return a proposal with a doubt at each role that the drive contradicts."""
     return replace(
         proposal,
         suggestions=tuple(
@@ -180,7 +180,7 @@ def _step(description: ModelDescription) -> float:
     return step if step <= DURATION / 5 else _STEP
 
 
-# What it tells ----------------------------------------------------------------------------------------------
+# Conclusions -----------------------------------------------------------------------------------------------
 
 
 def _names(suggestion: Any) -> tuple[str, ...]:
@@ -195,7 +195,7 @@ def _contradictions(proposal: Proposal, role: str, probe: Probe) -> Iterable[str
         return
     if not any(probe.changes[name]):
         if any(map(any, probe.changes.values())):
-            yield f"in a short drive {name!r} moves under no input, while others do: look whether it is the right one"
+            yield f"in a short drive {name!r} moves under no input, while others do: check that it is the right one"
         return
     for response in proposal.kind.responses:
         command, sign = response.command, response.sign
@@ -208,5 +208,5 @@ def _contradictions(proposal: Proposal, role: str, probe: Probe) -> Iterable[str
             drive = f"{player[command]!r} = {probe.amplitude:g}"
             yield (
                 f"in a short drive {name!r} {what} under {drive} alone, but {role} goes {way} with {command}: "
-                "look whether names and signs are right"
+                "check names and signs"
             )

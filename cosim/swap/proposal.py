@@ -33,12 +33,12 @@ from cosim.vehicle.words import NEUTRAL, STARTING
 
 _HERE = Location("the proposed binding")
 _MOST_NAMED = 8
-"""How many variables a sentence names."""
+"""Number of variables that a sentence names."""
 
 
 @dataclass(frozen=True)
 class Suggestion:
-    """What plays a role.
+    """The proposed player of a role.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class Suggestion:
     source : RoleSource or None
         As a binding says it; None of an optional role for which there is nothing.
     open : tuple of str
-        What the user must fill in, each a sentence.
+        Open questions for the user, each a sentence.
     doubts : tuple of str
-        What the user should look at, each a sentence.
+        Doubts that the user should check, each a sentence.
     candidates : tuple of str
         Where nothing plays it, the numbers that may do so, and among which the user must choose.
     """
@@ -68,7 +68,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What plays the roles of a kind of vehicle.
+    """The proposed players of the roles of a kind of vehicle.
 
     Attributes
     ----------
@@ -116,13 +116,13 @@ class Proposal:
 
     @property
     def binding(self) -> BindingSource:
-        """The binding, in which `OPEN` stands for what is to be filled in."""
+        """The binding, in which `OPEN` stands for text to fill in."""
         roles = tuple(s.source for s in self.suggestions if s.source is not None and not s.needs_no_binding)
         return BindingSource(self.kind.name, roles, _HERE)
 
 
 def proposals(description: ModelDescription) -> list[Proposal]:
-    """Return a proposal for each kind that is installed, that of the likeliest kind of vehicle first."""
+    """Return a proposal for each kind that is installed, the likeliest kind of vehicle first."""
     numbers = Numbers(description)
     return sorted(
         (_proposed(description, kind, numbers) for kind in kinds()),
@@ -131,12 +131,12 @@ def proposals(description: ModelDescription) -> list[Proposal]:
 
 
 def propose(description: ModelDescription, kind: Kind) -> Proposal:
-    """Propose what plays the roles of a kind of vehicle.
+    """Propose players for the roles of a kind of vehicle.
 
     Parameters
     ----------
     description : ModelDescription
-        What the FMU says of itself.
+        The FMU's model description.
     kind
         The kind of vehicle.
     """
@@ -180,13 +180,13 @@ def velocity_hints(
     Parameters
     ----------
     description : ModelDescription
-        What the FMU says of itself.
+        The FMU's model description.
     kind
         The kind of vehicle.
     roles
         The velocities that are not bound.
     played
-        The names of what plays a role already.
+        The names of numbers that play a role already.
     """
     numbers = Numbers(description)
     sought = (_sought(Suggestion(role), description, numbers, played) for role in kind.velocity if role.name in roles)
@@ -277,7 +277,7 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
         played = _played(role, description, kind, best[0], numbers)
         if role in kind.pose[2:] and _told(role, kind, best[0].number, numbers, description):
             number = best[0].number
-            place = f"{number.name!r} is taken by its place in {number.array!r}: look whether it is {role.meaning}"
+            place = f"{number.name!r} is taken by its place in {number.array!r}: check that it is {role.meaning}"
             return replace(played, doubts=(*played.doubts, place))
         return played
     reasons = []
@@ -317,7 +317,7 @@ def _asked(suggestion: Suggestion, fit: _Fit) -> str:
     del said["name"]
     state = " ".join(f'{name}="{value}"' for name, value in said.items())
     return (
-        f"{fit.number.name!r} could be it by its place in {fit.number.array!r}, which tells too little: "
+        f"{fit.number.name!r} could be it by its place in {fit.number.array!r}, which is no proof: "
         f"if it is {suggestion.role.meaning}, state {state}"
     )
 
@@ -327,7 +327,7 @@ def _suggest_enumeration(role: Role, description: ModelDescription) -> Suggestio
     if variable is not None and variable.causality == role.causality and variable.type == "Enumeration":
         return Suggestion(role, _by_name(role))
     source = RoleSource(name=role.name, value=OPEN, where=_HERE)
-    return Suggestion(role, source, (f"state {role.meaning}; nothing in the FMU says it",))
+    return Suggestion(role, source, (f"state {role.meaning}; the FMU does not tell it",))
 
 
 def _rank(role: Role, kind: Kind, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
@@ -372,7 +372,7 @@ def _played(role: Role, description: ModelDescription, kind: Kind, fit: _Fit, nu
 
 
 def _initial(role: Role, description: ModelDescription, kind: Kind, played_by: Number, numbers: Numbers) -> str | None:
-    """Return the parameter that obviously gives the initial value of what plays a role."""
+    """Return the parameter that obviously gives the initial value of a role's player."""
     fitting: list[_Fit] = []
     own = [word for word in played_by.words if word not in NEUTRAL]
     for number in numbers.having({*STARTING, "0"}):
@@ -394,7 +394,7 @@ def _by_name(role: Role) -> RoleSource:
 
 
 def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = ()) -> Suggestion:
-    """Return a role of which the user must say what plays it."""
+    """Return a role whose player the user must name."""
     if role.optional:
         return Suggestion(role)
     return Suggestion(role, RoleSource(name=role.name, variable=OPEN, where=_HERE), sentences, (), candidates)
@@ -423,7 +423,7 @@ def _element(role: Role, name: str, description: ModelDescription, numbers: Numb
 
 
 def _could_be(role: Role, description: ModelDescription, numbers: Numbers) -> list[str]:
-    """Return the names of what could play a role by its unit: of those that state one, or else of those that do not."""
+    """Return the names of numbers that could play a role by their unit; if there are none, of those without a unit."""
 
     def fits(number: Number, *, stated: bool) -> bool:
         if bool(unit_name(number.variable) or number.hint) != stated:

@@ -47,13 +47,13 @@ class Replacement:
     kind : Kind
         The kind of vehicle.
     proposal : Proposal or None
-        What plays the roles; None if a binding is given.
+        The proposal of a binding; None if a binding is given.
     roles : tuple of RoleSource
         The same as a binding has it.
     binding : Path or None
         The binding's file; None if none is needed.
     probe : Probe or None
-        What moved in a short drive; None if none was made.
+        Movements in a short drive; None if none was made.
     """
 
     plant: str
@@ -67,7 +67,7 @@ class Replacement:
 
 @dataclass(frozen=True)
 class Swap:
-    """What is to be written.
+    """The files to write.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Swap:
     replacements : tuple of Replacement
         The FMUs.
     notes : tuple of str
-        What of the scenario does not carry over, each a sentence.
+        Parts of the scenario that do not carry over, each a sentence.
     """
 
     variant: Path
@@ -109,9 +109,9 @@ def swap(
     variant
         The file to be written; without it, beside the scenario, named after both. Bindings go beside it.
     cleanup
-        Gets what must be undone in the end.
+        Receives the clean-up callbacks.
     drive
-        Whether FMUs of which not all is known are driven for a second, to see what moves.
+        Whether FMUs with open questions are driven for a second, to see which outputs move.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def swap(
     if variant is None:
         variant = path.with_name("_".join([path.stem, *dict.fromkeys(fmu.stem for fmu in fmus.values())]) + ".xml")
     if variant.resolve() == path.resolve():
-        raise InputError(f"{variant} is the scenario itself, of which a variant is to be written")
+        raise InputError(f"{variant} is the scenario itself: name another file for the variant")
     replacements = tuple(
         _replacement(scenario, plant, fmu, bindings.get(plant), variant.parent, cleanup, drive)
         for plant, fmu in fmus.items()
@@ -181,7 +181,7 @@ def _robots(scenario: Scenario) -> dict[str, Leader | Follower]:
 
 
 class _Writer:
-    """Writes the variant; what does not carry over is then in `notes`."""
+    """Writes the variant; `notes` then lists the parts that do not carry over."""
 
     def __init__(
         self, scenario: Scenario, root: etree._Element, replacements: Sequence[Replacement], variant: Path
@@ -262,10 +262,10 @@ class _Writer:
                     yield _rule("insert", f"follower[@id='{name}']", deepcopy(source))
 
     def _events(self) -> Iterator[etree._Element]:
-        """Return the rules about the events that change what does not carry over to all robots."""
+        """Return the rules for events whose changes do not carry over to all robots."""
         for index, event in reversed(list(enumerate(self.root.findall(_NS + "event"), 1))):
             robots = event.get("robots", "").split()
-            groups: dict[tuple[str, ...], list[str]] = {}  # robots by what their parameters and inputs are called
+            groups: dict[tuple[str, ...], list[str]] = {}  # robots by the names of their parameters and inputs
             was = tuple(child.get("name", "") for child in _changing(event))
             for robot in robots:
                 groups.setdefault(self._changed(event, robot), []).append(robot)
@@ -300,7 +300,7 @@ class _Writer:
                 names.append(self._carried(replacement, setting, what, tunable=True))
         return tuple(names)
 
-    # What carries over
+    # Parts that carry over
 
     def _carried(self, replacement: Replacement, setting: Setting, whose: str, *, tunable: bool = False) -> str:
         """Return the name of a parameter in the FMU that takes a plant's place; an empty one if it has no such."""
@@ -356,7 +356,7 @@ class _Writer:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What does not carry over, a sentence for each reason."""
+        """Parts that do not carry over, a sentence for each reason."""
         sentences = []
         for reason, found in self._left_out.items():
             together: dict[tuple[str, ...], list[str]] = {}

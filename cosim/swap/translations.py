@@ -1,4 +1,4 @@
-"""Words of other languages, and units at the end of names: what names of variables say besides English words."""
+"""Words of other languages, and units at the end of names: the parts of names besides English words."""
 
 from __future__ import annotations
 

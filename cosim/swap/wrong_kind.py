@@ -1,4 +1,4 @@
-"""Whether an FMU is clearly no vehicle of a kind: by what it has, never by names that tell nothing."""
+"""Whether an FMU is clearly no vehicle of a kind: by positive evidence, never by names without meaning."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def other_kind(kind: Kind, numbers: Numbers, missing: Collection[str], said: str
     missing
         The roles for which there is nothing.
     said
-        What the FMU says of itself as a whole.
+        The FMU's name and description.
     """
     inputs = {number.name: tuple(number.words) for number in numbers.of("input") if not _NO_DRIVE & set(number.words)}
     return kind.recognised.refusal(Evidence(inputs, words_of(said), missing, lambda words: bool(numbers.having(words))))

@@ -462,7 +462,7 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
         ('<role name="x" variable="x"/>\n<role name="x" variable="y"/>', "the role 'x' is given twice"),
         ('<role name="a" variable="a" value="1 m"/>', "a <role> needs either a variable or a value"),
         ('<role name="x"/>', "a <role> needs either a variable or a value"),
-        ('<role name="a" value="1 m" unit="m"/>', "a <role> with a value has nothing else but its name"),
+        ('<role name="a" value="1 m" unit="m"/>', "a <role> with a value takes no other attribute but its name"),
         ('<role name="a" value="1 m" sign="-1"/>', "has no attribute 'sign'"),
         ('<role variable="a"/>', "name"),
         ('<rule name="a" variable="a"/>', "<rule>"),
@@ -558,7 +558,7 @@ def test_paths_are_relative_to_the_file_that_names_them(tmp_path: Path) -> None:
 def test_a_binding_twice(tmp_path: Path) -> None:
     write(tmp_path / "car.xml", ROLE)
     path = with_plant(tmp_path / "a.xml", 'binding="car.xml"', f'<binding vehicle="car_like">{ROLE}</binding>')
-    with pytest.raises(InputError, match=r'the <plant> has binding="\.\.\." already: it is either'):
+    with pytest.raises(InputError, match=r'the <plant> has binding="\.\.\." and a <binding>: remove'):
         read_scenario(path)
 
 

@@ -211,7 +211,7 @@ def test_torques_of_an_array_are_not_taken_by_their_place(tmp_path: Path) -> Non
     proposal = propose(describe(tmp_path, ARRAYS), CAR_LIKE)
     assert [suggestion.role.name for suggestion in proposal.open] == ["tau_drive", "tau_steer"]
     assert of(proposal, "tau_drive").open == (
-        "'vehicle.torque[1]' could be it by its place in 'vehicle.torque', which tells too little: if it is the drive "
+        "'vehicle.torque[1]' could be it by its place in 'vehicle.torque', which is no proof: if it is the drive "
         'torque, forward, state variable="vehicle.torque[1]"',
     )
     assert of(proposal, "tau_steer").candidates == ("vehicle.torque[2]",)
@@ -252,7 +252,7 @@ def test_clear_outputs_go_before_a_series_of_locals(car: Any) -> None:
     proposal = car(dict.fromkeys(("pos_x", "pos_y", "heading", "steer")) | robot)
     assert [variable(proposal, role) for role in ("x", "y", "psi")] == ["robot_x", "robot_y", "robot_theta"]
     assert variable(proposal, "gamma") == OPEN
-    assert "which tells too little: if it is the steering angle" in of(proposal, "gamma").open[0]
+    assert "which is no proof: if it is the steering angle" in of(proposal, "gamma").open[0]
 
 
 def test_a_name_that_leaves_nothing_open_goes_before_any_series(car: Any) -> None:

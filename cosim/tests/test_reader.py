@@ -125,7 +125,7 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "<sensor>",
             '<sensor>\n<delay time="60 s" channels="x"/><delay time="60 s" channels="y"/>\n<delay time="60 s"/>',
             "37:1",
-            "with this delay a channel is 120 s late, longer than the run of 100 s",
+            "the delays of a channel add up to 120 s, longer than the run of 100 s",
         ),
         ("<noise ", '<noise from="2 s" to="1 s" ', "36:5", "the window ends at 1 s, before it begins at 2 s"),
         (
@@ -182,7 +182,7 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
         ),
         # changes of places
         (END, f'{END[:-2]}><change from="9 s" to="7 s" range="1 m"/></desired>', "49:43", "ends at 7 s, before"),
-        (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "it must last"),
+        (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "the end must be later"),
         (END, f'{END[:-2]}><change from="1 s" to="2 s"/></desired>', "49:43", "nothing changes"),
         (
             END,
@@ -210,19 +210,19 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "</scenario>",
             '<event at="1 s" robots="follower_1"><torque/></event></scenario>',
             "64:37",
-            'only the torque of robots="leader"',
+            '<torque> needs robots="leader"',
         ),
         (
             "</scenario>",
             '<event at="1 s" robots="leader"><torque/>\n<torque tau_drive="1 N.m"/></event></scenario>',
             "65:1",
-            "an event has one <torque>: this is a second one",
+            "an event takes one <torque>: remove this second one",
         ),
         (
             "</scenario>",
             '<event at="1 s" robots="leader"><stop/>\n<stop/></event></scenario>',
             "65:1",
-            "an event has one <stop>: this is a second one",
+            "an event takes one <stop>: remove this second one",
         ),
         # what excludes each other
         (f"{POSE}\n    {LEADING}", "<trajectory/>", "43:5", "needs either waypoints or file"),

@@ -187,7 +187,7 @@ def test_a_value_that_does_not_fit_is_refused_with_its_place(kind: str, value: s
 def test_a_table_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
     path.write_text("time [s],wind [m]\n0,1\n")
-    with pytest.raises(InputError, match="'wind' is in m, but a unit such as N"):
+    with pytest.raises(InputError, match="'wind' is in m, but expected is a unit such as N"):
         samples(wave("table", "", file=str(path), column="wind"))
     with pytest.raises(InputError, match="did you mean 'wind'") as caught:
         samples(wave("table", "", file=str(path), column="wimd"))
@@ -206,8 +206,8 @@ def test_a_sum_beyond_all_numbers_is_refused() -> None:
         (wave("sine", period="0 s"), 'period="0 s" of <sine> must be greater than zero'),
         (wave("sine", period="1 m"), "period=\"1 m\" of <sine>: '1 m': m does not fit"),
         (wave("random", cutoff="0 Hz"), "must be greater than zero"),
-        (wave("ramp", start=1.0, stop=1.0), "it begins and ends at 1 s: it must last"),
-        (wave("pulse", start=1.0, stop=1.0), "it begins and ends at 1 s: it must last"),
+        (wave("ramp", start=1.0, stop=1.0), "it begins and ends at 1 s: the end must be later"),
+        (wave("pulse", start=1.0, stop=1.0), "it begins and ends at 1 s: the end must be later"),
     ],
 )
 def test_what_no_wave_can_be_is_refused_at_its_place(written: WaveSource, message: str) -> None:

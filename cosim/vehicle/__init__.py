@@ -1,1 +1,1 @@
-"""Kinds of vehicle: what a plant must offer so that a controller can drive it."""
+"""Kinds of vehicle: roles that a plant must offer so that a controller can drive it."""

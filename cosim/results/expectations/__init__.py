@@ -1,4 +1,4 @@
-"""What must hold for a run to pass: checked before the run, judged after it.
+"""Expectations: conditions for a run to pass, checked before the run and judged after it.
 
 Each kind of expectation is a module of this folder, with a class that names its element in the schema. What concerns
 other scenarios is handed in: one function that tells their signals, and one that runs them.

@@ -1,4 +1,4 @@
-"""What the expectations have in common that hold a measure of a signal against a bound."""
+"""The base of expectations that compare a measure of a signal with a bound."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Bounded(Kind):
 
     @property
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
         return f"{self.element} {self.subject} {self.attribute} {self.bound_text}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:

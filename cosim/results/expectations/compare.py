@@ -38,7 +38,7 @@ class Compare(Kind):
 
     @property
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
         return f"{self.name} {self.subject} at most {self.bound:g} times that of {self.path.name}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
@@ -87,7 +87,7 @@ class Compare(Kind):
         return [self.verdict(figure, margin, margin >= 0, "", detail, bound=bound, unit=unit)]
 
     def _without(self, figure: float, unit: str, why: str) -> Verdict:
-        """Return the verdict that is not the failure that may be known: nobody can tell whether it holds."""
+        """Return the verdict of a comparison that could not be made; it does not count as the known failure."""
         return self.verdict(figure, math.nan, False, "", why, bound=math.nan, unit=unit, known_failure="")
 
     def _mean(self, result: xr.Dataset) -> float:

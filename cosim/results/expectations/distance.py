@@ -26,7 +26,7 @@ class Distance(Kind):
 
     @property
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
         return f"distance between followers above {self.bound_text}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:

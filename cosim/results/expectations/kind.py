@@ -1,4 +1,4 @@
-"""What all kinds of expectations have in common: they are read, checked before the run and judged after it."""
+"""The base of all kinds of expectations: they are read, checked before the run and judged after it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Kind(ABC):
     Attributes
     ----------
     element : str
-        The element's name; empty for what several kinds have in common.
+        The element's name; empty for a base of several kinds.
     fewest : int
         Samples that its window must hold.
     lasts : bool
@@ -68,16 +68,16 @@ class Kind(ABC):
     @property
     @abstractmethod
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
 
     @property
     def overview(self) -> str:
-        """What is expected, as an overview of the scenario says it."""
+        """The expectation in words, as an overview of the scenario shows it."""
         return self.text
 
     @abstractmethod
     def check(self, own: Recording, prepare: Prepare) -> None:
-        """Refuse, with its place, what could not be judged when the scenario has run."""
+        """Refuse, with its place, an expectation that could not be judged after the run."""
 
     @abstractmethod
     def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:

@@ -1,4 +1,4 @@
-"""What a run will record, as far as expectations need to know it."""
+"""The signals that a run will record, as far as expectations need to know them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from cosim.results.channel import Channel
 from cosim.scenario.scenario import LEADER
 
 DERIVED = {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
-"""Signals of every follower that follow from what is recorded, with their units."""
+"""Signals of every follower that are computed from recorded ones, with their units."""
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a run will record under one name.
+    """A signal that a run will record.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ def recorded(
     channels
         The channels that are recorded.
     labels
-        The components' names by the dimension, such as those of ``pose_component``.
+        The components' names by the dimension, such as ``pose_component``.
     followers
         The followers' ids.
     owners

@@ -1,4 +1,4 @@
-"""No follower comes near a singularity of its controller, as the controller's signals tell."""
+"""No follower comes near a singularity of its controller, by the controller's signals."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Regular(Kind):
 
     @property
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
         return f"regular, {self.span}"
 
     @property
     def overview(self) -> str:
-        """What is expected, as an overview of the scenario says it."""
+        """The expectation in words, as an overview of the scenario shows it."""
         return f"no singularity, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:

@@ -27,13 +27,13 @@ class Settled(Kind):
 
     @property
     def text(self) -> str:
-        """What is expected, as a verdict says it."""
+        """The expectation in words, as verdicts show it."""
         distance, bearing = self.bands
         return f"settled by {self.bound_text} within {distance:g} m and {math.degrees(bearing):g} deg"
 
     @property
     def overview(self) -> str:
-        """What is expected, as an overview of the scenario says it."""
+        """The expectation in words, as an overview of the scenario shows it."""
         distance, bearing = self.bands
         return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
 

@@ -1,4 +1,4 @@
-"""From a document that satisfies the schema to a scenario; checks what a schema cannot say."""
+"""From a document that satisfies the schema to a scenario; checks beyond the schema."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def read_scenario(
     Raises
     ------
     InputError
-        What the file says is not a scenario; with file, line and column.
+        The file is no scenario; with file, line and column.
     """
     made = as_changes(changes)
     document = read_document(Path(path), made)
@@ -52,7 +52,7 @@ def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
-    """Read what is expected of a run from the text of its scenario; no other file is read.
+    """Read the expectations of a run from the text of its scenario; no other file is read.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What sensors and actuators do."""
+"""Effects of sensors and actuators."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LIMITS = {"saturation": "N.m", "rate": "N.m/s"}
 
 
 def effects(element: Element, tag: str, times: Times) -> tuple[Effect, ...]:
-    """Read what the sensor or the actuator in an element does."""
+    """Read the effects of the sensor or the actuator in an element."""
     found = tuple(effect for own in element.children(tag) for child in own.inside for effect in _effect(child, times))
     _check_delays((effect for effect in found if effect.kind == "delay"), times)
     return found
@@ -50,6 +50,6 @@ def _check_delays(delays: Iterable[Effect], times: Times) -> None:
         longest = max(total.values())
         if longest > times.horizon + 0.5 * times.step:
             raise InputError(
-                f"with this delay a channel is {longest:g} s late, longer than the run of {times.horizon:g} s",
+                f"the delays of a channel add up to {longest:g} s, longer than the run of {times.horizon:g} s",
                 delay.where,
             )

@@ -97,7 +97,7 @@ def known(element: Element, what: str, among: Mapping[str, object]) -> str:
 
 
 def robots(element: Element, among: list[str]) -> tuple[str, ...]:
-    """Return the ids in the attribute ``robots``, each of which must be one of those that there are."""
+    """Return the ids in the attribute ``robots``; each must be a robot of the scenario."""
     named = tuple(dict.fromkeys(element.get("robots").split()))
     for robot in named:
         if robot not in among:

@@ -1,4 +1,4 @@
-"""What happens to robots at a time."""
+"""Events: changes of robots at a time."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def events(element: Element, times: Times, followers: list[str]) -> Iterator[Eve
     named = robots(element, [LEADER, *followers])
     for tag in ("torque", "stop"):
         if len(found := list(element.children(tag))) > 1:
-            raise found[1].error(f"an event has one <{tag}>: this is a second one")
+            raise found[1].error(f"an event takes one <{tag}>: remove this second one")
     for given in element.children("input"):
         if "value" not in given or given.inside:
-            raise given.error("an <input> of an event has a value, which it keeps from then on")
+            raise given.error('an <input> of an event takes value="...", which holds from then on')
     torque = element.find("torque")
     if torque is not None and named != (LEADER,):
-        raise torque.error('only the torque of robots="leader" can be given: a follower has a controller')
+        raise torque.error('<torque> needs robots="leader": a follower gets its torques from its controller')
     for robot in named:
         yield Event(
             time=time,

@@ -1,4 +1,4 @@
-"""What must hold for a run to pass."""
+"""Expectations: conditions for a run to pass."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cosim.scenario.scenario import Expectation
 
 
 def expectations(root: Element, times: Times, followers: list[str]) -> tuple[Expectation, ...]:
-    """Read what a scenario expects: windows and robots; the rest is for those who judge."""
+    """Read the expectations of a scenario: windows and robots; their kinds read the rest."""
     return tuple(
         _expectation(element, times, followers) for group in root.children("expect") for element in group.inside
     )

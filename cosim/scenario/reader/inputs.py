@@ -1,4 +1,4 @@
-"""What inputs of plants are given: sums of waves."""
+"""Values of the inputs of plants: sums of waves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def inputs(element: Element, times: Times) -> tuple[InputSource, ...]:
 def _input(element: Element, times: Times) -> InputSource:
     waves = tuple(_wave(wave, times) for wave in element.inside)
     if bool(waves) == ("value" in element):
-        raise element.error("an <input> has either a value, which it keeps, or signals")
+        raise element.error('an <input> takes either value="..." or signals within it')
     return InputSource(element.get("name"), waves or (_constant(element),), element.where)
 
 

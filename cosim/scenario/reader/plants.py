@@ -61,7 +61,7 @@ def binding(element: Element) -> BindingSource:
         if ("variable" in child) == ("value" in child):
             raise child.error("a <role> needs either a variable or a value")
         if "value" in child and len(child.attributes) > 2:
-            raise child.error("a <role> with a value has nothing else but its name")
+            raise child.error("a <role> with a value takes no other attribute but its name")
         roles[name] = RoleSource(**child.attributes, where=child.where)
     return BindingSource(element.get("vehicle"), tuple(roles.values()), element.where)
 
@@ -72,7 +72,7 @@ def read_binding(path: str | Path) -> BindingSource:
     Raises
     ------
     InputError
-        What the file says is not a binding; with file, line and column.
+        The file is no binding; with file, line and column.
     """
     document = read_binding_document(Path(path))
     return binding(Element.root(document))
@@ -83,7 +83,7 @@ def _binding_of(element: Element) -> BindingSource | None:
     if "binding" not in element:
         return None if inside is None else binding(inside)
     if inside is not None:
-        raise inside.error('the <plant> has binding="..." already: it is either there or in a file')
+        raise inside.error('the <plant> has binding="..." and a <binding>: remove one of them')
     path = element.path("binding")
     try:
         return read_binding(path)
@@ -106,7 +106,7 @@ def _solver_steps(element: Element, step: float) -> int | None:
     if "solver_step" not in element:
         return None
     if element.get("solver") == "cvode":
-        raise element.error("cvode chooses its steps itself: there is no solver_step of it")
+        raise element.error("cvode chooses its steps itself: remove solver_step")
     length = element.positive("solver_step", "s")
     steps = round(step / length)
     if steps < 1 or abs(step / length - steps) > 1e-9 * steps:

@@ -44,7 +44,7 @@ def follower(
     sensor: tuple[Effect, ...],
     actuator: tuple[Effect, ...],
 ) -> Follower:
-    """Read a follower; sensor and actuator are those of the scenario, unless it has its own."""
+    """Read a follower; the scenario's sensor and actuator stand in for missing ones."""
     desired = element.child("desired")
     return Follower(
         id=element.get("id"),

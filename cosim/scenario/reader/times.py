@@ -60,7 +60,7 @@ class Times:
         return time
 
     def window(self, element: Written, end: float = math.inf) -> tuple[float, float]:
-        """Return when something begins and ends [s]: at the start and at an end if nothing is said."""
+        """Return begin and end of an element [s]; the defaults are the start and a given end."""
         start = self.beginning(element, "from") if "from" in element else 0.0
         stop = element.quantity("to", "s") if "to" in element else end
         if start > stop:
@@ -71,7 +71,7 @@ class Times:
         """Return when something that must last begins and ends [s]."""
         start, stop = self.window(element)
         if start == stop:
-            raise element.error(f"it begins and ends at {start:g} s: it must last")
+            raise element.error(f"it begins and ends at {start:g} s: the end must be later")
         return start, stop
 
 

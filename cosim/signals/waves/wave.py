@@ -62,7 +62,7 @@ class Wave(ABC):
     def __init__(self, written: WaveSource) -> None:
         self.written = written
         if self.lasts and written.start == written.stop:
-            raise written.error(f"it begins and ends at {written.start:g} s: it must last")
+            raise written.error(f"it begins and ends at {written.start:g} s: the end must be later")
 
     @abstractmethod
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
