@@ -134,8 +134,8 @@ def test_a_table_holds_from_row_to_row(tmp_path: Path, name: str, rows: str, exp
         ('', '<event at="0 s" robots="leader"><input name="tau_drive" value="1 N.m"/></event>', "an event cannot set 'tau_drive', which a controller or the <torque> of the leader commands"),
         ('<parameter name="tau_steer" value="1 N.m"/>', "", "has no parameter 'tau_steer'"),
         ('<parameter name="gear" value="x"/>', "", "parameter gear of stub.fmu: 'x' is not a whole number"),
-        ('<parameter name="gear" value="2"/><input name="gear" value="3"/>', "", "the input 'gear' is given a value as <parameter> and as <input>: one must do"),
-        ('<input name="gear" value="3"/>', '<event at="0 s" robots="leader"><parameter name="gear" value="1"/></event>', "the input 'gear' is given a value as <parameter> and as <input>: one must do"),
+        ('<parameter name="gear" value="2"/><input name="gear" value="3"/>', "", "the input 'gear' is given a value as <parameter> and as <input>: remove one"),
+        ('<input name="gear" value="3"/>', '<event at="0 s" robots="leader"><parameter name="gear" value="1"/></event>', "the input 'gear' is given a value as <parameter> and as <input>: remove one"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_at_its_place(tmp_path: Path, inputs: str, more: str, sentence: str) -> None:

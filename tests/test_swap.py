@@ -276,7 +276,7 @@ def test_what_the_check_refuses_is_said(swap, scenario: Path, tmp_path: Path) ->
     fmu = make_fmu(tmp_path, velocities=False)
     printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
     assert "wrote " in printed
-    assert "offers no v and no omega, but followers are told the leader's velocities" in warned
+    assert "offers no v and no omega, but its followers need the leader's velocities" in warned
 
 
 def test_a_variant_is_swapped_too(swap, scenario: Path, tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_velocities_under_names_that_tell_nothing(
     fmu = make_fmu(tmp_path, names={"v": "Tempo", "omega": "rates[2]"})
     printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
     assert '\'Tempo\' could be it; if so, add <role name="v" variable="Tempo"/>' in printed
-    assert "offers no v and no omega, but followers are told the leader's velocities" in warned
+    assert "offers no v and no omega, but its followers need the leader's velocities" in warned
     assert '\'rates[2]\' could be omega, which the binding says with <role name="omega" variable="rates[2]"/>' in warned
     assert main(["inspect", str(fmu)]) == 0
     assert "'rates[2]'" in " ".join(capsys.readouterr().out.split())

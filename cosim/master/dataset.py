@@ -1,4 +1,4 @@
-"""From what a run has recorded to its result: an xarray dataset with units and provenance."""
+"""From the records of a run to its result: an xarray dataset with units and provenance."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def dataset(
     messages: Sequence[str],
     failure: Failure | None = None,
 ) -> xr.Dataset:
-    """Return what a run has recorded, with what follows from it.
+    """Return the records of a run, with the variables that are computed from them.
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
     each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.

@@ -1,4 +1,4 @@
-"""Ctrl-C without loss: a run ends at the end of a tick, and what is being written is written."""
+"""Ctrl-C without loss: a run ends at the end of a tick, and a file that is being written is completed."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def plant(
     inputs
         Those that are given besides the torques.
     given
-        What the torques and these inputs are at the start, in the roles' units; empty for the FMU's own start values.
+        Values of the torques and these inputs at the start, in the roles' units; empty for the FMU's start values.
     held
         Inputs that keep their values until they are changed, at the start.
     stop_time
@@ -131,10 +131,10 @@ def plant(
 
 
 def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
-    """Return the relative tolerance of CVODE, or the one that a Co-Simulation FMU is told for its own solver.
+    """Return the relative tolerance of CVODE, or the one that a Co-Simulation FMU gets for its own solver.
 
-    Without one in the scenario, an FMU is told that of its default experiment, if it has one that can be meant; so does
-    FMPy. A built-in model has a parameter for it. None if nobody is told any.
+    Without one in the scenario, an FMU gets the tolerance of its default experiment, if that is positive; so does FMPy.
+    A built-in model has a parameter for it. None if there is none.
     """
     if fmu.interface == MODEL_EXCHANGE:
         return (source.tolerance or DEFAULT_TOLERANCE) if source.solver == "cvode" else None

@@ -1,6 +1,6 @@
 """Soft real time: a run that keeps pace with a clock, for people to watch or devices to listen to.
 
-The operating system gives no guarantee, so late ticks are counted and told, and a run that falls behind catches up.
+The operating system gives no guarantee, so late ticks are counted and reported, and a run that falls behind catches up.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 _LONGEST_SLEEP = 0.2
-"""For how long [s] nobody is asked whether to go on waiting."""
+"""Longest wait [s] between two checks whether to go on waiting."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is kept of a run: one preallocated array a signal, filled row by row."""
+"""The records of a run: one preallocated array a signal, filled row by row."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cosim.results.channel import Channel
 
 
 class Recorder:
-    """Arrays of all channels over the samples of a run; what is not recorded is NaN.
+    """Arrays of all channels over the samples of a run; samples that are not recorded are NaN.
 
     Parameters
     ----------

@@ -28,11 +28,11 @@ class RobotSetup:
     parameters : tuple of ParameterValue
         Those of its plant, with its own in their place.
     vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
-        Its geometry, as controllers are told.
+        Its geometry, as controllers know it.
     pose : tuple of float
         Initial pose in the kind's order and units.
     sensor, actuator : tuple of Effect
-        What lies between it and the controllers.
+        Effects between it and the controllers.
     torque : ndarray
         Torques (ticks + 1, 2) [N.m] that act besides the controller's; a leader's are all of them.
     inputs : tuple of BoundRole

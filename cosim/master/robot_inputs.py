@@ -1,4 +1,4 @@
-"""What a scenario gives the inputs of a robot's FMU besides its controller: signals, and values from events on."""
+"""Values of the inputs of a robot's FMU from the scenario: signals, and values from events on."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
 
 @dataclass
 class RobotInputs:
-    """What the inputs of a robot are given.
+    """The values of a robot's inputs.
 
     Attributes
     ----------
     torque : dict
-        What is added to a torque, (ticks + 1,) [N.m], by its place among the torques.
+        Signals added to a torque, (ticks + 1,) [N.m], by its place among the torques.
     samples : dict
         Other real inputs by name: the role that stands for it and its values (ticks + 1,) in the role's unit.
     discrete : dict
@@ -58,7 +58,7 @@ class RobotInputs:
         for value in values:
             if value.is_input and value.variable.name in names:
                 raise InputError(
-                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: one must do",
+                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: remove one",
                     value.where,
                 )
 
@@ -66,7 +66,7 @@ class RobotInputs:
 def robot_inputs(
     scenario: Scenario, fmu: Fmu, robot: str, sources: Sequence[InputSource], times: NDArray[np.float64]
 ) -> RobotInputs:
-    """Return what the inputs of a robot are given.
+    """Return the values of a robot's inputs.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
     for bound in roles:
         if bound is not None and bound.played_by is not None and bound.played_by.variable is variable:
             raise InputError(
-                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: name that",
+                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: name the role",
                 source.where,
             )
     if variable.dimensions:

@@ -34,15 +34,15 @@ from cosim.vehicle.kind import Kind, Role
 from cosim.vehicle.path import Motion
 
 MAX_BYTES = 4 * 1024**3
-"""Of what is recorded of a run, and of the signals that drive it."""
+"""Upper limit for the records of a run, and for the signals that drive it."""
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
-"""Names in a result that no channel can have: dimensions, and what follows from the channels."""
+"""Names in a result that no channel can have: dimensions, and variables that are computed from channels."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What a scenario is run with.
+    """Everything that a scenario is run with.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class Setup:
     gains : tuple
         Those of each follower.
     channels : tuple of Channel
-        What is recorded.
+        The channels to record.
     signals : dict
-        The same as expectations know it, with what follows from it, by name.
+        The signals that expectations can name: channels and variables computed from them.
     others : dict
         Scenarios that this one is compared with, each with its own set-up, by file.
     """
@@ -84,14 +84,14 @@ class Setup:
 
 
 def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> Setup:
-    """Find and check what a scenario names. Built-in plants are built if they are not in the cache.
+    """Find and check everything that a scenario names. Built-in plants are built if they are not in the cache.
 
     Parameters
     ----------
     scenario
         The scenario.
     cleanup
-        Gets what must be undone in the end.
+        Receives the clean-up callbacks.
     timing
         Gets the seconds that were spent, by part.
 
@@ -101,7 +101,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         Something does not exist or does not fit, with the place in the scenario.
     """
     fmus = {}
-    for source in scenario.plants.values():  # also one that no robot is: what a file says is right
+    for source in scenario.plants.values():  # also one that no robot is, so that the whole file is checked
         with timed(timing, "build"):
             path = _fmu_path(source)
         with timed(timing, "load"):
@@ -130,7 +130,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     others: dict[Path, tuple[Scenario, Setup]] = {}
 
     def prepare(path: Path) -> Recording:
-        """Read and set up a scenario to compare with, once; what is expected of it is not followed."""
+        """Read and set up a scenario to compare with, once; its own expectations are not read."""
         if path not in others:
             other = replace(read_scenario(path, untrusted=scenario.untrusted), expectations=())
             others[path] = other, set_up(other, cleanup, {})
@@ -205,7 +205,9 @@ def _leader(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
         torque[:] = _entries(leader.torque, kind, kind.command, missing=0.0)
     for event in _events_of(scenario, LEADER):
         if leader.trajectory is not None:
-            raise InputError("nothing can happen to a leader that moves along a <trajectory>", event.where)
+            raise InputError(
+                "a leader with a <trajectory> takes no event: its motion follows from the path", event.where
+            )
         if event.torque is not None:
             if any(other.stops and other.time <= event.time for other in _events_of(scenario, LEADER)):
                 raise InputError(
@@ -331,7 +333,7 @@ def _check_velocities(
 ) -> None:
     """Refuse a robot whose velocities are needed and that does not offer them."""
     if scenario.leader.trajectory is None:
-        _check_velocities_of(leader, "followers are told the leader's velocities")
+        _check_velocities_of(leader, "its followers need the leader's velocities")
     for follower, robot in zip(scenario.followers, followers, strict=True):
         law = laws[follower.controller]
         if "velocity" in law.controller_type.needs:

@@ -37,7 +37,7 @@ class Simulation:
     Parameters
     ----------
     scenario
-        What to run. Built-in plants are built into FMUs here if they are not in the cache.
+        The scenario to run. Built-in plants are built into FMUs here if they are not in the cache.
     setup
         With which set-up; without one, the scenario is set up here.
 
@@ -64,7 +64,7 @@ class Simulation:
         n = len(scenario.followers)
         robots = [LEADER, *(follower.id for follower in scenario.followers)]
         self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
-        self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers are told
+        self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers get
         self._command = np.zeros((n, 2))
         self._torque = np.zeros((1 + n, 2))
         self._ended = ""  # why there are no more steps
@@ -140,7 +140,7 @@ class Simulation:
         except SimulationError as error:
             self._fail(error)
             raise
-        except Exception as error:  # a fault of ours must not lose what was computed either
+        except Exception as error:  # a fault of ours must not lose the records either
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
             self._fail(failure)
             raise failure from error
@@ -171,7 +171,7 @@ class Simulation:
     def _actuate(self, override: Mapping[int, NDArray[np.float64]]) -> None:
         command = self._command
         self._torque[0] = override.get(0, self._external[self.tick, 0])
-        if override:  # of this tick alone: what the controllers have commanded may be held longer
+        if override:  # of this tick alone: the controllers' commands may be held longer
             command = command.copy()
             for row in override.keys() - {0}:
                 command[row - 1] = override[row]
@@ -273,7 +273,7 @@ class Simulation:
         return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages, failure)
 
     def close(self) -> None:
-        """End all plant instances and remove what was unpacked; `result` stays."""
+        """End all plant instances and remove unpacked files; `result` stays."""
         self._ended = self._ended or "it is closed"
         self._cleanup.close()
 
@@ -289,7 +289,7 @@ class Simulation:
     # Setting up --------------------------------------------------------------------------------------------
 
     def _start_recorder(self) -> Recorder:
-        """Return a recorder that has what is known before the run, and keep where the rest is recorded."""
+        """Return a recorder with all values known before the run, and keep the places of the rest."""
         recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
         recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
         recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]

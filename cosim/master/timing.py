@@ -1,4 +1,4 @@
-"""What the time of a run was spent on."""
+"""Where the time of a run goes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Streams of random numbers, each named by what it is for."""
+"""Streams of random numbers, each named by its purpose."""
 
 from __future__ import annotations
 

@@ -429,7 +429,7 @@ def test_a_leader_without_velocities_is_refused(make: Make, tmp_path: Path) -> N
     plants_ = f'<plant id="car" fmu="{make()}"/><plant id="blind" fmu="{make(velocities=False)}"/>'
     path = scenario(tmp_path / "s.xml", plants_, leader="blind")
     with pytest.raises(
-        InputError, match="offers no v and no omega, but followers are told the leader's velocities: leader"
+        InputError, match="offers no v and no omega, but its followers need the leader's velocities: leader"
     ):
         Simulation(read_scenario(path))
 

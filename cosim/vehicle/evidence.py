@@ -1,4 +1,4 @@
-"""What an FMU has that tells which kind of vehicle it is, and which it clearly is not."""
+"""Evidence in an FMU for the kind of vehicle that it is, and against kinds that it clearly is not."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _TRAILING = frozenset(
 
 @dataclass(frozen=True)
 class Evidence:
-    """What an FMU has.
+    """Evidence in an FMU.
 
     Attributes
     ----------
     inputs : dict
         Its inputs that may drive or steer, by name, each with the words of the name.
     said : collection of str
-        The words of what it says of itself as a whole.
+        The words of its name and description.
     missing : collection of str
         The roles for which there is nothing.
     has : callable

@@ -21,7 +21,7 @@ from cosim.vehicle.words import Recognition, Series, words
 
 @dataclass(frozen=True)
 class Role:
-    """What a variable is for: its name, which causality it must have, and the unit used.
+    """The purpose of a variable: its name, the causality that it must have, and its unit.
 
     A role without a unit is played by an enumeration, all others by a real variable. A plant may lack an optional role.
     Its meaning says where zero is and which way is positive. `items` are those of the enumeration.
@@ -42,7 +42,7 @@ class Recognised:
     Attributes
     ----------
     by_role : dict
-        The words that tell a role, besides its own name.
+        Words that are evidence for a role, besides its own name.
     order : dict
         Words of a description that tell the commands of an array from one another.
     conventions : dict
@@ -130,7 +130,7 @@ ADAPTIVE_PID = ExampleLaw(
 
 @dataclass(frozen=True)
 class Example:
-    """With what ``formation new`` writes a scenario that goes well.
+    """Values with which ``formation new`` writes a scenario that goes well.
 
     Attributes
     ----------
@@ -169,11 +169,11 @@ class Kind:
     name, title : str
         As scenarios name it, and for people.
     pose, velocity, command : tuple of Role
-        What comes out of a plant, and what drives it. The pose begins with x, y and a heading.
+        Outputs of a plant, and its commands. The pose begins with x, y and a heading.
     geometry : dict
         Arguments of `vehicle`, each with the parameter that holds it.
     vehicle : callable
-        Returns what controllers are told of a vehicle.
+        Returns the geometry that controllers know.
     disturbance : tuple of Role
         Other inputs, by which a scenario can disturb the vehicle.
     recognised : Recognised
@@ -181,7 +181,7 @@ class Kind:
     probe : tuple of float
         An initial pose for comparisons, in which every entry counts, so that a wrong sign or offset shows at once.
     responses : tuple of Response
-        What a short drive of a foreign FMU must show.
+        Movements that a short drive of a foreign FMU must show.
     excitation : Excitation or None
         How plants are moved in a comparison; without it, commands must be given.
     on_path : OnPath or None
@@ -212,7 +212,7 @@ class Kind:
 
     @property
     def states(self) -> tuple[Role, ...]:
-        """Pose and velocities: what comes out of a plant."""
+        """Pose and velocities: the outputs of a plant."""
         return (*self.pose, *self.velocity)
 
     @cached_property

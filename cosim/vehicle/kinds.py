@@ -64,7 +64,7 @@ def installed() -> tuple[InstalledKind, ...]:
 
 
 def faults() -> str:
-    """Return what is wrong with kinds that other packages bring, to be appended to an error; empty if nothing is."""
+    """Return the faults of kinds of other packages, to be appended to an error; empty if there are none."""
     return "".join(f"; {found.fault}" for found in _others() if found.fault)
 
 
@@ -109,7 +109,7 @@ def _others() -> tuple[InstalledKind, ...]:
 
 
 def _fault(loaded: object, name: str, before: list[Kind]) -> str:
-    """Return what is wrong with what an entry point names, as the end of a sentence; empty if nothing is."""
+    """Return the fault of the object that an entry point names, as the end of a sentence; empty if there is none."""
     if not isinstance(loaded, Kind):
         return f"is {loaded!r}: expected is a cosim.vehicle.kind.Kind"
     if loaded.name != name:
@@ -129,7 +129,7 @@ def _fault(loaded: object, name: str, before: list[Kind]) -> str:
 
 
 def kind_fault(kind: Kind) -> str:
-    """Return what is wrong with what a kind states, as the end of a sentence; empty if nothing is."""
+    """Return the fault of a kind's statements, as the end of a sentence; empty if there is none."""
     for what, roles, causality in (
         ("pose", kind.pose, "output"),
         ("velocity", kind.velocity, "output"),

@@ -17,7 +17,7 @@ class Clue:
     alone : bool
         Whether no other word may be there, but for those that say nothing.
     with_unit : bool
-        Whether the words tell too little where the variable has no unit.
+        Whether the words are no evidence for a variable without a unit.
     """
 
     groups: tuple[frozenset[str], ...]
@@ -95,15 +95,15 @@ NEUTRAL = words(
     "out output outputs in input inputs geometry parameter parameters param params axle rear axis angle angular "
     "forward longitudinal actual current front"
 )
-"""Words that tell no role from another."""
+"""Words that do not distinguish roles."""
 
-# Words that most kinds of vehicles share, for clues and for what a role never has.
+# Words that most kinds of vehicles share, as clues for a role and against it.
 OTHER = (
     "target ref reference desired des cmd command commanded setpoint set request requested max min maximum minimum "
     "limit lim upper lower stop error err est estimate estimated noise bias measured meas sensor nominal scale gain "
     "init initial start"
 )
-"""What is wanted, allowed, measured or estimated, instead of what is."""
+"""Words of a wanted, allowed, measured or estimated value in place of the true one."""
 RATES = "dot ddot rate der derivative acc acceleration"
 MOTION = "v vel velocity speed omega w"
 EFFORTS = "tau torque moment force f m i inertia mass"

@@ -1,4 +1,4 @@
-"""What is added to the inputs of a plant, over time: each kind of wave is a module of this folder."""
+"""Signals that are added to the inputs of a plant, over time: each kind of wave is a module of this folder."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def input_samples(
     source
         The input and its waves.
     unit
-        The unit in which the result is wanted, that of the plant's input.
+        The unit of the result: the unit of the plant's input.
     times
         The communication points (T,) [s], from 0 on in steps of `step`.
     step

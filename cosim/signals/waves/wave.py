@@ -1,4 +1,4 @@
-"""What all kinds of waves have in common: they are read, and give samples at the communication points."""
+"""The base of all kinds of waves: they are read, and give samples at the communication points."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Wave(ABC):
     Attributes
     ----------
     element : str
-        The element's name; empty for what several kinds have in common.
+        The element's name; empty for a base of several kinds.
     keeps_a_value : bool
         Whether it has one value as long as it acts, so that this may be true, an item or a text.
     lasts : bool
