@@ -501,7 +501,7 @@ def test_an_input_that_plays_a_role_is_named_by_the_role(make: Make, tmp_path: P
         path = tmp_path / f"{name}.xml"
         path.write_text(text.replace("  <leader", f"  {added}\n  <leader"), "utf-8")
         if name == "torque":
-            with pytest.raises(InputError, match=r"'torque' of stub\.fmu plays the role 'tau_drive': name that"):
+            with pytest.raises(InputError, match=r"'torque' of stub\.fmu plays the role 'tau_drive': name the role"):
                 Simulation(read_scenario(path))
         else:
             Simulation(read_scenario(path)).close()
