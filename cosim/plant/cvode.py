@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cosim.plant.exchange import give, take
 from cosim.plant.failures import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.instance import Instance
+from cosim.plant.message import Message
 from cosim.plant.spec import PlantSpec
 
 _CLOSE = 1e-9
@@ -94,6 +95,10 @@ class CvodePlant:
     def take_messages(self) -> str:
         """Return the FMU's messages since the last call."""
         return self._instance.log.take()
+
+    def take_data(self) -> list[Message]:
+        """See `Log.take_data`."""
+        return self._instance.log.take_data()
 
     def close(self) -> None:
         """End the plant."""

@@ -17,6 +17,7 @@ from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
+from cosim.plant.message import Message, RobotMessage
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
@@ -52,6 +53,8 @@ class Fleet:
     ----------
     messages : list of str
         The FMUs' messages, each with robot and time; the first ones of each plant.
+    logged : list of RobotMessage
+        The same as data, one by one, with those that tell why a plant failed.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class Fleet:
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
         self.members = tuple(members)
         self.messages: list[str] = []
+        self.logged: list[RobotMessage] = []
         self._state = state
         self._state[:] = np.nan
         self._kept = [0] * len(members)
@@ -251,9 +255,9 @@ class Fleet:
                 failures = {index: f"{said}; {SHOWN_LATE}" for index, said in failures.items()}
         if Log.pending:
             for index, instance in self._instances.items():
-                self._keep(index, instance.log.take(), time)
+                self._keep(index, instance.log.take(), instance.log.take_data(), time)
         for index, plant in self._external.items():
-            self._keep(index, plant.take_messages(), time)
+            self._keep(index, plant.take_messages(), plant.take_data(), time)
         if failures:
             variable = self._diverging(min(failures))[0][0].name if found == _DIVERGED else ""
             raise SimulationError(*self._failures(failures, time), variable)
@@ -290,7 +294,10 @@ class Fleet:
         text += "".join(f"; {specs[index].robot}: the plant {specs[index].file} {failures[index]}" for index in rest)
         return specs[first].robot, time, text
 
-    def _keep(self, index: int, said: str, time: float) -> None:
+    def _keep(self, index: int, said: str, data: list[Message], time: float) -> None:
+        robot = self.members[index].spec.robot
+        if self._kept[index] < KEPT_MESSAGES or not said:  # of a failure, whatever came before
+            self.logged += [RobotMessage(time, robot, message.in_a_line) for message in data]
         if not said:
             return
         self._kept[index] += 1
@@ -298,7 +305,7 @@ class Fleet:
             return
         if self._kept[index] > KEPT_MESSAGES:
             said = "more messages, which are not kept"
-        self.messages.append(f"{self.members[index].spec.robot}, t = {time:.6g} s: {said}")
+        self.messages.append(f"{robot}, t = {time:.6g} s: {said}")
 
     @staticmethod
     def _slice(values: NDArray[np.float64], first: NDArray[np.int64], index: int) -> NDArray[np.float64]:

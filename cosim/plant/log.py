@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import itertools
-from collections import deque
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -12,11 +11,7 @@ import fmpy
 from fmpy import fmi1, fmi2
 
 from cosim.errors import printable
-
-KEPT_MESSAGES = 20
-"""How many of the messages between two communication points are kept: the last ones, but no two alike in succession."""
-MAX_LENGTH = 2000
-"""Of a message."""
+from cosim.plant.message import LastMessages, Message
 
 
 class Log:
@@ -34,15 +29,17 @@ class Log:
     _handles = itertools.count(1)
     _open: ClassVar[dict[int, Log]] = {}
     pending: ClassVar[int] = 0
-    """Number of messages received in this process and not taken."""
-    listener: ClassVar[Callable[[str], None] | None] = None
+    """Number of messages received in this process and not taken as data."""
+    listener: ClassVar[Callable[[Message], None] | None] = None
     """Called with every message as it comes."""
 
     def __init__(self, instance_name: str) -> None:
         self._handle = next(self._handles)
         self._name = instance_name.encode()
-        self._messages: deque[str] = deque(maxlen=KEPT_MESSAGES)
+        self._messages = LastMessages()  # not told yet
         self._received = 0
+        self._taken = LastMessages()  # told, but not taken as data
+        self._pending = 0
         self._open[self._handle] = self
 
     @property
@@ -68,7 +65,7 @@ class Log:
 
     def log_message(self, _: int | None, status: int, category: bytes, message: bytes) -> None:
         """Take a message of an FMI 3.0 instance."""
-        self._keep(message)
+        self._keep(Message.of(status, category, message))
 
     @classmethod
     def receive(cls, handle: int | None, instance: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -77,40 +74,42 @@ class Log:
         if log is None:
             log = next((log for log in cls._open.values() if log._name == instance), None)
         if log is not None:
-            log._keep(message)
+            log._keep(Message.of(status, category, message))
         else:  # an instance that something else in this process made through FMPy
             fmi1.printLogMessage(handle, instance, status, category, message)
 
-    def _keep(self, message: bytes | None) -> None:
+    def _keep(self, message: Message) -> None:
         self._received += 1
+        self._pending += 1
         Log.pending += 1
-        text = (message or b"")[:MAX_LENGTH].decode("utf-8", "replace")
-        if not self._messages or self._messages[-1] != text:
-            self._messages.append(text)
+        self._messages.add([message])
         if Log.listener is not None:
-            Log.listener(text)
+            Log.listener(message)
 
     def take(self) -> str:
         """Return the messages since the last time, printable, as one text."""
         if not self._received:
             return ""
-        text = printable(" ".join("; ".join(self._messages).split()))
+        text = printable(" ".join("; ".join(message.text for message in self._messages).split()))
         if len(self._messages) == 1 < self._received:
             text = f"{text} ({self._received} times)"
         elif self._received > len(self._messages):
             text = f"{self._received} messages, the last of them: {text}"
-        self._forget()
+        self._taken.add(self._messages.take())
+        self._received = 0
         return text
+
+    def take_data(self) -> list[Message]:
+        """Return the messages since the last time that it was called, those that `take` has told as well."""
+        self.take()
+        Log.pending -= self._pending
+        self._pending = 0
+        return self._taken.take()
 
     def close(self) -> None:
         """Forget the instance."""
-        self._forget()
+        self.take_data()
         self._open.pop(self._handle, None)
-
-    def _forget(self) -> None:
-        self._messages.clear()
-        Log.pending -= self._received
-        self._received = 0
 
 
 _logger_1 = fmi1.fmi1CallbackLoggerTYPE(Log.receive)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from cosim.errors import printable
 from cosim.plant.calls import PLAIN
 from cosim.plant.failures import PlantError
+from cosim.plant.message import LastMessages, Message
 from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value
 
@@ -64,6 +65,7 @@ class ProcessPlant:
         self.first_outputs: list[float] = []
         self._messages = ""
         self._last_words: deque[str] = deque(maxlen=MAX_SAID)
+        self._data = LastMessages()
         self._waiting = False  # whether the process waits for a request
         self._ending = self._closed = False
         self._limit = _LAUNCH_LIMIT
@@ -123,6 +125,10 @@ class ProcessPlant:
         said, self._messages = self._messages, ""
         return said
 
+    def take_data(self) -> list[Message]:
+        """Return the messages since the last time that it was called, the first ones of each request."""
+        return self._data.take()
+
     def begin_to_end(self) -> None:
         """Let the plant end, if it waits; it goes on beside the harness, and `close` waits for it."""
         if self._waiting:
@@ -158,7 +164,9 @@ class ProcessPlant:
         self._last_words.clear()
         kind, body = self._frame(failed, numbers)
         while kind == SAID:  # until the watchdog ends it
-            self._last_words.append(_text(body))
+            message = Message.from_bytes(body)
+            self._last_words.append(message.text)
+            self._data.add([message])
             kind, body = self._frame(failed, numbers)
         self._watchdog.rest()
         self._waiting = True

@@ -16,7 +16,7 @@ HEADER = struct.Struct("<BI")
 START, STEP, CHANGE, END = range(4)
 """Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
 DONE, FAILED, SAID = range(3)
-"""Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a message as it comes."""
+"""Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a `Message` as it comes."""
 MAX_TEXT = 65536
 """Bytes of text in a reply."""
 MAX_SAID = 20

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.plant.message import Message
 from cosim.plant.spec import PlantSpec, Value
 
 
@@ -29,7 +30,10 @@ class StepwisePlant(Protocol):
         """Change parameters, or raise PlantError."""
 
     def take_messages(self) -> str:
-        """Return the messages since the last call."""
+        """Return the messages since the last call, as one text."""
+
+    def take_data(self) -> list[Message]:
+        """Return the messages since the last call, one by one, with those that tell why the plant failed."""
 
     def close(self) -> None:
         """End it."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.plant.failures import FINE, PlantError
 from cosim.plant.instance import Instance
+from cosim.plant.message import Message
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.stepping import Rows, advance
 
@@ -70,6 +71,10 @@ class TypedPlant:
     def take_messages(self) -> str:
         """Return the FMU's messages since the last call."""
         return self._instance.log.take()
+
+    def take_data(self) -> list[Message]:
+        """See `Log.take_data`."""
+        return self._instance.log.take_data()
 
     def close(self) -> None:
         """End the plant."""

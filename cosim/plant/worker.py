@@ -22,6 +22,7 @@ from cosim.plant.failures import FINE, PlantError
 from cosim.plant.foreign_modules import make_room
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
+from cosim.plant.message import Message
 from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs
@@ -79,6 +80,10 @@ class LocalPlant:
         """Return the FMU's messages since the last call."""
         return self._instance.log.take()
 
+    def take_data(self) -> list[Message]:
+        """See `Log.take_data`."""
+        return self._instance.log.take_data()
+
     def close(self) -> None:
         """End the plant."""
         self._instance.close()
@@ -134,11 +139,11 @@ class _Replies:
         with self._lock:
             send(self._pipe, kind, numbers + text.encode("utf-8", "replace")[:MAX_TEXT])
 
-    def _tell(self, message: str) -> None:
+    def _tell(self, message: Message) -> None:
         self._said += 1
         if self._said <= MAX_SAID:
             with self._lock:
-                send(self._pipe, SAID, message.encode("utf-8", "replace"))
+                send(self._pipe, SAID, message.to_bytes())
 
 
 def _out_of_reach(descriptor: int) -> int:
