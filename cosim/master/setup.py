@@ -345,7 +345,8 @@ def _check_velocities_of(robot: RobotSetup, why: str) -> None:
     missing = [role.name for role in robot.kind.velocity if role.name not in bound]
     if missing:
         raise UnboundVelocities(
-            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: {robot.name} cannot be it",
+            f"the FMU {robot.fmu.path} offers no {' and no '.join(missing)}, but {why}: "
+            f"give {robot.name} another plant",
             robot.where,
             fmu=str(robot.fmu.path),
             vehicle=robot.kind.name,

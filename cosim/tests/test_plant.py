@@ -429,7 +429,7 @@ def test_a_leader_without_velocities_is_refused(make: Make, tmp_path: Path) -> N
     plants_ = f'<plant id="car" fmu="{make()}"/><plant id="blind" fmu="{make(velocities=False)}"/>'
     path = scenario(tmp_path / "s.xml", plants_, leader="blind")
     with pytest.raises(
-        InputError, match="offers no v and no omega, but its followers need the leader's velocities: leader"
+        InputError, match="offers no v and no omega, but its followers need the leader's velocities: give leader"
     ):
         Simulation(read_scenario(path))
 
@@ -440,7 +440,7 @@ def test_followers_without_velocities(make: Make, tmp_path: Path) -> None:
     np.testing.assert_array_equal(seen.pose, blind.pose)
     assert np.isnan(blind.velocity).all()
     path = scenario(tmp_path / "s.xml", plants_, followers=["blind"], law="feedback-linearisation")
-    with pytest.raises(InputError, match="needs the velocities of its robots: follower_1 cannot be it"):
+    with pytest.raises(InputError, match="needs the velocities of its robots: give follower_1 another plant"):
         Simulation(read_scenario(path))
 
 
