@@ -75,7 +75,7 @@ def end_stop(name: str, angle: sympy.Expr, rate: sympy.Expr) -> Effect:
     Parameters
     ----------
     name
-        What the angle is called: ``gamma`` gives the parameter ``gamma_max``.
+        The name of the angle: ``gamma`` gives the parameter ``gamma_max``.
     angle, rate
         The angle [rad] and its time derivative [rad/s], in terms of the states.
 

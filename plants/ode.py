@@ -174,7 +174,7 @@ class Limit:
     min, max
         Bounds that it must not leave, both allowed.
     reason
-        What happens beyond, to end a message with: ``tan(gamma) is singular at 90 degrees``.
+        The consequence beyond, which ends a message: ``tan(gamma) is singular at 90 degrees``.
     unit
         Unit of the expression; it may be left out if the expression is a declared variable.
     """

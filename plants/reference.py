@@ -59,7 +59,7 @@ class Reference:
         return np.array(rows)
 
     def read(self) -> Array:
-        """Return what `simulate` returned when the file was written."""
+        """Return the result of `simulate` from when the file was written."""
         return np.loadtxt(self.file, delimiter=",", skiprows=1)
 
     def write(self) -> None:

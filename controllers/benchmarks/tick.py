@@ -1,4 +1,4 @@
-"""What one tick costs, for one follower: the compiled tick of every law, and what the public step adds.
+"""The cost of one tick for one follower: the compiled tick of every law, and the public step.
 
     python controllers/benchmarks/tick.py
 
@@ -53,7 +53,7 @@ def best(action: Callable[[], object], calls: int, rounds: int = 7) -> float:
 
 
 def compiled_tick(controller: CompiledLaw, inputs: TickInputs, ticks: int) -> Callable[[], None]:
-    """Return a compiled loop that calls a law's tick again and again: what a compiled master would pay."""
+    """Return a compiled loop that calls a law's tick again and again: the cost in a compiled master."""
     tick, torque = type(controller).tick, np.empty((controller.team.size, 2))
 
     @numba.njit(error_model="numpy")

@@ -48,7 +48,7 @@ def compiled_for(function: F, *arguments: Any) -> F:
 
     Numba finds out the type of every argument at every call, which for named tuples takes longer than a law. The caller
     promises that the types, also those within tuples and the layout of arrays, are always those of these arguments.
-    What is not compiled is returned as it is.
+    Without compilation the function is returned unchanged.
     """
     if not hasattr(function, "compile"):
         return function

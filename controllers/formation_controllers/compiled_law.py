@@ -20,7 +20,7 @@ from formation_controllers.vehicles import OTHERS, VEHICLES, states_all
 
 
 class TickInputs(NamedTuple):
-    """What a team is given at a tick: the arrays of `Controller.step`, checked.
+    """The inputs of a team at a tick: the arrays of `Controller.step`, checked.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class TickInputs(NamedTuple):
 
 
 class TeamRecords(NamedTuple):
-    """What a law keeps from one tick to the next; arrays of records have one a follower.
+    """The state of a law from one tick to the next; arrays of records have one a follower.
 
     Attributes
     ----------

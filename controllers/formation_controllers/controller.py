@@ -80,7 +80,7 @@ class Controller(ABC, Generic[G]):
     signals: ClassVar[tuple[Signal, ...]]
     """Its telemetry."""
     needs: ClassVar[tuple[str, ...]] = ()
-    """What must be measured besides poses, of `MEASUREMENTS`: ``("velocity",)`` or nothing."""
+    """Measurements besides poses, of `MEASUREMENTS`: ``("velocity",)`` or nothing."""
 
     def __init__(self, team: Team, gains: G | Sequence[G] | None = None) -> None:
         name = type(self).__name__
@@ -101,7 +101,7 @@ class Controller(ABC, Generic[G]):
         )
         pairs = (team.size, 2)
         leader = (poses,), (velocities,), (velocities,)
-        self._shapes = ((team.size, poses), *leader, pairs, pairs, pairs)  # of what comes in at a tick
+        self._shapes = ((team.size, poses), *leader, pairs, pairs, pairs)  # of the inputs of a tick
         self._command_shape = (team.size, commands)
         self._command_word = "torque" if {entry.unit for entry in team.vehicle.command} == {"N.m"} else "command"
         self._velocity = np.full((team.size, velocities), np.nan)
@@ -283,12 +283,12 @@ class Controller(ABC, Generic[G]):
         """
         try:
             state = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-        except Exception as error:  # whatever NumPy does with what is no such file
+        except Exception as error:  # NumPy raises exceptions of any kind for other files
             raise ControllerError(f"the bytes are not a controller's state: {error}") from None
         self.set_state({name: state[name] for name in state.dtype.names or ()})
 
     def _not_finite(self, command: Floats) -> ControllerError:
-        """Return the error that names the first follower whose command is not finite, and what is near zero there."""
+        """Return the error that names the first follower whose command is not finite, and its signals near zero."""
         robot = int(np.argmin(np.isfinite(command).all(axis=1)))
         told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
         values = ", ".join(f"{signal.name} = {value} {signal.unit}" for signal, value in told)

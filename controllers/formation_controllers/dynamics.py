@@ -1,4 +1,4 @@
-"""Reduced dynamics of the vehicles, M2 v_dot + C2 v + D2 v = B2 tau of (3), compiled: what a model-based law believes.
+"""Reduced dynamics of the vehicles, M2 v_dot + C2 v + D2 v = B2 tau of (3), compiled: the belief of a model-based law.
 
 With t = tan(steering angle), l the wheelbase a or the hitch length d, and t_dot the rate of t, (56) and (57)
 reduce to::
@@ -37,7 +37,7 @@ from formation_controllers.kinematics import BY_ANGLE, Geometry, Matrix, Steerin
 
 @dataclass(frozen=True, kw_only=True)
 class ModelGains(Gains):
-    """Parameters of the reduced dynamics; the defaults are those of the car-like robot in section 5.1."""
+    """Parameters of the reduced dynamics; the defaults belong to the car-like robot in section 5.1."""
 
     m: float = gain(30.0, "m_c, M", "kg", "mass, (56), (57)", above=0)
     I_1: float = gain(

@@ -1,4 +1,4 @@
-"""What goes wrong, in one sentence each that a user can act on."""
+"""Errors, each a sentence that a user can act on."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from formation_controllers.errors import GainError, unknown
 
 @dataclass(frozen=True)
 class GainInfo:
-    """What is known about one gain.
+    """The statements about one gain.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class GainInfo:
     unit : str
         Unit of the range's component; the bearing's has rad for m and N.m for N.
     description : str
-        What it does.
+        Its effect.
     size : int or None
         1: a number; 2: a diagonal matrix, given as a number or as a pair (range, bearing); None: any length.
     above, at_least : float or None

@@ -199,7 +199,7 @@ def formation_rates(
 
 
 def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
-    """B2 = S' B1 of (3): what the torques do to (v, omega).
+    """B2 = S' B1 of (3): the effect of the torques on (v, omega).
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
     Raises
     ------
     ControllerError
-        If the shape does not fit, or the vehicle does not state its formation and what its torques do.
+        If the shape does not fit, or the vehicle does not state its `formation` and `torques`.
     """
     geometry = geometry_of(vehicle)
     if geometry.torques == UNKNOWN:

@@ -1,4 +1,4 @@
-"""What comes in from outside: arrays of the right shape and of finite numbers, or refused by name."""
+"""Checks of inputs: arrays of the right shape and of finite numbers, or refused by name."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def checked(name: str, value: ArrayLike, shape: tuple[int, ...], components: tup
 
 
 def checked_leader(leader: Leader, vehicle: Vehicle) -> Leader:
-    """Return a leader whose arrays are `checked`; it is told as if it were this vehicle."""
+    """Return a leader whose arrays are `checked`; its pose is read as this vehicle's."""
     if not isinstance(leader, Leader):
         raise ControllerError(f"the leader is a {type(leader).__name__}: expected a Leader, of pose and velocity")
     pose, velocity, acceleration = names(vehicle.pose), names(vehicle.velocity), leader.acceleration
@@ -84,7 +84,7 @@ def checked_desired(desired: Desired, size: int) -> Desired:
     """Return desired ranges and bearings of so many followers whose arrays are `checked`."""
     if not isinstance(desired, Desired):
         told = type(desired).__name__
-        raise ControllerError(f"what is desired is a {told}: expected a Desired, of q, q_dot and q_ddot")
+        raise ControllerError(f"the desired place is a {told}: expected a Desired, of q, q_dot and q_ddot")
     return Desired(
         checked("the desired q", desired.q, (size, 2), RANGE_BEARING),
         checked("the desired q_dot", desired.q_dot, (size, 2), RANGE_BEARING),

@@ -1,4 +1,4 @@
-"""What passes between a controller and whoever runs it."""
+"""The interface between a controller and the program that runs it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ measured velocities, and how near to zero a signal tells of a singularity.
 """
 
 MEASUREMENTS: Final = ("velocity",)
-"""What a law can need besides poses, `Controller.needs`."""
+"""Measurements that a law can need besides poses, `Controller.needs`."""
 
 
 @dataclass(frozen=True)
 class Team:
-    """What a controller is told once.
+    """Facts that a controller gets once.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Team:
     Raises
     ------
     ControllerError
-        If the vehicle does not state what a vehicle must, the size is not a positive whole number or the period not a
+        If the vehicle lacks a fact that it must state, the size is not a positive whole number or the period not a
         positive time.
     """
 
@@ -98,10 +98,10 @@ class Signal:
     components : tuple of str
         Names of its components, if it has any.
     singular_at_zero : str
-        What is singular where the signal is zero, as a clause: "the law is singular". A change of its sign
+        The singularity where the signal is zero, as a clause: "the law is singular". A change of its sign
         then means that a step has jumped over a singularity. Empty if zero is a value like any other.
     singular_below : float
-        Magnitude below which the signal is near that singularity. Zero: only changes of sign tell.
+        Magnitude below which the signal is near that singularity. Zero: only changes of sign count.
     """
 
     name: str

@@ -1,6 +1,6 @@
 """Posture error, range and bearing and their rates for one robot: equations (4) to (8) and (53) to (55), compiled.
 
-What the formulas ask of a vehicle is in its `Geometry`; no kind is named. The *steering angle* h of the laws is gamma
+The formulas take a vehicle's facts from its `Geometry`; no kind is named. The *steering angle* h of the laws is gamma
 for a car-like robot, theta_0 - theta_1 for a tractor-trailer, and zero for a differential-drive robot; the *length* is
 the wheelbase a or the hitch length d.
 
@@ -45,18 +45,18 @@ WHEELS: Final = TORQUE_FORMS.index("wheels")
 
 
 class Geometry(NamedTuple):
-    """What compiled code knows of a vehicle.
+    """A vehicle for compiled code.
 
     Attributes
     ----------
     steering : int
         Index into `STEERINGS`.
     length : float
-        Wheelbase or hitch length, or what else a range is compared with [m].
+        Wheelbase, hitch length or another length that a range is compared with [m].
     ahead : float
         Distance from the reference point ahead to where range and bearing are measured from [m].
     torques : int
-        Index into `TORQUE_FORMS`; `UNKNOWN` if the vehicle does not state what its torques do.
+        Index into `TORQUE_FORMS`; `UNKNOWN` if the vehicle does not state their effect.
     wheel_radius, half_track : float
         Of the wheels [m].
     """
@@ -96,7 +96,7 @@ class Matrix(NamedTuple):
 
 
 def geometry_of(vehicle: Vehicle) -> Geometry:
-    """Return what compiled code knows of a vehicle; one that does not state its formation is refused."""
+    """Return a vehicle for compiled code; refuse one that does not state its formation."""
     formation, torques = formation_of(vehicle), torques_of(vehicle)
     if isinstance(vehicle, type) or formation is None:
         raise ControllerError(f"the vehicle is {vehicle!r}: expected one that states its formation, such as a CarLike")
@@ -156,7 +156,7 @@ def posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry) -> Postu
 def fill_posture_error_rates(
     error: PostureError, h: Steering, leader_h: Steering, vehicle: Geometry, J: Floats, S: Floats
 ) -> None:
-    """Fill J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d); what is not filled in is zero."""
+    """Fill J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d); other entries stay zero."""
     J[0, 0] = -1.0
     S[0, 0], S[1, 0] = math.cos(error.e_3), math.sin(error.e_3)
     if vehicle.steering == STEERS_NOT:
@@ -183,7 +183,7 @@ def unwrapped(angle: float, previous: float) -> float:
 
 @compiled
 def rate_matrix(rho: float, phi: float, h: Steering, vehicle: Geometry) -> Matrix:
-    """R of (8) or (55): what (v, omega) do to range and bearing. NaN at range zero.
+    """R of (8) or (55): the effect of (v, omega) on range and bearing. NaN at range zero.
 
     The body turns with v tan(steering)/length, by which phi falls. The car-like robot's bearing falls with it:
     gamma is steered against the body. The tractor-trailer's does not: as theta_1 grows by as much as phi falls,
@@ -216,7 +216,7 @@ def rate_matrix_dot(
 
 @compiled
 def leader_rates(rho: float, phi: float, e_3: float, v_d: float) -> tuple[float, float]:
-    """Delta of (8) and (55): what the leader's motion does to range and bearing. NaN at range zero."""
+    """Delta of (8) and (55): the effect of the leader's motion on range and bearing. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
     return v_d * math.cos(e_3 - phi), v_d * math.sin(e_3 - phi) / rho
@@ -235,7 +235,7 @@ def leader_rates_dot(
 
 @compiled
 def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
-    """B2 = S' B1 of (3): what the torques do to (v, omega). The heading is the pose's third entry. NaN if not stated.
+    """B2 = S' B1 of (3): torques on (v, omega). The heading is the pose's third entry. NaN if not stated.
 
     For the car-like robot, (56), it is diagonal, with 1 + tan(gamma) sin(psi) as printed, 1/cos(gamma) with
     front-wheel drive and 1 with rear-wheel drive as its (1, 1) entry. For the tractor-trailer, (57), and for the

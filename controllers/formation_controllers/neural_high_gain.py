@@ -98,7 +98,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
 class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
     """Neural backstepping with a high-gain observer, (58) and (59), by explicit Euler steps.
 
-    What the paper leaves open is read as follows. There are two networks, one for each entry of z_2_hat (three are
+    Open points of the paper are read as follows. There are two networks, one for each entry of z_2_hat (three are
     printed), with the centres and widths of the other law; z_2_hat and the weights belong to (v, omega). The rate of
     alpha_1 in their input is its change since the last tick over the period, at first zero. pi_1(0) = q(0), and
     pi_2(0) = 0.

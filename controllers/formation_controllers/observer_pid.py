@@ -1,4 +1,4 @@
-"""Observer-based PID control, (24) without its network and its robust term, and what it shares with the whole law."""
+"""Observer-based PID control, (24) without its network and its robust term, and the parts shared with that law."""
 
 from __future__ import annotations
 

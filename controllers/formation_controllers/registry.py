@@ -68,7 +68,7 @@ def load(name: str) -> type[Controller[Any]]:
     IncompatibleInterface
         If it speaks another version of the interface.
     ControllerError
-        If it cannot be imported, is no controller, or does not state properly what it is.
+        If it cannot be imported, is no controller, or its statements are faulty.
     """
     known = installed()
     if name not in known:
@@ -94,7 +94,7 @@ def load(name: str) -> type[Controller[Any]]:
 
 
 def statement_fault(law: type[Controller[Any]]) -> str:
-    """Say what is wrong with what a class states about itself, if anything."""
+    """Return the fault in a class's statements about itself, if there is one."""
     missing = ", ".join(sorted(getattr(law, "__abstractmethods__", ())))
     if missing:
         return f"lacks {missing}: a controller must implement them"

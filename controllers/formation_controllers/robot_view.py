@@ -1,4 +1,4 @@
-"""The formation as one robot sees it at a tick, and what becomes of rates and forces there: shared by all laws."""
+"""The formation as one robot sees it at a tick, with rates and forces there: shared by all laws."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class RobotView(NamedTuple):
     rates : FormationRates
         R and delta.
     B2 : Matrix
-        What the torques do, (3).
+        The effect of the torques, (3).
     margins : Margins
         How near the singularities are, unguarded.
     guard : Guard
-        What bounds the law near them.
+        The bounds of the law near them.
     """
 
     error: PostureError

@@ -1,4 +1,4 @@
-"""What a law does while its torque is beyond the limit of the actuators."""
+"""Behaviour of a law while its torque is beyond the limit of the actuators."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from formation_controllers.singularities import GuardGains
 
 @dataclass(frozen=True, kw_only=True)
 class LimitGains(GuardGains):
-    """What a law with integrals or adaptation can be told about actuators."""
+    """Gains of a law with integrals or adaptation about actuators."""
 
     torque_limit: float = gain(
         math.inf,
@@ -38,5 +38,5 @@ def beyond(tau_1: float, tau_2: float, limit: float) -> bool:
 
 @compiled
 def clipped(torque: float, limit: float) -> float:
-    """Return what an actuator with this limit applies."""
+    """Return the torque that an actuator with this limit applies."""
     return min(max(torque, -limit), limit)

@@ -1,4 +1,4 @@
-"""Where a law of range and bearing is singular: how near a robot is, what bounds the law there, and its telemetry."""
+"""Singularities of a law of range and bearing: the distance of a robot, the bounds of the law, and its telemetry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from formation_controllers.interface import Signal
 
 @dataclass(frozen=True, kw_only=True)
 class GuardGains(Gains):
-    """What every law can be told about singularities."""
+    """Gains of every law about singularities."""
 
     guard: float = gain(
         0.0,
@@ -89,5 +89,5 @@ TORQUE_SIGNALS: Final = (
 
 @compiled
 def away_from_zero(number: float, least: float) -> float:
-    """Return the number, or that of the least magnitude with its sign."""
+    """Return the number, or the least magnitude with its sign."""
     return math.copysign(least, number) if abs(number) < least else number

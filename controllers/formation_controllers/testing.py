@@ -1,4 +1,4 @@
-"""What every controller promises, as one check that the tests of any package can call."""
+"""The promises of every controller, as one check that the tests of any package can call."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def check_controller(
 ) -> None:
     """Check that a class keeps the promises of `Controller`, on a vehicle or on each that it serves and that we know.
 
-    It states properly what it is; its commands are those of a follower alone, whatever the team; the same inputs give
+    Its statements are correct; a follower's commands do not depend on its team; the same inputs give
     the same commands to the last bit, in a copy, from a pickle and from the state as arrays or bytes; inputs are left
     alone; and telemetry has the shapes that the signals say.
 

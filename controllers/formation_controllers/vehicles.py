@@ -1,4 +1,4 @@
-"""What a controller is told about the vehicles that it serves, and the three kinds that this package brings.
+"""Facts about vehicles that a controller gets, and the three kinds that this package brings.
 
 A vehicle is any object that states the facts of `Vehicle`. A law of range and bearing needs two more, which a vehicle
 may state or not: its `FormationGeometry`, and for a law that returns torques its `TorqueMap`.
@@ -18,10 +18,10 @@ DRIVES: Final = ("as_printed", "front_wheel", "rear_wheel")
 """Variants of the third row of the input matrix B1 in (56)."""
 
 STEERINGS: Final = ("none", "angle", "heading")
-"""How a pose tells the steering angle, see `FormationGeometry`."""
+"""How the steering angle follows from a pose, see `FormationGeometry`."""
 
 TORQUE_FORMS: Final = (*DRIVES, "wheels")
-"""What the two torques of a vehicle are, see `TorqueMap`."""
+"""Kinds of the two torques of a vehicle, see `TorqueMap`."""
 
 
 class Entry(NamedTuple):
@@ -32,7 +32,7 @@ class Entry(NamedTuple):
     name : str
         Its name.
     unit : str
-        Its unit; empty for what is no number, such as the drive of a car-like robot.
+        Its unit; empty for an entry that is no number, such as the drive of a car-like robot.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Vehicle(Protocol):
     velocity : tuple of Entry
         Its pseudo-velocities.
     command : tuple of Entry
-        What a law returns: torques, or speeds and angles of a kinematic vehicle.
+        The outputs of a law: torques, or speeds and angles of a kinematic vehicle.
     geometry : tuple of Entry
         Attributes of the vehicle that hold its geometry.
     """
@@ -71,7 +71,7 @@ class Vehicle(Protocol):
 
 @dataclass(frozen=True)
 class FormationGeometry:
-    """How a vehicle sees its leader: what (7), (8) and (54), (55) need to know. A vehicle's fact `formation`.
+    """How a vehicle sees its leader: the facts in (7), (8) and (54), (55). A vehicle's fact `formation`.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class FormationGeometry:
 
 @dataclass(frozen=True)
 class TorqueMap:
-    """What a vehicle's two torques do to (v, omega): B2 of (3). A vehicle's fact `torques`.
+    """The effect of a vehicle's two torques on (v, omega): B2 of (3). A vehicle's fact `torques`.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def formation_of(vehicle: Vehicle) -> FormationGeometry | None:
 
 
 def torques_of(vehicle: Vehicle) -> TorqueMap | None:
-    """Return what a vehicle's torques do, or None if it does not state it."""
+    """Return the effect of a vehicle's torques, or None if it does not state it."""
     torques = getattr(vehicle, "torques", None)
     return torques if isinstance(torques, TorqueMap) else None
 
@@ -310,7 +310,7 @@ def states_all(vehicle: Vehicle) -> bool:
 
 
 def vehicle_fault(vehicle: object) -> str:
-    """Say what is wrong with what an object states as a vehicle, if anything."""
+    """Return the fault in an object's statements as a vehicle, if there is one."""
     if isinstance(vehicle, type) or not isinstance(getattr(vehicle, "kind", None), str):
         known = ", ".join(kind.__name__ for kind in VEHICLES)
         return f"expected one that states kind, pose, velocity, command and geometry, such as {known}"
@@ -335,7 +335,7 @@ def vehicle_fault(vehicle: object) -> str:
 
 
 def _formation_fault(vehicle: Vehicle) -> str:
-    """Say whether what a vehicle states about its formation does not fit its pose, velocities and commands."""
+    """Return how a vehicle's `formation` contradicts its pose, velocities and commands, if it does."""
     for fact, expected in (("formation", FormationGeometry), ("torques", TorqueMap)):
         stated = getattr(vehicle, fact, None)
         if not (stated is None or isinstance(stated, expected)):

@@ -344,7 +344,9 @@ def test_what_is_desired_and_is_no_desired_is_refused_and_changes_nothing(given)
     controller = started()
     before = controller.to_bytes()
     for call in (controller.step, controller.start):
-        with pytest.raises(ControllerError, match=rf"what is desired is a {type(given).__name__}: expected a Desired"):
+        with pytest.raises(
+            ControllerError, match=rf"the desired place is a {type(given).__name__}: expected a Desired"
+        ):
             call(POSE, LEADER, given)
     assert controller.to_bytes() == before
 

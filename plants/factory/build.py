@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from plants.ode import OdeModel
 
 FMI_VERSIONS = {"2": "2.0", "2.0": "2.0", "3": "3.0", "3.0": "3.0"}
-"""What a user may write, and the version that it means."""
+"""Spellings of a version that a user may write, and the version."""
 
 
 def build(

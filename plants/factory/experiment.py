@@ -165,7 +165,7 @@ class _Equations:
 
 
 def _real(values: Iterable[float]) -> list[float]:
-    """Return values, none of which is infinite, not a number, or complex."""
+    """Return values; refuse infinity, NaN and complex numbers."""
     numbers = [float(value) for value in values]
     if not all(map(math.isfinite, numbers)):
         raise ArithmeticError

@@ -33,7 +33,7 @@ RUNTIME = ("instance.c", "instance.h", "model.h", "simulation.c", "simulation.h"
 
 @dataclass(frozen=True)
 class Version:
-    """What differs between the versions of FMI: runtime, headers; by path in the FMU, templates and other files."""
+    """Differences between the versions of FMI: runtime, headers; by path in the FMU, templates and other files."""
 
     runtime: str
     headers: tuple[str, ...]
@@ -267,7 +267,7 @@ def _share_functions(
     """Give a name to each function of one argument that is called more than once, such as cos(psi)."""
     uses, branches = Counter[sympy.Expr](), sympy.Dummy()
     for expression in (*(term.expression for term in terms), *(expression for _, expression, _ in lines)):
-        # What stands in a branch is evaluated only if chosen: leave it there.
+        # An expression in a branch is evaluated only if chosen: leave it there.
         outside = expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: branches)
         for e in sympy.preorder_traversal(outside):
             if isinstance(e, sympy.Function):
@@ -318,7 +318,7 @@ _NODES = (
     sympy.Not,
     sympy.ITE,
 )
-"""What an expression may be made of besides functions: the printer would pass others on as text that is not C."""
+"""Parts of an expression besides functions; the printer would print others as text that is not C."""
 
 
 class _Printer(C99CodePrinter):  # type: ignore[misc]

@@ -20,7 +20,7 @@ class Platform:
     fmi2, fmi3
         Folder in ``binaries/`` (FMI 2.0.4, section 2.3, and FMI 3.0, section 2.5.1.4).
     target
-        What zig calls it. On Linux with the oldest C library that should do.
+        The target's name in zig. On Linux with the oldest C library to support.
     suffix
         Of a shared library.
     flags, libraries

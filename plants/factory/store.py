@@ -22,7 +22,7 @@ def folder() -> Path:
 
 
 def package_digest() -> str:
-    """Return a digest of all that a built-in model's FMU follows from, but the compiler: this package and its tools."""
+    """Return a digest of the sources of a built-in model's FMU except the compiler: this package and its tools."""
     root = Path(plants.__file__).parent
     suffixes = {".py", ".c", ".h", ".jinja", ".png", ".svg"}
     files = sorted(p for p in root.rglob("*") if p.suffix in suffixes and "tests" not in p.relative_to(root).parts)

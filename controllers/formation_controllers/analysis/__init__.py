@@ -1,4 +1,4 @@
-"""What is said about formations and gains rather than done to a robot.
+"""Analysis of formations and gains, apart from driving a robot.
 
 - `formation_model`: every matrix of the formation model (9), (10) at an instant
 - `linearisation`: that model about the straight motion

@@ -2,7 +2,7 @@
 
 M q_ddot + C q_dot + D q_dot - D_bar q_dot + f + tau_d = B tau with q the range and bearing of one robot.
 
-What holds of it, for a robot with M2_dot - 2 C2 skew (as all our vehicles have, evaluated at the true velocity):
+Its properties, for a robot with M2_dot - 2 C2 skew (as all our vehicles have, evaluated at the true velocity):
 
 - Properties 1 and 3 hold where R is regular and D2 is positive definite. Property 2.3 is about C2(R^-1 x): R_dot
   in C is affine in q_dot, not linear, once the leader moves.
@@ -106,7 +106,7 @@ class ReducedDynamics:
 
 @dataclass(frozen=True)
 class FormationModel:
-    """Every matrix of (10) at one instant, and what it is made of.
+    """Every matrix of (10) at one instant, and its parts.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ G = TypeVar("G", bound=ObserverPidGains)
 
 @dataclass(frozen=True)
 class Bounds:
-    """What Theorem 1 takes for granted about the formation model (10).
+    """The assumptions of Theorem 1 about the formation model (10).
 
     Parameters
     ----------
@@ -119,14 +119,14 @@ class Condition:
 
 @dataclass(frozen=True)
 class GainReport:
-    """What `check_gains` finds.
+    """The findings of `check_gains`.
 
     Attributes
     ----------
     alpha, beta : float
         Roots of s^2 - Lambda_0 s + Lambda_1, in the order with the larger smallest margin; NaN if there are none.
     l : float
-        The free constant at which the conditions are told: that with the largest smallest margin.
+        The free constant of the conditions: the one with the largest smallest margin.
     conditions : tuple of Condition
         (39) to (42), and Remark 2 if a formation is given.
     discriminant : float
@@ -172,7 +172,7 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
     gains
         Gains of the paper's law, or of the PID law that it contains.
     bounds
-        What is known of the formation model.
+        Bounds of the formation model.
     desired_bearing
         Desired bearings [rad], of any shape; adds Remark 2.
 
@@ -199,7 +199,7 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
 def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0.1) -> G:  # noqa: E741
     """Return gains that satisfy (39) to (42) with a constant l, as small as a margin allows, others left alone.
 
-    The constants c of `bounds` depend on the gains: check again with those of the proposal.
+    The constants c of `bounds` depend on the gains: check again with the proposed gains.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
         Gains whose Lambda_0, Lambda_1, K_p and k_d are to be changed. K_p becomes the same for range and bearing,
         and never smaller than it is; so does k_d.
     bounds
-        What is known of the formation model.
+        Bounds of the formation model.
     l
         The free constant, in (0, 1): the smaller, the larger Lambda_0 and Lambda_1 and the smaller K_p and k_d.
     margin
@@ -234,7 +234,7 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
 
 
 def require(gains: object, gains_type: type[ObserverPidGains], bounds: object) -> None:
-    """Refuse what are no gains of this type or no bounds."""
+    """Refuse gains of another type, and anything but bounds."""
     if not isinstance(gains, gains_type):
         raise GainError(f"the gains are {type(gains).__name__}: the theorem is about {gains_type.__name__}")
     if not isinstance(bounds, Bounds):

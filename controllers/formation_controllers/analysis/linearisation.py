@@ -1,4 +1,4 @@
-"""The formation model (10), linearised about the straight motion: what a linear design needs."""
+"""The formation model (10), linearised about the straight motion, for a linear design."""
 
 from __future__ import annotations
 

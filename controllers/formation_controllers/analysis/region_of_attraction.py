@@ -22,7 +22,7 @@ from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 
 @dataclass(frozen=True)
 class RegionOfAttraction:
-    """What `region_of_attraction` finds.
+    """The findings of `region_of_attraction`.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class RegionOfAttraction:
     alpha, beta : float
         Roots of s^2 - Lambda_0 s + Lambda_1, in the order with the larger radius.
     l : float
-        The free constant at which it is told.
+        The free constant of this region.
     kappa_m, kappa_7, kappa_8 : float
         Constants of (51), at that l.
     lambda_x, lambda_vartheta : float
@@ -98,7 +98,7 @@ def region_of_attraction(
     gains
         Gains of the paper's law.
     bounds
-        What is known of the formation model, with lambda_M.
+        Bounds of the formation model, with lambda_M.
     l
         The free constant; the one with the largest radius if left out.
 
