@@ -41,7 +41,7 @@ class Settled(Kind):
         """Check that the time is within the run."""
         horizon = own.scenario.horizon
         if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
-            raise self.written.error(f"{by:g} s is not within the run of {horizon:g} s")
+            raise self.written.error(f"by={by:g} s is not within the run of {horizon:g} s")
 
     def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""
