@@ -13,6 +13,7 @@ import cosim
 from cosim.cli import main
 from cosim.cli.completing import SHELLS
 from cosim.cli.helping import _EXAMPLES
+from cosim.results.expectations import understood
 from cosim.scenario.examples import examples
 from cosim.scenario.reader import read_scenario
 
@@ -122,8 +123,8 @@ def test_the_examples_are_whole_in_another_folder(tmp_path: Path, capsys: pytest
     assert printed == f"{count} scenarios in {folder}\nnext: formation run {folder / 'clmr_line.xml'}\n"
     for path in folder.glob("*.xml"):
         scenario = read_scenario(path)  # of a variant, its base as well
-        for named in (expectation.scenario for expectation in scenario.expectations):
-            assert named is None or named.exists()
+        for expectation in scenario.expectations:
+            assert all(other.exists() for other in understood(expectation).others)
 
 
 def test_examples_that_were_changed_are_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,7 +39,7 @@ def check(options: argparse.Namespace) -> int:
                 markup=False,
                 soft_wrap=True,
             )
-            print_overview(out(), scenario, plants)
+            print_overview(out(), scenario, setup, plants)
             for doubt in doubts:
                 warn(doubt)
     return status

@@ -17,10 +17,11 @@ from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.results.expectations import understood
+from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import (
     DEFAULT_SOLVER,
     DEFAULT_TOLERANCE,
-    Effect,
+    EffectSource,
     Event,
     Expectation,
     Follower,
@@ -31,19 +32,21 @@ from cosim.scenario.scenario import (
     Setting,
     Trajectory,
 )
+from cosim.signals.effects import understood as understood_effects
 from cosim.signals.waves import understood as understood_wave
+from cosim.vehicle.kind import Role, units_of
 
 NARROW = 100
 """Columns of a terminal below which names of plants and controllers are broken."""
-_UNITS = {"saturation": " N.m", "rate": " N.m/s", "delay": " s", "dropout": "", "effectiveness": ""}
 
 
-def print_overview(console: Console, scenario: Scenario, described: Iterable[str]) -> None:
+def print_overview(console: Console, scenario: Scenario, setup: Setup, described: Iterable[str]) -> None:
     """Print tables of a scenario's robots, its plants, events and expectations."""
-    sensors, actuators = (
-        Counter(_effects(getattr(follower, part)) for follower in scenario.followers).most_common(1)[0][0]
-        for part in ("sensor", "actuator")
-    )
+    times = Times(scenario.step, scenario.ticks)
+    kinds = [robot.kind for robot in setup.followers]
+    sensing = [_effects(f.sensor, kind.pose, times) for f, kind in zip(scenario.followers, kinds, strict=True)]
+    acting = [_effects(f.actuator, kind.command, times) for f, kind in zip(scenario.followers, kinds, strict=True)]
+    sensors, actuators = (Counter(texts).most_common(1)[0][0] for texts in (sensing, acting))
     robots = table(console, safe(f"{scenario.name}: {scenario.title}"))
     width = console.width if console.width >= NARROW else console.width // 6
     for heading in ("robot", "plant", "controller" if console.width >= NARROW else "con-\ntroller", "place", "its own"):
@@ -54,15 +57,11 @@ def print_overview(console: Console, scenario: Scenario, described: Iterable[str
         for key, source in scenario.plants.items()
     }
     laws = {key: broken(f"{key} ({source.name})", width) for key, source in scenario.controllers.items()}
-    robots.add_row("leader", safe(plants[leader.plant]), "", "", safe("\n".join(_own_of_leader(leader))))
-    for follower in scenario.followers:
+    robots.add_row("leader", safe(plants[leader.plant]), "", "", safe("\n".join(_own_of_leader(leader, setup, times))))
+    for follower, sensor, actuator in zip(scenario.followers, sensing, acting, strict=True):
         own = [*_settings(follower.parameters), *_settings(follower.gains)]
-        for part, effects, common in (
-            ("sensor", follower.sensor, sensors),
-            ("actuator", follower.actuator, actuators),
-        ):
-            if _effects(effects) != common:
-                own.append(f"{part}: {_effects(effects)}")
+        own += [f"sensor: {sensor}"] if sensor != sensors else []
+        own += [f"actuator: {actuator}"] if actuator != actuators else []
         own += _inputs(follower.inputs)
         sources = (plants[follower.plant], laws[follower.controller])
         robots.add_row(*map(safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
@@ -119,14 +118,14 @@ def _solver(source: PlantSource, step: float) -> str:
     return f"{name} in steps of {step / (source.solver_steps or 1):g} s"
 
 
-def _own_of_leader(leader: Leader) -> Iterator[str]:
+def _own_of_leader(leader: Leader, setup: Setup, times: Times) -> Iterator[str]:
     if leader.trajectory is not None:
         yield _trajectory(leader.trajectory)
     elif leader.torque.values:
         yield _torques(leader.torque.values.items())
     yield from _settings(leader.parameters)
     if leader.sensor:
-        yield f"sensor of its pose: {_effects(leader.sensor)}"
+        yield f"sensor of its pose: {_effects(leader.sensor, setup.leader.kind.pose, times)}"
     yield from _inputs(leader.inputs)
 
 
@@ -153,12 +152,11 @@ def _settings(settings: Iterable[Setting]) -> Iterator[str]:
     return (f"{setting.name} = {setting.value}" for setting in settings)
 
 
-def _effects(effects: Sequence[Effect]) -> str:
+def _effects(sources: Sequence[EffectSource], roles: Iterable[Role], times: Times) -> str:
     """Return effects in words; those that differ only in their channels together."""
     channels: dict[tuple[str, str], list[str]] = {}
-    for effect in effects:
-        unit = _UNITS.get(effect.kind, " m" if effect.channels in (("x",), ("y",)) else " rad")
-        about = (f"{effect.kind} {effect.amount:g}{unit}", _window(effect.start, effect.stop, math.inf))
+    for effect in understood_effects(sources, units_of(roles), times, ""):
+        about = (effect.text, _window(effect.start, effect.stop, math.inf))
         channels.setdefault(about, []).extend(effect.channels)
     return (
         "; ".join(

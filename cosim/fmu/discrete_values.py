@@ -176,7 +176,7 @@ def _course(
 def _tabled(
     table: Table, column: str, wave: Wave, variable: Variable, times: NDArray[np.float64]
 ) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the rows of a table, each of which holds from its time on; the first one also before."""
+    """Return the rows of a table; each holds from its time on, the first one before its time too."""
     where = wave.written.where
     known = (
         items(variable) if variable.type == "Enumeration" else {0: "", 1: ""} if variable.type == "Boolean" else None

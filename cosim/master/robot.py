@@ -13,7 +13,8 @@ from cosim.errors import Location
 from cosim.fmu.binding import BoundRole
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
-from cosim.scenario.scenario import Effect, PlantSource
+from cosim.scenario.scenario import PlantSource
+from cosim.signals.effects import Effect
 from cosim.vehicle.kind import Kind
 
 

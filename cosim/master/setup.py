@@ -25,12 +25,13 @@ from cosim.master.timing import timed
 from cosim.results.channel import Channel
 from cosim.results.expectations import Recorded, Recording, check, recorded
 from cosim.scenario.reader import read_scenario
-from cosim.scenario.scenario import LEADER, Effect, Entries, Event, InputSource, PlantSource, Scenario, Setting
-from cosim.signals.effects import check_channels, tick_at
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import LEADER, EffectSource, Entries, Event, InputSource, PlantSource, Scenario, Setting
+from cosim.signals.effects import Effect, tick_at, understood
 from cosim.signals.places import desired_samples
 from cosim.signals.trajectory import leader_motion
 from cosim.vehicle.columns import columns
-from cosim.vehicle.kind import Kind, Role
+from cosim.vehicle.kind import Kind, Role, units_of
 from cosim.vehicle.path import Motion
 
 MAX_BYTES = 4 * 1024**3
@@ -243,7 +244,7 @@ def _followers(scenario: Scenario, fmus: Mapping[str, Fmu]) -> tuple[RobotSetup,
             pose=follower.pose,
             own=follower.parameters,
             sensor=follower.sensor,
-            actuator=(*follower.actuator, *_stops(scenario, follower.id)),
+            actuator=follower.actuator,
             torque=np.zeros((scenario.ticks + 1, len(fmus[follower.plant].binding.kind.command))),
             inputs=(*scenario.inputs, *follower.inputs),
         )
@@ -260,8 +261,8 @@ def _robot(
     *,
     pose: Entries | None,
     own: Sequence[Setting],
-    sensor: tuple[Effect, ...],
-    actuator: tuple[Effect, ...],
+    sensor: tuple[EffectSource, ...],
+    actuator: tuple[EffectSource, ...],
     torque: NDArray[np.float64],
     inputs: Sequence[InputSource],
 ) -> RobotSetup:
@@ -275,8 +276,9 @@ def _robot(
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
-    check_channels(sensor, [role.name for role in kind.pose], f"the pose of {name}, a {kind.name},")
-    check_channels(actuator, [role.name for role in kind.command], f"the actuators of {name}, a {kind.name},")
+    times = Times(scenario.step, scenario.ticks)
+    sensing = understood(sensor, units_of(kind.pose), times, f"the pose of {name}, a {kind.name},")
+    acting = understood(actuator, units_of(kind.command), times, f"the actuators of {name}, a {kind.name},")
     given = robot_inputs(scenario, fmu, name, inputs, _times(scenario))
     changes = _changes(scenario, fmu, source, name, given)
     given.check_free(parameters)
@@ -293,8 +295,8 @@ def _robot(
         parameters=parameters,
         vehicle=vehicle,
         pose=(0.0,) * len(kind.pose) if pose is None else _entries(pose, kind, kind.pose),
-        sensor=sensor,
-        actuator=actuator,
+        sensor=sensing,
+        actuator=(*acting, *_stops(scenario, name)),
         torque=torque,
         inputs=tuple(bound for bound, _ in given.samples.values()),
         samples=np.column_stack(

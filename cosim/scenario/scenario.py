@@ -140,27 +140,22 @@ class ControllerSource:
 
 
 @dataclass(frozen=True)
-class Effect:
-    """One thing that a sensor or an actuator does to some of its channels, in a window of time.
+class EffectSource(Written):
+    """An effect of a sensor or an actuator, as it is written; `cosim.signals.effects` understands it.
 
     Attributes
     ----------
-    kind : str
-        ``noise``, ``bias``, ``quantisation``, ``delay``, ``dropout``; ``saturation``, ``rate``, ``effectiveness``.
-    amount : float
-        Standard deviation, bias, step, limit [m, rad, N.m]; rate [N.m/s]; delay [s]; probability, factor.
-    channels : tuple of str
-        Names of pose entries or torques; empty for all.
     start, stop : float
         The window [s], the second excluded.
     """
 
-    kind: str
-    amount: float
-    channels: tuple[str, ...]
     start: float
     stop: float
-    where: Location
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the pose entries or commands that are named; empty for all."""
+        return tuple(self.get("channels").split())
 
 
 @dataclass(frozen=True)
@@ -205,7 +200,7 @@ class Leader:
     torque: Entries
     trajectory: Trajectory | None
     parameters: tuple[Setting, ...]
-    sensor: tuple[Effect, ...]
+    sensor: tuple[EffectSource, ...]
     inputs: tuple[InputSource, ...]
     where: Location
 
@@ -233,8 +228,8 @@ class Follower:
     changes: tuple[PlaceChange, ...]
     parameters: tuple[Setting, ...]
     gains: tuple[Setting, ...]
-    sensor: tuple[Effect, ...]
-    actuator: tuple[Effect, ...]
+    sensor: tuple[EffectSource, ...]
+    actuator: tuple[EffectSource, ...]
     inputs: tuple[InputSource, ...]
     where: Location
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import Location
-from cosim.scenario.scenario import Effect
 from cosim.signals.actuators import Actuators
+from cosim.signals.effects import Effect
 
 CHANNELS = ("tau_drive", "tau_steer")
 HERE = Location("file.xml", 1, 1)

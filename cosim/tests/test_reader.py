@@ -10,13 +10,25 @@ from cosim.errors import InputError
 from cosim.quantity import quantity
 from cosim.scenario.edits import Change, set_controller, set_fmu, set_seed
 from cosim.scenario.reader import read_scenario
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import Follower, Scenario
+from cosim.signals.effects import Effect, understood
+from cosim.vehicle.car_like import CAR_LIKE
+from cosim.vehicle.kind import units_of
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
 
+def understood_effects(scenario: Scenario, follower: Follower) -> list[tuple[Effect, ...]]:
+    """Return the effects of a car's sensor and actuators, as they are understood when the scenario is set up."""
+    times = Times(scenario.step, scenario.ticks)
+    parts = ((follower.sensor, CAR_LIKE.pose), (follower.actuator, CAR_LIKE.command))
+    return [understood(written, units_of(roles), times, "the robot") for written, roles in parts]
+
+
 def refused(*replacements: str) -> InputError:
     with pytest.raises(InputError) as caught:
-        read_scenario(EXAMPLE, replacements)
+        understood_effects(scenario := read_scenario(EXAMPLE, replacements), scenario.followers[0])
     return caught.value
 
 
@@ -31,10 +43,11 @@ def test_what_a_file_says_in_si_units() -> None:
     assert ranges == (3.0, 3.0, 8.0, 8.0)
     assert bearings == pytest.approx([math.pi / 4, -math.pi / 4, math.pi / 12, -math.pi / 12], abs=1e-15)
     for follower in scenario.followers:
-        assert [(e.kind, e.amount, e.channels) for e in follower.sensor] == [
+        sensor, actuator = understood_effects(scenario, follower)
+        assert [(e.kind, e.amount, e.channels) for e in sensor] == [
             ("noise", 0.001, (channel,)) for channel in ("x", "y", "psi", "gamma")
         ]
-        assert [(e.kind, e.amount, e.channels) for e in follower.actuator] == [("saturation", 200.0, ())]
+        assert [(e.kind, e.amount, e.channels) for e in actuator] == [("saturation", 200.0, ())]
     gains = {gain.name: gain.value for gain in scenario.controllers["pid"].gains}
     assert gains["gamma_w"] == "10"
     assert gains["W_m"] == "1000"
@@ -251,7 +264,7 @@ def test_what_a_schema_cannot_say(tmp_path: Path, old: str, new: str, place: str
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read_scenario(path)
+        understood_effects(scenario := read_scenario(path), scenario.followers[0])
     assert str(caught.value).startswith(f"{path}:{place}: ")
     assert sentence in caught.value.message
 

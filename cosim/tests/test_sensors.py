@@ -1,12 +1,17 @@
 """What sensors do, and that noise is each robot's and channel's own."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location
-from cosim.scenario.scenario import Effect
-from cosim.signals.effects import check_channels, tick_at
+from cosim.scenario.grammar import children_of
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import EffectSource
+from cosim.signals.effects import EFFECTS, Effect, check_channels, tick_at, understood
 from cosim.signals.random import random_stream
 from cosim.signals.sensors import PoseSensor
 
@@ -137,3 +142,42 @@ def test_times_become_ticks_without_trouble_from_rounding(time: float, tick: int
 def test_an_unknown_channel_is_refused_at_its_place() -> None:
     with pytest.raises(InputError, match=r"file.xml:1:1: the pose of a has no channel 'xx': did you mean 'x'"):
         check_channels([effect("noise", 1.0, "xx")], CHANNELS, "the pose of a")
+
+
+UNITS = {"x": "m", "y": "m", "psi": "rad", "gamma": "rad"}
+
+
+def read(kind: str, channels: str = "", units: dict[str, str] = UNITS, **attributes: str) -> list[Effect]:
+    given = attributes | ({"channels": channels} if channels else {})
+    written = EffectSource(kind, given, HERE, Path("folder"), 0.0, np.inf)
+    return list(understood([written], units, Times(STEP, 100), "the pose of a"))
+
+
+def test_an_effect_is_read_in_the_units_of_the_channels() -> None:
+    bias = read("bias", x="-2 cm", psi="180 deg")
+    assert [(e.amount, e.channels, e.unit) for e in bias] == [(-0.02, ("x",), "m"), (np.pi, ("psi",), "rad")]
+    assert bias[0].text == "bias -0.02 m"
+    (rate,) = read("rate", units={"v": "m/s", "steering": "m/s"}, limit="1 km/h/s".replace("/h/s", "/(h.s)"))
+    assert (rate.unit, rate.amount) == ("m/s2", pytest.approx(1 / 3.6))
+    assert read("dropout", "x y", probability="0.25")[0].text == "dropout 0.25"
+
+
+@pytest.mark.parametrize(
+    ("effects", "message"),
+    [
+        (lambda: read("noise", theta_1="1 deg"), "the pose of a has no channel 'theta_1'"),
+        (lambda: read("noise", x="1 deg"), "x=\"1 deg\" of <noise>: '1 deg': rad does not fit"),
+        (lambda: read("quantisation", x="-1 m"), "must not be negative"),
+        (lambda: read("saturation", "x psi", limit="1 m"), "limit=\"1 m\" of <saturation>: '1 m': m does not fit"),
+        (lambda: read("delay", "xx", time="20 ms"), "the pose of a has no channel 'xx'"),
+    ],
+)
+def test_an_effect_that_makes_no_sense_is_refused_at_its_place(effects: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        effects()
+    assert message in caught.value.message
+    assert caught.value.where == HERE
+
+
+def test_each_kind_is_an_element_of_the_schema() -> None:
+    assert set(EFFECTS) == {*children_of("sensor"), *children_of("actuator")}

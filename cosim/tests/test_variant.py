@@ -72,7 +72,8 @@ def test_set(base: Path, tmp_path: Path) -> None:
     )
     scenario = read_scenario(path)
     assert {gain.name: gain.value for gain in scenario.controllers["pid"].gains}["W_m"] == "100"
-    assert [effect.amount for effect in scenario.followers[0].sensor] == [0.002, 0.002, 0.003, 0.003], "in this order"
+    (noise,) = scenario.followers[0].sensor
+    assert list(noise.attributes.values()) == ["2 mm", "2 mm", "3 mrad", "3 mrad"], "in this order"
 
 
 def test_replace_by_several_in_the_same_place(base: Path, tmp_path: Path) -> None:
@@ -156,7 +157,7 @@ def test_remove_elements_and_attributes(base: Path, tmp_path: Path) -> None:
     path = write(tmp_path / "v.xml", '<remove select="follower[position() > 2]"/>\n<remove select="//noise/@psi"/>')
     scenario = read_scenario(path)
     assert [follower.id for follower in scenario.followers] == ["follower_1", "follower_2"]
-    assert [effect.channels for effect in scenario.followers[0].sensor] == [("x",), ("y",), ("gamma",)]
+    assert [list(effect.attributes) for effect in scenario.followers[0].sensor] == [["x", "y", "gamma"]]
 
 
 def test_rules_are_applied_in_the_order_written(base: Path, tmp_path: Path) -> None:
@@ -215,10 +216,8 @@ def test_a_path_stays_relative_to_the_file_where_it_was_written(base: Path, tmp_
         scenario = read_scenario(path)
         assert scenario.plants["car"].fmu is not None
         assert scenario.plants["car"].fmu.resolve() == tmp_path / "fmus" / "car.fmu"
-        assert scenario.expectations[0].scenario is not None
-        assert scenario.expectations[0].scenario.resolve() == tmp_path / "more" / "a.xml"
-        assert scenario.inputs[0].waves[0].file is not None
-        assert scenario.inputs[0].waves[0].file.resolve() == tmp_path / "more" / "wind.csv"
+        assert scenario.expectations[0].path("scenario").resolve() == tmp_path / "more" / "a.xml"
+        assert scenario.inputs[0].waves[0].path("file").resolve() == tmp_path / "more" / "wind.csv"
 
 
 def test_a_path_that_a_variant_sets_is_relative_to_the_variant(base: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ which words a foreign FMU is recognised, how two plants are compared, and how it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -33,6 +33,11 @@ class Role:
     optional: bool = False
     meaning: str = ""
     items: tuple[str, ...] = ()
+
+
+def units_of(roles: Iterable[Role]) -> dict[str, str]:
+    """Return the units of roles, by name."""
+    return {role.name: role.unit for role in roles}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from cosim.scenario.reader.inputs import inputs
 from cosim.scenario.reader.places import changes, desired_place
 from cosim.scenario.reader.times import Times
 from cosim.scenario.reader.trajectory import trajectory
-from cosim.scenario.scenario import ControllerSource, Effect, Follower, Leader, PlantSource
+from cosim.scenario.scenario import ControllerSource, EffectSource, Follower, Leader, PlantSource
 
 
 def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) -> Leader:
@@ -41,8 +41,8 @@ def follower(
     times: Times,
     plants: Mapping[str, PlantSource],
     controllers: Mapping[str, ControllerSource],
-    sensor: tuple[Effect, ...],
-    actuator: tuple[Effect, ...],
+    sensor: tuple[EffectSource, ...],
+    actuator: tuple[EffectSource, ...],
 ) -> Follower:
     """Read a follower; the scenario's sensor and actuator stand in for missing ones."""
     desired = element.child("desired")

@@ -1,0 +1,67 @@
+"""Effects of sensors and actuators: each kind is a module of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from cosim.errors import InputError, nearest
+from cosim.kinds_in import kinds_in
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import EffectSource
+from cosim.signals.effects.effect import Effect, EffectKind, Rows
+from cosim.signals.effects.schedule import tick_at
+
+__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "in_use", "tick_at", "understood"]
+
+EFFECTS: Mapping[str, type[EffectKind]] = kinds_in(__name__, __path__, EffectKind)
+"""The kinds of effects, by the element's name."""
+
+
+def understood(
+    sources: Iterable[EffectSource], channels: Mapping[str, str], times: Times, whose: str
+) -> tuple[Effect, ...]:
+    """Return the effects of a sensor or an actuator with their attributes read.
+
+    Parameters
+    ----------
+    sources
+        The elements.
+    channels
+        The unit of each channel that the robot has, by name.
+    times
+        The communication points.
+    whose
+        In messages, whose channels they are.
+
+    Raises
+    ------
+    InputError
+        The robot has no such channel, or a value makes no sense, with the place in the scenario.
+    """
+    found = tuple(effect for written in sources for effect in EFFECTS[written.kind].read(written, channels, times))
+    check_channels(found, list(channels), whose)
+    for name, kind in EFFECTS.items():
+        kind.check([effect for effect in found if effect.kind == name], channels, times)
+    return found
+
+
+def check_channels(effects: Sequence[Effect], channels: Sequence[str], whose: str) -> None:
+    """Check that effects name channels that a robot has.
+
+    Raises
+    ------
+    InputError
+        With the place in the scenario; `whose` says whose channels they are.
+    """
+    for effect in effects:
+        for channel in effect.channels:
+            if channel not in channels:
+                known = nearest(channel, list(channels))
+                raise InputError(f"{whose} has no channel {channel!r}: {known}", effect.where)
+
+
+def in_use(rows: Rows) -> list[EffectKind]:
+    """Return the kinds of effects that robots have, in the order in which they are applied."""
+    kinds = sorted(EFFECTS.values(), key=lambda kind: kind.order)
+    used = {effect.kind for effects in rows.effects for effect in effects}
+    return [kind(rows) for kind in kinds if kind.element in used]

@@ -1,0 +1,170 @@
+"""What all kinds of effects have in common: they are read, and change the values of channels tick by tick."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import Location
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import EffectSource
+from plants import units
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One thing that a sensor or an actuator does to some of its channels, in a window of time.
+
+    Attributes
+    ----------
+    kind : str
+        The element's name.
+    amount : float
+        Standard deviation, bias, step, limit, delay, probability or factor, in `unit`.
+    channels : tuple of str
+        Names of pose entries or commands; empty for all.
+    start, stop : float
+        The window [s], the second excluded.
+    unit : str
+        Empty for a pure number.
+    """
+
+    kind: str
+    amount: float
+    channels: tuple[str, ...]
+    start: float
+    stop: float
+    where: Location
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """Kind and amount in words."""
+        return f"{self.kind} {self.amount:g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The robots whose channels are changed, one a row.
+
+    Attributes
+    ----------
+    robots : sequence of str
+        Their names, which with `seed` and the channels' names fix all random numbers.
+    channels, effects : sequences
+        Names of the channels, and the effects, of each robot.
+    step : float
+        Communication step [s].
+    at_rest : bool
+        Whether there is nothing before the first tick; otherwise it is as at the first tick.
+    """
+
+    seed: int
+    robots: Sequence[str]
+    channels: Sequence[Sequence[str]]
+    effects: Sequence[Sequence[Effect]]
+    step: float
+    at_rest: bool
+
+    @property
+    def width(self) -> int:
+        """The most channels that a robot has."""
+        return max(map(len, self.channels), default=0)
+
+
+class EffectKind(ABC):
+    """A kind of effect: an instance changes the channels of all robots as their effects of this kind say.
+
+    A kind is one module of this folder, which is found by itself, and an entry of the schema.
+
+    Attributes
+    ----------
+    element : str
+        The element's name; empty for what several kinds have in common.
+    order : int
+        Kinds are applied by this number, whatever the order in which they are written.
+    """
+
+    element: ClassVar[str] = ""
+    order: ClassVar[int]
+
+    def __init__(self, rows: Rows) -> None:
+        self.rows = rows
+
+    @classmethod
+    @abstractmethod
+    def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterable[Effect]:
+        """Read an element.
+
+        Parameters
+        ----------
+        written
+            The element.
+        channels
+            The unit of each channel of the robot, by name.
+        times
+            The communication points.
+
+        Raises
+        ------
+        InputError
+            A value makes no sense, with the place in the scenario.
+        """
+
+    @classmethod  # noqa: B027
+    def check(cls, effects: Sequence[Effect], channels: Mapping[str, str], times: Times) -> None:
+        """Check all effects of this kind on a robot together."""
+
+    @abstractmethod
+    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
+        """Change the values (robots, channels) of a tick in place; ticks come one after the other from 0."""
+
+
+class OfEntries(EffectKind):
+    """A kind whose attributes are channels, each with an amount in the channel's unit."""
+
+    signed: ClassVar[bool] = False
+
+    @classmethod
+    def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterator[Effect]:
+        """Read one effect for each channel; the amount of a channel that the robot lacks is not looked at."""
+        read = written.quantity if cls.signed else written.not_negative
+        for name in written.attributes:
+            if name in ("from", "to"):
+                continue
+            unit = channels.get(name, "")
+            amount = read(name, unit) if name in channels else 0.0
+            yield Effect(cls.element, amount, (name,), written.start, written.stop, written.where, unit)
+
+
+class Part(EffectKind):
+    """A kind whose amount is a number from 0 to 1."""
+
+    attribute: ClassVar[str]
+
+    @classmethod
+    def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterator[Effect]:
+        """Read the effect."""
+        text = written.get(cls.attribute)
+        if not 0 <= (part := float(text)) <= 1:
+            raise written.error(f'{cls.attribute}="{text}" of <{cls.element}> is not from 0 to 1')
+        yield Effect(cls.element, part, written.channels, written.start, written.stop, written.where)
+
+
+class Limit(EffectKind):
+    """A kind whose amount is a limit of the channels, or of their rates."""
+
+    of_rate: ClassVar[bool] = False
+
+    @classmethod
+    def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterator[Effect]:
+        """Read the effect; the limit must fit every channel."""
+        limited = dict.fromkeys(channels[name] for name in written.channels or channels if name in channels)
+        for unit in [units.per_second(unit) if cls.of_rate else unit for unit in limited] or [""]:
+            amount = written.positive("limit", unit) if unit else 0.0
+        yield Effect(cls.element, amount, written.channels, written.start, written.stop, written.where, unit)
