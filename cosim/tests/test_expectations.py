@@ -3,8 +3,9 @@
 import json
 import math
 import signal
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,15 +17,17 @@ import xarray as xr
 
 from cosim.cli import main
 from cosim.errors import InputError, Location, SimulationError
+from cosim.kinds_in import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
 from cosim.master.simulation import Simulation
+from cosim.results import expectations
 from cosim.results.channel import Channel
 from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
 from cosim.results.files import load
 from cosim.results.metrics import MEASURES, smallest_distance
 from cosim.results.verdict import Verdict
-from cosim.scenario import reader
+from cosim.scenario import grammar, reader
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Expectation, Scenario
@@ -562,3 +565,60 @@ def test_the_page_on_results_shows_a_verdict_as_it_is(tmp_path: Path) -> None:
     (verdict,) = json.loads((tmp_path / "example" / "summary.json").read_text())["verdicts"]
     assert {key: type(value) for key, value in shown.items()} == {key: type(value) for key, value in verdict.items()}
     assert list(shown["where"]) == list(verdict["where"])
+
+
+# A new kind -------------------------------------------------------------------------------------------------
+
+MEAN = '''
+"""The mean of a signal is below a bound."""
+
+from cosim.results.expectations.bounded import Bounded
+from cosim.results.metrics import Measure
+
+
+class Mean(Bounded):
+    """``<mean>``."""
+
+    element = "mean"
+    measure = Measure(lambda time, values, start: values.mean())
+'''
+
+
+@pytest.fixture
+def with_mean(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Add a kind of expectation as a developer does: one file, and one entry in the schema."""
+    (folder := tmp_path / "new").mkdir()
+    (folder / "mean.py").write_text(MEAN, encoding="utf-8")
+    schema = grammar.schema_path().read_text(encoding="utf-8")
+    entry = '<xs:element name="rms" type="bounded"/>'
+    (folder / "schema.xsd").write_text(schema.replace(entry, entry + entry.replace("rms", "mean")), encoding="utf-8")
+    places = [*expectations.__path__, str(folder)]
+    monkeypatch.setattr(expectations, "__path__", places)
+    monkeypatch.setattr(expectations, "KINDS", kinds_in(expectations.__name__, places, expectations.Kind))
+    monkeypatch.setattr(grammar, "schema_path", lambda: folder / "schema.xsd")
+    caches = [function for function in vars(grammar).values() if hasattr(function, "cache_clear")]
+    for function in caches:
+        function.cache_clear()
+    yield
+    sys.modules.pop(f"{expectations.__name__}.mean")
+    for function in caches:
+        function.cache_clear()
+
+
+@pytest.mark.usefixtures("with_mean")
+def test_a_new_kind_is_one_file_and_one_entry_in_the_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "one.xml", '<mean signal="range" below="99 m" from="0.5 s" robots="follower_1"/>')
+    assert main(["check", str(path)]) == 0
+    assert "expected: mean range below 99 m, 0.5 to 1 s (follower_1)" in capsys.readouterr().out
+    assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 0
+    assert "holds  mean range below 99 m, 0.5 to 1 s: " in capsys.readouterr().out
+    written(tmp_path, "one.xml", '<mean signal="rage" below="99 m"/>')
+    assert main(["check", str(path)]) == 2
+    assert "the result has no signal 'rage': did you mean 'range'?" in capsys.readouterr().err
+
+
+def test_the_page_on_the_architecture_shows_a_kind_as_it_is() -> None:
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
+    code = (root / "cosim" / "results" / "expectations" / "least.py").read_text(encoding="utf-8")
+    assert f"```python\n{code}```" in page
