@@ -14,10 +14,13 @@ from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from cosim.control.team import Team
 from cosim.errors import Failure
 from cosim.fmu.package import Fmu
+from cosim.master.identity import who_is_who
 from cosim.master.members import in_own_process, tolerance_of
 from cosim.master.recorder import Recorder
 from cosim.master.setup import Setup
+from cosim.plant.message import RobotMessage
 from cosim.results import provenance
+from cosim.results.expectations.recorded import units_by_component
 from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import columns
 
@@ -30,12 +33,14 @@ def dataset(
     recorder: Recorder,
     teams: Sequence[Team],
     messages: Sequence[str],
+    logged: Sequence[RobotMessage],
     failure: Failure | None = None,
 ) -> xr.Dataset:
     """Return the records of a run, with the variables that are computed from them.
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
-    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
+    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time. Coordinates
+    say who is who; see `cosim.master.identity`.
 
     Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
     of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,
@@ -53,7 +58,12 @@ def dataset(
     for team in teams:
         for signal in team.controller.signals:
             if signal.components:
-                coordinates[f"{signal.name}_component"] = list(signal.components)
+                dim = f"{signal.name}_component"
+                coordinates[dim] = list(signal.components)
+                parts = list(units_by_component(signal.components, signal.unit).values())
+                coordinates[f"{dim}_units"] = (dim, parts, {"long_name": f"unit of each component of {signal.name}"})
+    robots = (setup.leader, *setup.followers)
+    coordinates |= who_is_who(scenario, robots, setup.fmus, logged)
     variables = {
         name: (("time", *channel.dims), arrays[name], channel.attributes) for name, channel in recorder.channels.items()
     }

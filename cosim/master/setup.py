@@ -19,6 +19,7 @@ from cosim.fmu.binding import number_name
 from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
+from cosim.master.identity import is_taken
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_inputs import RobotInputs, robot_inputs
 from cosim.master.timing import timed
@@ -430,7 +431,7 @@ def _channels(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Chan
             parts = signal.components
             dims = ("robot", f"{signal.name}_component") if parts else ("robot",)
             shape = (n, len(parts)) if parts else (n,)
-            if signal.name in taken or telemetry.get(signal.name, (signal,))[0] != signal:
+            if signal.name in taken or is_taken(signal.name) or telemetry.get(signal.name, (signal,))[0] != signal:
                 raise InputError(
                     f"controller {law.source.id!r}: its signal {signal.name!r} has the name of another in the result",
                     law.source.where,

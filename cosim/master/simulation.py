@@ -270,7 +270,8 @@ class Simulation:
         return self._result(self._failure)
 
     def _result(self, failure: Failure | None) -> xr.Dataset:
-        return dataset(self.scenario, self.setup, self._recorder, self._teams, self._fleet.messages, failure)
+        fleet = self._fleet
+        return dataset(self.scenario, self.setup, self._recorder, self._teams, fleet.messages, fleet.logged, failure)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

@@ -100,7 +100,9 @@ def _umask() -> int:
 
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
-    return xr.load_dataset(path, engine="h5netcdf")
+    result = xr.load_dataset(path, engine="h5netcdf")
+    result.encoding.pop("unlimited_dims", None)  # what has no entries is stored so, and a part of it could not be saved
+    return result
 
 
 def load_result(path: str | Path) -> xr.Dataset:

@@ -517,6 +517,23 @@ def test_messages_have_robot_and_time(make: Make, tmp_path: Path) -> None:
     for isolate in ("", 'isolate="process"'):
         result = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {isolate} time_limit="30 s"/>'))
         assert json.loads(result.attrs["plant_messages"]) == said
+        data = zip(result.message_robot.values, result.message_time.values, result.message_text.values, strict=True)
+        assert [f"{robot}, t = {time:g} s: {text}" for robot, time, text in data] == said
+        assert set(result.message_status.values) == {"Warning"}
+        assert set(result.message_category.values) <= {"stub", "logStatusWarning", "status", "logAll", ""}
+        assert (result.message_count == 1).all()
+
+
+@pytest.mark.parametrize("isolate", ["", 'isolate="process"'])
+def test_messages_of_a_failure_are_kept_as_data(make: Make, tmp_path: Path, isolate: str) -> None:
+    fmu = make(behaviour="error", when=0.5)
+    with pytest.raises(SimulationError) as failed:
+        cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {isolate} time_limit="30 s"/>'))
+    result = failed.value.result
+    row = result.sel(message=result.message_robot == failed.value.robot).isel(message=0)
+    assert str(row.message_status.values) == "Error"
+    assert float(row.message_time) == failed.value.time == 0.5
+    assert str(row.message_text.values) in str(failed.value)
 
 
 # Our own ----------------------------------------------------------------------------------------------------
