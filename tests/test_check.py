@@ -122,3 +122,20 @@ def test_nothing_is_printed_of_a_bad_scenario(scenarios: Path, capsys: pytest.Ca
     assert "did you mean 'K_p'?" in printed.err
     assert main(["check", path, path, "--resolved"]) == 2
     assert "--resolved prints one scenario" in capsys.readouterr().err
+
+
+def test_a_sensor_that_no_follower_has_must_make_sense_too(
+    scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "v.xml"
+    path.write_text(
+        f"""<variant xmlns="urn:formation-cosim:scenario:1" name="v" of="{scenarios / "clmr_line.xml"}">
+  <title>Own sensors</title>
+  <insert into="follower"><sensor/></insert>
+  <insert into="sensor[1]">
+    <dropout probability="1.5"/></insert>
+</variant>""",
+        encoding="utf-8",
+    )
+    assert main(["check", str(path)]) == 2
+    assert f'{path}:5:5: error: probability="1.5" of <dropout> is not from 0 to 1' in capsys.readouterr().err

@@ -19,6 +19,7 @@ from cosim.fmu.binding import number_name
 from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
+from cosim.master.common_effects import check_common_effects
 from cosim.master.identity import is_taken
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_inputs import RobotInputs, robot_inputs
@@ -119,6 +120,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         if scenario.leader.trajectory is not None:
             motion = leader_motion(scenario.leader.trajectory, leader.vehicle, _times(scenario))
         followers = _followers(scenario, fmus)
+        check_common_effects(scenario, followers)
         desired = [desired_samples(follower, _times(scenario)) for follower in scenario.followers]
     with timed(timing, "controllers"):
         found = {name: find_law(source) for name, source in scenario.controllers.items()}

@@ -280,6 +280,8 @@ class Scenario:
         Communication steps of the run; the horizon is ``ticks * step``.
     period : int
         Communication steps from one tick of the controllers to the next.
+    sensor, actuator : tuple of EffectSource
+        Those of every follower without one of its own.
     inputs : tuple of InputSource
         Those of every follower.
     text : str
@@ -304,6 +306,8 @@ class Scenario:
     seed: int
     plants: Mapping[str, PlantSource]
     controllers: Mapping[str, ControllerSource]
+    sensor: tuple[EffectSource, ...]
+    actuator: tuple[EffectSource, ...]
     inputs: tuple[InputSource, ...]
     leader: Leader
     followers: tuple[Follower, ...]

@@ -94,6 +94,8 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
         seed=int(simulation.get("seed", "0")),
         plants=plants,
         controllers=controllers,
+        sensor=sensor,
+        actuator=actuator,
         inputs=inputs(root, times),
         leader=leading,
         followers=tuple(followers.values()),

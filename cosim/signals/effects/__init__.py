@@ -11,7 +11,7 @@ from cosim.scenario.scenario import EffectSource
 from cosim.signals.effects.effect import Effect, EffectKind, Rows
 from cosim.signals.effects.schedule import tick_at
 
-__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "in_use", "tick_at", "understood"]
+__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "check_values", "in_use", "tick_at", "understood"]
 
 EFFECTS: Mapping[str, type[EffectKind]] = kinds_in(__name__, __path__, EffectKind)
 """The kinds of effects, by the element's name."""
@@ -38,8 +38,14 @@ def understood(
     InputError
         The robot has no such channel, or a value makes no sense, with the place in the scenario.
     """
-    found = tuple(effect for written in sources for effect in EFFECTS[written.kind].read(written, channels, times))
+    found = check_values(sources, channels, times)
     check_channels(found, list(channels), whose)
+    return found
+
+
+def check_values(sources: Iterable[EffectSource], channels: Mapping[str, str], times: Times) -> tuple[Effect, ...]:
+    """Return effects, and refuse values that make no sense for any robot; the amount of an unknown channel is open."""
+    found = tuple(effect for written in sources for effect in EFFECTS[written.kind].read(written, channels, times))
     for name, kind in EFFECTS.items():
         kind.check([effect for effect in found if effect.kind == name], channels, times)
     return found

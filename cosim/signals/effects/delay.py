@@ -39,7 +39,7 @@ class Delay(EffectKind):
         total = dict.fromkeys(channels, 0.0)
         for delay in effects:
             for channel in delay.channels or total:
-                total[channel] += delay.amount
+                total[channel] = total.get(channel, 0.0) + delay.amount
             longest = max(total.values())
             if longest > times.horizon + 0.5 * times.step:
                 raise InputError(
