@@ -16,7 +16,7 @@ def kinds_in(package: str, path: Iterable[str], base: type[Any]) -> dict[str, ty
     package, path
         The package's ``__name__`` and ``__path__``.
     base
-        What they are subclasses of; the class attribute ``element`` names the element, and is empty for a class that
+        Their base class; the class attribute ``element`` names the element, and is empty for a class that
         several kinds have in common.
     """
     modules = [import_module(f"{package}.{module.name}") for module in iter_modules(path)]

@@ -1,4 +1,4 @@
-"""What a command adds to an error that tells its cause as data."""
+"""Remedies that a command adds to an error with its cause as data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cosim.errors import FormationError, InputError, UnboundVelocities
 
 
 def advice(error: FormationError) -> str:
-    """Return what could be done about an error, to follow its message; empty if that says it all."""
+    """Return a remedy for an error, to follow its message; empty if the message has it."""
     if not isinstance(error, UnboundVelocities):
         return ""
     from cosim.fmu.package import open_package  # which is slow to import

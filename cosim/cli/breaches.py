@@ -1,4 +1,4 @@
-"""Which rules of FMI an FMU breaks: told as warnings, as many FMUs that run break some, or refused."""
+"""Rules of FMI that an FMU breaks: warnings, as many FMUs in use break some; or refused by ``--strict``."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ PATIENCE = 3.0
 class _Tolerant(io.TextIOBase, TextIO):
     """A stream whose reader may be gone, whose disk may be full, or that may not know a character.
 
-    What was computed, and the exit status, must not depend on whether it could be printed.
+    Results and exit status must not depend on whether the output could be printed.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
@@ -59,12 +59,12 @@ class _Tolerant(io.TextIOBase, TextIO):
             self._give_up()
 
     def _give_up(self) -> None:
-        """Send the rest to nowhere; also what the interpreter flushes when it ends."""
+        """Discard the rest, also output that the interpreter flushes when it ends."""
         os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
 def out() -> Console:
-    """Return the console of standard output, for what the user asked for."""
+    """Return the console of standard output, for the output of a command."""
     return _console(sys.stdout)
 
 
@@ -93,7 +93,7 @@ def table(console: Console, title: str) -> Table:
 
 @contextmanager
 def taking_a_while(message: str) -> Iterator[None]:
-    """Say what takes a while: on a terminal at once, elsewhere in a line as soon as it has taken some seconds."""
+    """Name a slow step: on a terminal at once, elsewhere in a line after some seconds."""
     console = err()
     if console.is_terminal:
         with console.status(message):

@@ -72,7 +72,7 @@ def inspect(options: argparse.Namespace) -> int:
     return 0
 
 
-# What it is -------------------------------------------------------------------------------------------------
+# Facts ----------------------------------------------------------------------------------------------------
 
 
 def _print_identity(console: Console, package: Package) -> None:

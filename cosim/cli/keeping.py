@@ -1,4 +1,4 @@
-"""Keeping the results of an earlier run of a scenario, where those of a run with other changes take their place."""
+"""Keeps the results of an earlier run of a scenario when a run with other changes takes their place."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _LONGEST = 60
 def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | None:
     """Move the files of an earlier run out of a folder if it was of another file or changed otherwise.
 
-    They go to a folder beside it whose name tells what was changed. An earlier run of the same file and changes stays
+    They go to a folder beside it that is named after its changes. An earlier run of the same file and changes stays
     where it is, to be overwritten.
 
     Returns
     -------
     tuple or None
-        Where the files are now, and what they are of; None if there is nothing to keep.
+        The new place of the files, and their provenance; None if there is nothing to keep.
     """
     earlier = _provenance(folder / RESULT)
     if earlier is None or earlier.variant == coming.variant:
@@ -40,7 +40,7 @@ def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | Non
 
 
 def _provenance(path: Path) -> Provenance | None:
-    """Return what a result is of; None if there is no result, or one that does not tell."""
+    """Return the provenance of a result; None if there is no result, or one without provenance."""
     try:
         with h5netcdf.File(path, "r") as result:  # xarray would decode all variables, too
             return Provenance.of(result.attrs) if "changes" in result.attrs else None

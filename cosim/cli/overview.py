@@ -86,7 +86,7 @@ def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
 
 
 def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
-    """Return how each FMU that is used is run and what plays its roles; of a built-in model only what is unusual."""
+    """Return how each FMU is run and the players of its roles; for a built-in model only unusual settings."""
     for name, fmu in setup.fmus.items():
         source = scenario.plants[name]
         how = "each robot in a process of its own" if in_own_process(fmu, source) else "in the harness"

@@ -89,7 +89,7 @@ def once(option: str, settings: Iterable[tuple[str, str, str]]) -> None:
     option
         Its name.
     settings
-        Each of its values as written, what it is about, and what that is given.
+        Each of its values as written, its subject, and the value given to that.
 
     Raises
     ------

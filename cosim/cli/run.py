@@ -51,7 +51,7 @@ def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iter
     """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
-        with ExitStack() as ending:  # the plants end last: whatever an FMU does then, all is written and said
+        with ExitStack() as ending:  # the plants end last: whatever an FMU does then, everything is written and printed
             yield _run_scenario(path, options, outcomes, names, ending)
 
 
@@ -84,7 +84,7 @@ def _run_scenario(
         outcome.seconds = time.perf_counter() - started
         outcomes.append(outcome)
         if options.junit is not None:
-            with suppress(OutputError):  # it will be told at the end
+            with suppress(OutputError):  # the end of the command reports it
                 write(options.junit, junit_xml(outcomes))
 
 
@@ -116,7 +116,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
         if signals.received and failure is None:  # while the result was being written
             failure = RunInterrupted(simulation.time, result)
         console = out()
-        # What follows may run other scenarios, to compare with: the result is safe by now.
+        # Judging may run other scenarios, to compare with: the result is safe by now.
         with timed(timing, "expectations"), taking_a_while("judging the expectations"):
             outcome.summary = summary = summarise(scenario, result, partial(run_other, simulation.setup))
         write(folder / "summary.json", summary.to_json().encode())
@@ -175,7 +175,7 @@ def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
     Returns
     -------
     tuple or None
-        Where an earlier result is kept, and of what it is; see `set_aside`.
+        The place and the provenance of an earlier result; see `set_aside`.
     """
     aside = None
     try:

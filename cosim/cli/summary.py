@@ -17,7 +17,7 @@ NARROW = 72
 
 
 def print_summary(console: Console, summary: Summary) -> None:
-    """Print the table of the followers, what was changed, the notes and the verdicts."""
+    """Print the table of the followers, the changes, the notes and the verdicts."""
     figures = table(console, safe(f"{summary.scenario}: {summary.title}"))
     figures.add_column("follower", no_wrap=True)
     for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):

@@ -45,7 +45,7 @@ def swap_plants(options: argparse.Namespace) -> int:
     if any(opens):
         _next(f"formation check {variant}", "once the binding is complete")
         return 0
-    with ExitStack() as cleanup:  # as formation check does; what it refuses ends this command as it ends that
+    with ExitStack() as cleanup:  # as formation check does; an error ends this command in the same way
         scenario = read_scenario(swapped.variant)
         for doubt in doubtful_plants(scenario, set_up(scenario, cleanup, {})):
             warn(doubt)

@@ -174,7 +174,7 @@ class Team:
     ) -> NDArray[np.float64]:
         """Return the commanded torques (n, 2) [N.m] of this team's followers.
 
-        Poses (N, 4) and velocities (N, 2) are those of all followers, the desired places those of this team. Poses are
+        Poses (N, 4) and velocities (N, 2) belong to all followers, the desired places to this team. Poses are
         those measured; a law that needs velocities is given the true ones, and no other law any. The leader is its pose
         and pseudo-velocities (6,), an array of this tick's own, and its accelerations where they are known.
 

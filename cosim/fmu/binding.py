@@ -54,7 +54,7 @@ class BoundRole:
     played_by : BoundVariable or None
         The number; None of a role that has a constant value.
     initial : BoundVariable or None
-        Of a pose entry: what its initial value is given to.
+        Of a pose entry: the number that takes its initial value.
     constant : float, str or None
         The constant value in the role's unit, or an item.
     """
@@ -67,7 +67,7 @@ class BoundRole:
 
 @dataclass(frozen=True)
 class Binding:
-    """The kind of vehicle that an FMU is, with what plays each role, by the role's name."""
+    """The kind of vehicle that an FMU is, with the player of each role, by the role's name."""
 
     kind: Kind
     bound: dict[str, BoundRole]

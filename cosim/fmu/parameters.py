@@ -46,13 +46,13 @@ class ParameterValue:
 def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tuple[ParameterValue, ...]:
     """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
 
-    An input that does not drive or disturb the vehicle may be set likewise, to a value that it keeps. A role that has a
+    An input that does not drive or disturb the vehicle may be set too, to a value that it keeps. A role that has a
     constant value in the binding may be set to this value, which then sets nothing.
 
     Parameters
     ----------
     fmu, settings
-        The FMU, and what is set.
+        The FMU, and the settings.
     way_out
         Remedy for a parameter that the FMU lacks, for the message.
 
@@ -84,7 +84,7 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
             if player is not None:
                 value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
             else:
-                assert variable is not None  # by what was refused above
+                assert variable is not None  # refused above
                 value = ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
         except (ValueError, UnitError) as error:
             raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None

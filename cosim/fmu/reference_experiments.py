@@ -5,7 +5,7 @@ experiments in the format of MA-HS-Experiments, once appendix A of the draft: ti
 stimuli and references in CSV. FMUs without such a file may have one with the role ``result`` alone, as the Reference
 FMUs of the Modelica Association do: these are results of the default experiment of the model description.
 
-What is read here was written by strangers: nothing outside the FMU is read, no entity is expanded, sizes are limited.
+The files are written by strangers: nothing outside the FMU is read, no entity is expanded, sizes are limited.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ class _Reader:
         stimuli: Series | None,
         references: Series | None,
     ) -> Experiment:
-        """Return an experiment; times that it does not state are those of the default experiment, or of its results."""
+        """Return an experiment; its times default to the default experiment, or to its results."""
         default = self._package.description.defaultExperiment
         listed = np.unique(references.time) if references is not None else np.zeros(0)
         start = self._files.number(file, times, "startTime")

@@ -1,6 +1,6 @@
 """FMUs that test themselves: their reference experiments are replayed, each in a process of its own, and compared.
 
-The draft standard says what an experiment is, but not how close an importer must come. Here a variable may differ by
+The draft standard defines experiments, but not how close an importer must come. Here a variable may differ by
 the experiment's tolerance, or `TOLERANCE` if it states none, times the variable's largest magnitude in the references.
 """
 

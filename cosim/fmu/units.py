@@ -28,7 +28,7 @@ class UnitContradiction(Picklable, UnitError):
     name
         That of the unit.
     by_name, by_definition
-        What it is by each.
+        The unit by each.
     """
 
     def __init__(self, variable: str, name: str, by_name: units.Unit, by_definition: units.Unit) -> None:

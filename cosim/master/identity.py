@@ -1,4 +1,4 @@
-"""Who is who in a result: kind, geometry and plant of every robot, what each component is, and the FMUs' messages.
+"""Who is who in a result: kind, geometry and plant of every robot, components, and the FMUs' messages.
 
 All of it is coordinates, variables that describe others: texts and numbers with units, so that a file explains itself.
 """
@@ -21,7 +21,7 @@ from cosim.vehicle.kind import Kind, Role
 Coordinates = dict[str, tuple[tuple[str, ...], Any, dict[str, str]]]
 
 GROUPS = {"pose": "pose", "velocity": "velocity", "torque": "command"}
-"""What the components of each vector are called in a result, and in a kind of vehicle."""
+"""The components of each vector: their name in a result, and in a kind of vehicle."""
 
 _PLANT: Mapping[str, tuple[str, Callable[[Scenario, str, Fmu], str]]] = {
     "plant_model": ("built-in model; empty for a file", lambda scenario, name, _: scenario.plants[name].model or ""),
@@ -61,7 +61,7 @@ def who_is_who(
     fmus
         The FMU of each plant, by its id.
     messages
-        What the FMUs have logged.
+        The FMUs' messages.
     """
     return {**_vehicles(scenario, robots), **_components(robots), **_plants(scenario, fmus), **_messages(messages)}
 
@@ -114,7 +114,7 @@ def _row(kind: Kind, roles: str, shared: Columns, fact: str) -> list[str]:
 
 
 def _geometry(robots: Sequence[RobotSetup]) -> dict[str, tuple[dict[str, str], Role]]:
-    """Return by the name in the result the geometry's field of each kind that has it, and what it is.
+    """Return by the name in the result the geometry's field of each kind that has it, and its meaning.
 
     Kinds share a name if they state the same quantity in the same unit.
     """

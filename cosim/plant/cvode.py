@@ -1,6 +1,6 @@
 """A Model Exchange FMU integrated by CVODE, with variable order and steps and events where they happen: FMPy's.
 
-What an FMU does at the end of a step of the solver it does here at the end of a communication step.
+The FMU learns of a completed step of the solver at the end of a communication step only.
 """
 
 from __future__ import annotations

@@ -36,9 +36,9 @@ class Log:
     def __init__(self, instance_name: str) -> None:
         self._handle = next(self._handles)
         self._name = instance_name.encode()
-        self._messages = LastMessages()  # not told yet
+        self._messages = LastMessages()  # not reported yet
         self._received = 0
-        self._taken = LastMessages()  # told, but not taken as data
+        self._taken = LastMessages()  # reported, but not taken as data
         self._pending = 0
         self._open[self._handle] = self
 

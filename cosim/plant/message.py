@@ -20,7 +20,7 @@ MAX_CATEGORY = 200
 
 @dataclass(frozen=True)
 class Message:
-    """What an FMU has logged.
+    """A message that an FMU has logged.
 
     Attributes
     ----------

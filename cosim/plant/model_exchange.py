@@ -160,7 +160,7 @@ def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.flo
 
 @compiled
 def _complete(row: np.void, scratch: NDArray[np.float64]) -> tuple[int, int, bool]:
-    """Complete a solver step; return what failed, the status, and whether the FMU asks for an event."""
+    """Complete a solver step; return the failure, the status, and whether the FMU asks for an event."""
     place = row["scratch"]
     scratch[:] = 0.0
     if row["version"] == 1:

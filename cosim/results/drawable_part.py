@@ -13,7 +13,7 @@ _GROWTH = 10.0
 
 
 def drawable(result: xr.Dataset) -> xr.Dataset:
-    """Return a result in which nothing is left that cannot be drawn; what is left out is NaN.
+    """Return a result that can be drawn; values that are left out are NaN.
 
     Left out are numbers that are not finite or beyond all measure. Of a run that ended early also those that are more
     than ten times as large as any in the first nine tenths of it: they would make all that led there a flat line.

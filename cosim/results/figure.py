@@ -47,7 +47,7 @@ def save_figure(result: xr.Dataset, path: str | Path) -> None:
 def draw(result: xr.Dataset) -> Figure:
     """Return the figure: panels (a) to (h) as in the paper; one whose signal was not recorded says so.
 
-    Above them stands what was changed in the scenario and why the run ended early, below them seed and versions.
+    Above them stand the changes of the scenario and the reason of an early end, below them seed and versions.
     """
     figure = Figure(figsize=(13, 16), layout="constrained")
     figure.suptitle(_title(result), fontsize=13, parse_math=False)

@@ -101,7 +101,7 @@ def _umask() -> int:
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
     result = xr.load_dataset(path, engine="h5netcdf")
-    result.encoding.pop("unlimited_dims", None)  # what has no entries is stored so, and a part of it could not be saved
+    result.encoding.pop("unlimited_dims", None)  # set for a variable without entries; a part of it could not be saved
     return result
 
 

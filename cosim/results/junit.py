@@ -18,7 +18,7 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass
 class Outcome:
-    """What came of a scenario; filled in as it becomes known.
+    """The outcome of a scenario; filled in as it becomes known.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Outcome:
     error : BaseException or None
         Why there is no complete result, if there is none.
     summary : Summary or None
-        What came of the run, if it was run.
+        The summary of the run, if it was run.
     """
 
     name: str

@@ -16,14 +16,14 @@ HOUSE = ("formation-cosim", "formation-controllers")
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a result comes from; what an older version has not written is empty.
+    """The origin of a result; fields that an older version has not written are empty.
 
     Attributes
     ----------
     file : str
         The scenario's file, as it was named.
     changes : tuple of str
-        What was changed in it for this run, as options of the command line.
+        Changes for this run, as options of the command line.
     seed : int or None
         Of the noise.
     versions : dict
@@ -53,12 +53,12 @@ class Provenance:
 
     @property
     def variant(self) -> tuple[str, tuple[str, ...]]:
-        """What two results have in common that are of one scenario, one later than the other."""
+        """File name and changes, which runs of one scenario with the same changes share."""
         return Path(self.file).name, self.changes
 
     @property
     def changed(self) -> str:
-        """What was changed, in words."""
+        """The changes, in words."""
         return f"changed by {' '.join(self.changes)}" if self.changes else "unchanged"
 
     @property

@@ -1,4 +1,4 @@
-"""A run in a few figures, and whether it did what was expected."""
+"""A run in a few figures, with its verdicts."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Summary:
     title : str
         The scenario's.
     provenance : Provenance
-        The scenario's file, what was changed in it, seed, versions, and why the run did not reach its end.
+        The scenario's file, changes, seed, versions, and why the run did not reach its end.
     """
 
     scenario: str
@@ -82,7 +82,7 @@ class Summary:
 
     @property
     def passed(self) -> bool:
-        """Whether the run reached its end and all that was expected holds."""
+        """Whether the run reached its end and all expectations hold."""
         return self.completed and all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> str:

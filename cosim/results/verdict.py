@@ -1,4 +1,4 @@
-"""What came of an expectation."""
+"""Verdicts on expectations."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from cosim.errors import Location
 
 @dataclass(frozen=True)
 class Verdict:
-    """An expectation and what came of it.
+    """An expectation and its outcome.
 
     Attributes
     ----------
     expectation : str
-        What is expected.
+        The expectation, in words.
     robot : str
-        Of which follower, or "leader"; empty where it is about the team.
+        The follower, or "leader"; empty if it is about the team.
     figure, bound : float
-        What came about and what it is held against, in `unit`; NaN if there is none.
+        The figure and its bound, in `unit`; NaN if there is none.
     unit : str
         The unit in which the bound is written; empty for a pure number.
     margin : float
@@ -54,7 +54,7 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """What came of it, in words."""
+        """The outcome, in words."""
         if not self.known_failure:
             return "holds" if self.passed else "FAILS"
         return f"{'holds, though marked as failing' if self.passed else 'fails as known'}: {self.known_failure}"
@@ -73,10 +73,10 @@ class Verdict:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Self:
-        """Return the verdict that was written as data, in which what is no number is None."""
+        """Return the verdict that was written as data, with None for NaN."""
         numbers = {name: math.nan if data[name] is None else data[name] for name in ("figure", "bound", "margin")}
         return cls(**{**data, **numbers, "where": Location(**data["where"])})
 
     def __str__(self) -> str:
-        """Return what is expected and what came about, in a line."""
+        """Return expectation and outcome, in a line."""
         return f"{self.expectation}: {self.finding}"

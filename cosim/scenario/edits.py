@@ -72,7 +72,7 @@ def set_seed(seed: int) -> Edit:
 
 
 def set_horizon(horizon: float | str) -> Edit:
-    """Return the change to another horizon, in seconds or as a scenario writes it; what begins only later goes.
+    """Return the change to another horizon, in seconds or as a scenario writes it; later elements are removed.
 
     That is every event, signal, effect of a sensor or an actuator, and change of a place. Expectations stay.
     """
@@ -88,7 +88,7 @@ def without_expectations() -> Edit:
 def as_changes(
     changes: Iterable[str | Change], horizon: float | str | None = None, expectations: bool = True
 ) -> list[Change]:
-    """Return changes of which some are written as ``XPATH=VALUE``, and those that two options ask for."""
+    """Return a list of changes: those given, some as ``XPATH=VALUE``, and the changes of two options."""
     made = [set_value(change) if isinstance(change, str) else change for change in changes]
     if horizon is not None:
         made.append(set_horizon(horizon))

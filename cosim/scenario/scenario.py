@@ -174,7 +174,7 @@ class WaveSource(Written):
 
 @dataclass(frozen=True)
 class InputSource:
-    """What is added to an input of a plant: a sum of waves."""
+    """A sum of waves that is added to an input of a plant."""
 
     name: str
     waves: tuple[WaveSource, ...]
@@ -193,7 +193,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Leader:
-    """The virtual leader: where it starts and what drives it, or the path that it takes."""
+    """The virtual leader: its initial pose and torques, or the path that it takes."""
 
     plant: str
     pose: Entries
@@ -331,7 +331,7 @@ class Scenario:
         changes
             ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.scenario.edits`.
         horizon
-            Another end of the run, in seconds or as in "100 s". What would only begin later is left out, and up to
+            Another end of the run, in seconds or as in "100 s". Elements that begin later are left out, and up to
             there the run is the same. An expectation about a later time is refused.
         expectations
             False leaves the expectations out.

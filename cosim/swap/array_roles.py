@@ -40,7 +40,7 @@ def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: 
 
 
 def _described(kind: Kind, number: Number) -> str | None:
-    """Return the role of an element by its description, or by the order in which that of the whole array names them."""
+    """Return the role of an element by its description, or by the order in which the array's description names them."""
     words = words_of(number.variable.description or "")
     order = kind.recognised.order
     places = {

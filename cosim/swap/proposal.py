@@ -101,7 +101,7 @@ class Proposal:
 
     @property
     def missing(self) -> tuple[Role, ...]:
-        """The roles of pose and torque for which no variable was found, nor any that may be it."""
+        """The roles of pose and torque without a player or a candidate."""
         wanted = (*self.kind.pose, *self.kind.command)
         nothing = {
             s.role for s in self.suggestions if not s.candidates and (s.source is None or s.source.variable == OPEN)
@@ -403,7 +403,7 @@ def _open(role: Role, sentences: tuple[str, ...], candidates: tuple[str, ...] = 
 def _sought(
     suggestion: Suggestion, description: ModelDescription, numbers: Numbers, played: Collection[str]
 ) -> Suggestion:
-    """Return a velocity for which nothing is proposed with the outputs that could be it, as many tasks need it."""
+    """Return a velocity without a player, with the outputs that could be it, as many tasks need it."""
     role = suggestion.role
     found = suggestion.candidates or tuple(n for n in _could_be(role, description, numbers) if n not in played)
     if not found:

@@ -1,7 +1,7 @@
 """A kind of vehicle: all that the harness knows of it, in one object.
 
-`Kind` says which roles a plant of the kind plays and in which units, what controllers are told of its geometry, by
-which words a foreign FMU is recognised, how two plants are compared, and how it moves along a path.
+`Kind` states the roles of a plant of the kind with their units, its geometry for controllers, the words by which a
+foreign FMU is recognised, how two plants are compared, and how it moves along a path.
 `cosim.vehicle.kinds` finds the kinds that are installed. No other module knows how many entries a pose has.
 """
 

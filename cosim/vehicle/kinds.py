@@ -1,7 +1,7 @@
 """The kinds of vehicle that are installed: ours, and those of other packages (entry points ``formation.vehicles``).
 
-Ours come first and need no search. What is wrong with a kind of another package is told in a sentence where it may be
-the reason of another error; the kind is left out.
+Ours come first and need no search. A faulty kind of another package is left out; errors that it may have caused
+name its fault.
 """
 
 from __future__ import annotations

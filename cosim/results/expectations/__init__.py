@@ -1,7 +1,7 @@
 """Expectations: conditions for a run to pass, checked before the run and judged after it.
 
-Each kind of expectation is a module of this folder, with a class that names its element in the schema. What concerns
-other scenarios is handed in: one function that tells their signals, and one that runs them.
+Each kind of expectation is a module of this folder, with a class that names its element in the schema. Two functions
+are handed in for other scenarios: one that returns their signals, and one that runs them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def check(scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare)
     signals
         The signals that its run will record, by name.
     prepare
-        Tells those of another scenario.
+        Returns the signals of another scenario.
 
     Raises
     ------

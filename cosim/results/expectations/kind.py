@@ -31,7 +31,7 @@ class Recording:
 
 
 Prepare: TypeAlias = Callable[[Path], Recording]
-"""Tells the signals of another scenario, from its file; raises `InputError` if it cannot be run."""
+"""Returns the signals of another scenario, from its file; raises `InputError` if it cannot be run."""
 RunOther: TypeAlias = "Callable[[Path], xr.Dataset]"
 """Runs another scenario that has been prepared, from its file; raises `FormationError` if the run fails."""
 
@@ -99,7 +99,7 @@ class Kind(ABC):
             raise self.written.error(f"{what} is not a finite number")
 
     def check_robots(self, having: Collection[str], what: str) -> None:
-        """Check that some followers, and all that are named, are among those that have something."""
+        """Check that some follower has something, and every follower that is named."""
         if not having:
             raise self.written.error(f"no follower has a {what}")
         for robot in self.written.robots:

@@ -63,7 +63,7 @@ class Element(Written):
 
 
 def table(root: Element, tag: str, read: Callable[[Element], _T]) -> dict[str, _T]:
-    """Read all elements of a name, by their ids, none of which may be given twice."""
+    """Read all elements of a name, by their ids; refuse an id that is given twice."""
     found: dict[str, _T] = {}
     first: dict[str, Location] = {}
     for element in root.children(tag):
@@ -77,7 +77,7 @@ def table(root: Element, tag: str, read: Callable[[Element], _T]) -> dict[str, _
 
 
 def settings(element: Element, tag: str) -> tuple[Setting, ...]:
-    """Read the named values in the elements of a name, none of which may be given twice."""
+    """Read the named values in the elements of a name; refuse a name that is given twice."""
     seen: dict[str, Setting] = {}
     found = [Setting(child.get("name"), child.get("value"), child.where) for child in element.children(tag)]
     for setting in found:

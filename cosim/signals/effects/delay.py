@@ -48,7 +48,7 @@ class Delay(EffectKind):
                 )
 
     def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Put the values of some ticks ago in the place of those of now."""
+        """Replace the present values by the values of some ticks ago."""
         size = len(self._memory)
         if tick == 0:
             self._memory[:] = 0.0 if self.rows.at_rest else values

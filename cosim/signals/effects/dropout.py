@@ -54,7 +54,7 @@ class _Losses:
         self._drawn = np.ones((len(effects), BLOCK))
 
     def hold(self, tick: int, values: NDArray[np.float64], last: NDArray[np.float64]) -> None:
-        """Hold the last values of what is lost; the first measurement is never lost."""
+        """Hold the last values of lost measurements; the first measurement is never lost."""
         if tick % BLOCK == 0:
             for (stream, *_), drawn in zip(self._parts, self._drawn, strict=True):
                 drawn[:] = stream.random(BLOCK)

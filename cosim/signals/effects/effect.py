@@ -1,4 +1,4 @@
-"""What all kinds of effects have in common: they are read, and change the values of channels tick by tick."""
+"""The base of all kinds of effects: they are read, and change the values of channels tick by tick."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class EffectKind(ABC):
     Attributes
     ----------
     element : str
-        The element's name; empty for what several kinds have in common.
+        The element's name; empty for a base of several kinds.
     order : int
         Kinds are applied by this number, whatever the order in which they are written.
     """

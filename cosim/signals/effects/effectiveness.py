@@ -1,4 +1,4 @@
-"""An actuator that delivers only a part of what it should."""
+"""An actuator that delivers only a part of the commanded torque."""
 
 from __future__ import annotations
 
