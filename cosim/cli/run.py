@@ -23,7 +23,7 @@ from cosim.errors import FormationError, InputError, OutputError, RunInterrupted
 from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
-from cosim.master.setup import set_up
+from cosim.master.setup import Setup, set_up
 from cosim.master.simulation import Simulation
 from cosim.master.timing import timed
 from cosim.results.files import annotate, save, writable_folder, write
@@ -69,8 +69,6 @@ def _run_scenario(
                 "folder: give one of them another name"
             )
         names[scenario.name] = path
-        if options.strict:
-            _check_rules(scenario)
         _run_one(scenario, options, outcome, ending)
         return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
     except FormationError as error:
@@ -88,20 +86,14 @@ def _run_scenario(
                 write(options.junit, junit_xml(outcomes))
 
 
-def _check_rules(scenario: Scenario) -> None:
-    """Refuse FMUs that break a rule of FMI, before any is started."""
-    with ExitStack() as cleanup, taking_a_while("building and reading plants, which is slow the first time"):
-        for fmu in set_up(scenario, cleanup, {}).fmus.values():
-            rules_kept(fmu, strict=True)
-
-
 def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, ending: ExitStack) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
         with taking_a_while("building and loading plants, which is slow the first time"):
-            simulation = ending.enter_context(Simulation(scenario))
+            setup = _set_up_by_the_rules(scenario, ending, timing) if options.strict else None
+            simulation = ending.enter_context(Simulation(scenario, setup))
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
@@ -110,7 +102,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
                     result = simulation.run(progress, pacer)
             except (SimulationError, RunInterrupted) as error:
                 failure, result = error, error.result
-            timing |= simulation.timing
+            for part, seconds in simulation.timing.items():
+                timing[part] = timing.get(part, 0.0) + seconds
             with timed(timing, "write"):
                 kept = _save(result, folder)
         if signals.received and failure is None:  # while the result was being written
@@ -145,6 +138,14 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
             "everything recorded up to then is saved"
         )
         raise failure
+
+
+def _set_up_by_the_rules(scenario: Scenario, ending: ExitStack, timing: dict[str, float]) -> Setup:
+    """Set a scenario up and refuse FMUs that break a rule of FMI, before any is started."""
+    setup = set_up(scenario, ending, timing)
+    for fmu in setup.fmus.values():
+        rules_kept(fmu, strict=True)
+    return setup
 
 
 def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from cosim.cli import main
+from cosim.cli import main, run
 from cosim.errors import InputError, Location, SimulationError
 from cosim.kinds_in import kinds_in
 from cosim.master import setup, simulation
@@ -428,23 +428,29 @@ ALL = """
 """
 
 
-def test_every_kind_on_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is compared with is read, set up and run once for all, and what is expected of it is not followed."""
-    counts: dict[str, Counter[Path]] = {"read": Counter(), "set up": Counter(), "run": Counter()}
+@pytest.fixture
+def counts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Counter[Path]]:
+    """Count how often each scenario is read, set up and run."""
+    found: dict[str, Counter[Path]] = {"read": Counter(), "set up": Counter(), "run": Counter()}
 
-    def counted(what: str, place: Any, name: str, path_of: Callable[[Any], Path]) -> None:
+    def count(what: str, place: Any, name: str, path_of: Callable[[Any], Path]) -> None:
         original = getattr(place, name)
 
         def call(first: Any, *others: Any, **named: Any) -> Any:
-            counts[what][path_of(first)] += 1
+            found[what][path_of(first)] += 1
             return original(first, *others, **named)
 
         monkeypatch.setattr(place, name, call)
 
-    counted("read", reader, "read_document", lambda path: path)
-    counted("set up", setup, "set_up", lambda scenario: scenario.path)
-    counted("set up", simulation, "set_up", lambda scenario: scenario.path)
-    counted("run", Simulation, "run", lambda simulation: simulation.scenario.path)
+    count("read", reader, "read_document", lambda path: path)
+    for place in (setup, simulation, run):
+        count("set up", place, "set_up", lambda scenario: scenario.path)
+    count("run", Simulation, "run", lambda simulation: simulation.scenario.path)
+    return found
+
+
+def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:
+    """What is compared with is read, set up and run once for all, and what is expected of it is not followed."""
     path = written(tmp_path, "one.xml", ALL)
     other = written(tmp_path, "other.xml", '<compare measure="rms" signal="range" factor="1" scenario="one.xml"/>')
     scenario = read_scenario(path)
@@ -464,6 +470,13 @@ def test_every_kind_on_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert [verdict.passed for verdict in found[:4]] == [False] * 4
     for verdict in found:
         assert verdict.passed is not math.isnan(verdict.margin) or verdict.margin <= 0
+
+
+def test_a_strict_run_sets_up_once_too(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:
+    compare = '<compare measure="rms" signal="range" factor="9" scenario="other.xml"/>'
+    path, other = written(tmp_path, "one.xml", compare), written(tmp_path, "other.xml", "<regular/>")
+    assert main(["run", str(path), "--strict", "--out", str(tmp_path), "--no-figure"]) == 0
+    assert counts == {key: Counter({path: 1, other: 1}) for key in counts}
 
 
 def test_a_comparison_with_a_run_that_fails(
