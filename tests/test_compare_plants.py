@@ -224,7 +224,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         "A the built-in model car_like (FMI 2.0, co_simulation, Formation 0.1.0)",
         "[red]vendor.fmu (FMI 2.0",
         "2 s in steps of 0.02 s, from x = 1 m, y = -2 m, psi = 90 deg, gamma = 10 deg",
-        "they differ: the wheelbase of A is 1.2, of B 1.3",
+        "they differ: the wheelbase of A is 1.2 m, of B 1.3 m",
         "at A's own beyond",
         "role unit largest [s] RMS range tolerance from [s]",
         "results in ",

@@ -105,7 +105,8 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         soft_wrap=True,
     )
     for name, values in comparison.geometry.items():
-        first, second = (f"{value:.6g}" if isinstance(value, float) else value for value in values)
+        unit = comparison.kind.geometry[name].unit
+        first, second = (f"{value:.6g} {unit}" if isinstance(value, float) else value for value in values)
         text = f"the {name.replace('_', ' ')} of A is {first}, of B {second}"
         if first != second:
             console.print(f"[yellow]they differ:[/] {safe(text)}", soft_wrap=True)
