@@ -1,9 +1,15 @@
 """Shared by all tests that run from the root: caches of their own, so that nothing built by hand can hide a fault."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from cosim.scenario.scenario import Scenario
 
 ROOT = Path(__file__).parent
 
@@ -21,3 +27,11 @@ def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def scenarios() -> Path:
     """Return the folder of the scenarios that come with the project."""
     return ROOT / "scenarios"
+
+
+@pytest.fixture(scope="session")
+def short_line(scenarios: Path) -> Scenario:
+    """Return the first second of four followers on a line, of which nothing is expected."""
+    from cosim.scenario.reader import read_scenario
+
+    return read_scenario(scenarios / "clmr_line.xml").edited(horizon=1.0, expectations=False)

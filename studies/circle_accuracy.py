@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from variation import SCENARIOS, gain, heading, row
 
 import cosim
+from cosim.scenario.edits import set_seed
 
 SEEDS = range(1, 4)
 FILES = ("clmr_circle_as_printed", "clmr_circle")
@@ -37,7 +38,7 @@ Array = NDArray[np.float64]
 
 def steady(path: Path, changes: Sequence[str], seed: int) -> xr.Dataset:
     """Return the last fifth of a run."""
-    scenario = cosim.read_scenario(path, [*changes, f"//simulation/@seed={seed}"])
+    scenario = cosim.read_scenario(path, [*changes, set_seed(seed)])
     return cosim.run(scenario).sel(time=slice(0.8 * scenario.horizon, None))
 
 

@@ -22,14 +22,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from lxml import etree
 from matplotlib.figure import Figure
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
 import cosim
 from cosim.results.summary import summarise
-from cosim.scenario.edits import Change, set_controller
+from cosim.scenario.edits import Change, as_changes, set_controller, set_seed
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = Path(__file__).with_suffix(".json")
@@ -137,7 +136,7 @@ def run(law: str, gains: Mapping[str, str], changes: Iterable[str | Change], see
     file = ROOT / "scenarios" / f"{own.scenario if own else LAWS['neural-adaptive-pid'].scenario}.xml"
     other = () if own else (set_controller("law", law, "formation-controllers", version("formation-controllers")),)
     values = [f'//gain[@name="{name}"]/@value={value}' for name, value in gains.items()]
-    scenario = cosim.read_scenario(file, [*other, *values, *changes, f"simulation/@seed={seed}"])
+    scenario = cosim.read_scenario(file, [*other, *values, *changes, set_seed(seed)])
     try:
         return Run(scenario, cosim.run(scenario), None)
     except cosim.SimulationError as error:
@@ -146,15 +145,6 @@ def run(law: str, gains: Mapping[str, str], changes: Iterable[str | Change], see
         if not gains:
             raise
         return Run(None, None, 0.0)  # the comparator refuses observers that its Euler steps make unstable
-
-
-def shortened(root: etree._Element) -> None:
-    """Shorten a scenario to the horizon that is tuned on; what it expects belongs to the whole one."""
-    element = root.find("simulation")
-    assert element is not None
-    element.set("horizon", f"{TUNING_HORIZON:g} s")
-    for expect in root.findall("expect"):
-        root.remove(expect)
 
 
 def written(law: str, logarithms: Sequence[float]) -> dict[str, str]:
@@ -193,7 +183,7 @@ def cost(law: str, kind: str, logarithms: Sequence[float]) -> float:
     """Return the mean cost over followers and tuning seeds, with penalties."""
     total = 0.0
     for seed in TUNING_SEEDS:
-        one = run(law, written(law, logarithms), [shortened], seed)
+        one = run(law, written(law, logarithms), as_changes((), TUNING_HORIZON, expectations=False), seed)
         if one.failed is not None:
             total += FAILED * (2 - one.failed / TUNING_HORIZON)
             continue

@@ -25,9 +25,10 @@ from formation_controllers.interface import Floats
 from formation_controllers.kinematics import PostureError
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from formation_controllers.observer_pid import ObserverPid
-from variation import HEADER, SCENARIOS, Outcome, extra_gain, gain, heading, outcome, parameter, row, worst
+from variation import HEADER, SCENARIOS, Outcome, gain, heading, outcome, parameter, row, worst
 
 import cosim
+from cosim.scenario.edits import Change, set_horizon
 from cosim.scenario.grammar import NAMESPACE
 
 SEEDS = range(1, 4)
@@ -49,7 +50,7 @@ class Reading:
         A variant of the scenario, in its place.
     """
 
-    changes: Sequence[str] = ()
+    changes: Sequence[str | Change] = ()
     patches: Mapping[tuple[object, str], Any] = field(default_factory=dict)
     scenario: Path | None = None
 
@@ -194,8 +195,8 @@ def _start_at_zero(controller: ObserverPid, q: Floats, desired: Desired) -> None
 
 LINE = gain(gamma_theta=0.5, theta_m=10, gamma_w=10, W_m=1000)
 EXPONENTS = {
-    "exponent over 2 λ² (λ²)": Reading(extra_gain("widths", 10 * math.sqrt(2))),
-    "exponent over λ": Reading(extra_gain("widths", math.sqrt(10))),
+    "exponent over 2 λ² (λ²)": Reading(gain(widths=10 * math.sqrt(2))),
+    "exponent over λ": Reading(gain(widths=math.sqrt(10))),
 }
 LAW = {
     "x_w: e alone (all 13 entries)": network_input(_error_alone),
@@ -209,7 +210,7 @@ LAW = {
     ),
     "observer: q̂(0) = 0 (q(0))": Reading(patches={(ObserverPid, "start_states"): _start_at_zero}),
 }
-HORIZON = {"horizon 150 s (100 s)": Reading(["//simulation/@horizon=150 s"])}
+HORIZON = {"horizon 150 s (100 s)": Reading([set_horizon(150)])}
 
 
 def car_like_readings(path: Path, folder: Path) -> dict[str, Reading]:
@@ -228,7 +229,7 @@ def car_like_readings(path: Path, folder: Path) -> dict[str, Reading]:
         "plant and controller at 5 ms": step(5),
         "no saturation (200 N.m)": Reading(["//saturation/@limit=1e9 N.m"]),
         "saturation 100 N.m": Reading(["//saturation/@limit=100 N.m"]),
-        "adaptation and integrals held beyond 200 N.m (go on)": Reading(extra_gain("torque_limit", 200)),
+        "adaptation and integrals held beyond 200 N.m (go on)": Reading(gain(torque_limit=200)),
         **EXPONENTS,
         **LAW,
     }

@@ -14,6 +14,7 @@ from PIL import Image
 
 import cosim
 from cosim.results.summary import summarise
+from cosim.scenario.edits import Change, set_seed
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "figures"
@@ -71,8 +72,8 @@ class Outcome:
 
 
 def gain(**values: float) -> list[str]:
-    """Return the changes that set gains of every controller of a scenario."""
-    return [f'//gain[@name="{name}"]/@value={value:g}' for name, value in values.items()]
+    """Return the changes that set gains of the controller of a scenario, also gains that it leaves out."""
+    return [f'controller/gain[@name="{name}"]/@value={value:g}' for name, value in values.items()]
 
 
 def parameter(name: str, value: str) -> list[str]:
@@ -80,17 +81,9 @@ def parameter(name: str, value: str) -> list[str]:
     return [f'//parameter[@name="{name}"]/@value={value}']
 
 
-def extra_gain(name: str, value: float) -> list[str]:
-    """Return the changes that give a gain which the scenario leaves at its default: in place of k_d, which then is.
-
-    A change cannot add an element, and all scenarios here write k_d = 10, its default.
-    """
-    return [f'//gain[@name="k_d"]/@name={name}', *gain(**{name: value})]
-
-
-def outcome(scenario: Path, changes: Sequence[str], seed: int) -> Outcome:
+def outcome(scenario: Path, changes: Sequence[str | Change], seed: int) -> Outcome:
     """Run a scenario with changes and one seed."""
-    read = cosim.read_scenario(scenario, [*changes, f"//simulation/@seed={seed}"])
+    read = cosim.read_scenario(scenario, [*changes, set_seed(seed)])
     try:
         result = cosim.run(read)
     except cosim.SimulationError:

@@ -18,8 +18,7 @@ from cosim.cli import main
 from cosim.master.simulation import Simulation
 from cosim.results.files import load
 from cosim.scenario.grammar import NAMESPACE
-
-SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
+from cosim.tests.driving import SHORT
 
 
 @pytest.fixture
@@ -90,7 +89,8 @@ def test_overrides(line: str, tmp_path: Path) -> None:
     for piece in ('horizon="1 s"', 'seed="5"', f'fmu="{fmu}"'):
         assert piece in result.attrs["scenario"], "the text that is kept is the text that was run"
     told = json.loads((tmp_path / "clmr_line" / "summary.json").read_text())["changes"]
-    assert told[len(SHORT) :] == ["--seed 5", f"--plant clmr={fmu}", "--controller pid=neural-adaptive-pid"]
+    options = ["--seed 5", f"--plant clmr={fmu}", "--controller pid=neural-adaptive-pid", "--horizon '1 s'"]
+    assert told[len(SHORT) - 1 :] == options
 
 
 @pytest.mark.parametrize("law", ["feedback-linearisation", "lqg", "neural-high-gain", "observer-pid"])

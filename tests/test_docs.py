@@ -19,6 +19,7 @@ from cosim.cli import main
 from cosim.master.setup import set_up
 from cosim.scenario.grammar import NAMESPACE, attributes_of, children_of, local_name
 from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
 
 from .foreign.vehicles import require
 from .stub.stub import make_fmu
@@ -61,12 +62,13 @@ REST = f"""<scenario xmlns="{NAMESPACE}" name="rest">
 </scenario>"""
 
 
-def test_the_page_on_results_names_every_variable_and_attribute(scenarios: Path) -> None:
-    replacements = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
-    result = cosim.run(scenarios / "clmr_line.xml", replacements)
+def test_the_page_on_results_names_every_variable_and_attribute(short_line: Scenario) -> None:
+    result = cosim.run(short_line)
     named = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "results.md").read_text(encoding="utf-8")))
     telemetry = set(re.findall(r"`(\w+)`", (ROOT / "controllers" / "README.md").read_text(encoding="utf-8")))
+    components = {name for name in result.coords if str(name).endswith(("_component", "_component_units"))}
     assert set(result.data_vars) <= named | telemetry
+    assert set(result.coords) - components <= named
     assert set(result.attrs) <= named
 
 

@@ -123,8 +123,8 @@ def test_nothing_is_said_to_be_changed_where_nothing_is(line: str, tmp_path: Pat
 
 
 def test_python_says_it_too(line: str) -> None:
-    result = cosim.run(line, ["//simulation/@horizon=0.6 s", set_seed(2)])
-    assert cosim.summary_of(result).provenance.changes == ("--set '//simulation/@horizon=0.6 s'", "--seed 2")
+    result = cosim.run(line, [set_seed(2)], horizon="0.6 s")
+    assert cosim.summary_of(result).provenance.changes == ("--seed 2", "--horizon '0.6 s'")
 
 
 # Two results ------------------------------------------------------------------------------------------------

@@ -17,9 +17,9 @@ from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from cosim.cli import main
 from cosim.master.simulation import Simulation
 from cosim.results.files import load
+from cosim.tests import driving
 
-SHORT = [f"--set={change}" for change in ("//simulation/@horizon=1 s", "//rms/@from=0.5 s", "//settled/@by=0.5 s")]
-SHORT += ["--no-figure"]
+SHORT = [*driving.SHORT, "--no-figure"]
 FORMATION = str(Path(sys.executable).with_name("formation"))
 
 

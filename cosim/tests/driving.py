@@ -19,6 +19,8 @@ HERE = Location("scenario.xml", 3, 5)
 STEP = 0.02
 TIME_LIMIT = 30.0
 """Of a process, where no test is about it: other tests may keep the machine busy."""
+SHORT = ("--horizon=1 s", "--set=//rms/@from=0.5 s", "--set=//settled/@by=0.5 s")
+"""Options with which clmr_line.xml runs for a second, after which its expectations fail."""
 
 
 def source(**about: Any) -> PlantSource:

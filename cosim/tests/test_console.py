@@ -60,4 +60,4 @@ def test_no_heading_is_cut(result: xr.Dataset, width: int) -> None:
 
 @pytest.fixture(scope="module")
 def result(scenarios: Path) -> xr.Dataset:
-    return cosim.run(cosim.read_scenario(scenarios / "clmr_line.xml", ["//simulation/@horizon=1 s", *SHORT]))
+    return cosim.run(scenarios / "clmr_line.xml", SHORT, horizon=1.0)

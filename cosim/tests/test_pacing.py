@@ -1,13 +1,12 @@
 """Pacing against a clock of the tests' own, and a run that really takes its time."""
 
 import time
-from pathlib import Path
 
 import pytest
 
 from cosim.master.pacing import Pacer
 from cosim.master.simulation import Simulation
-from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
 
 
 class Clock:
@@ -68,11 +67,10 @@ def test_a_pace_is_positive(factor: float) -> None:
         Pacer(0.02, factor)
 
 
-def test_a_run_takes_its_time_and_gives_the_same_numbers(scenarios: Path) -> None:
-    changes = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
+def test_a_run_takes_its_time_and_gives_the_same_numbers(short_line: Scenario) -> None:
     results = []
     for pacer in (None, Pacer(0.02, 5.0)):
-        with Simulation(read_scenario(scenarios / "clmr_line.xml", changes)) as simulation:
+        with Simulation(short_line) as simulation:
             simulation.step()  # which may compile
             started = time.perf_counter()
             results.append(simulation.run(pacer=pacer))

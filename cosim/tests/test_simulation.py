@@ -9,13 +9,12 @@ import pytest
 from cosim.errors import InputError, SimulationError
 from cosim.master.simulation import Simulation
 from cosim.scenario.reader import read_scenario
-
-CHANGES = ["//simulation/@horizon=1 s", "//rms/@from=0 s", "//settled/@by=0.5 s"]
+from cosim.scenario.scenario import Scenario
 
 
 @pytest.fixture
-def simulation(scenarios: Path) -> Iterator[Simulation]:
-    with Simulation(read_scenario(scenarios / "clmr_line.xml", CHANGES)) as simulation:
+def simulation(short_line: Scenario) -> Iterator[Simulation]:
+    with Simulation(short_line) as simulation:
         yield simulation
 
 
@@ -52,10 +51,10 @@ def test_a_torque_of_ones_own_for_one_tick(simulation: Simulation) -> None:
     assert leader[2].tolist() == leader[0].tolist()
 
 
-def test_what_the_others_do_does_not_depend_on_it(scenarios: Path) -> None:
+def test_what_the_others_do_does_not_depend_on_it(short_line: Scenario) -> None:
     results = []
     for torque in (None, {"follower_1": (12.0, -3.0)}):
-        with Simulation(read_scenario(scenarios / "clmr_line.xml", CHANGES)) as simulation:
+        with Simulation(short_line) as simulation:
             while not simulation.finished:
                 simulation.step(torque)
             results.append(simulation.result())
@@ -64,13 +63,11 @@ def test_what_the_others_do_does_not_depend_on_it(scenarios: Path) -> None:
     assert (results[1].torque.sel(robot="follower_1").values == [12.0, -3.0]).all()
 
 
-def test_a_held_command_is_held_beyond_an_override(scenarios: Path) -> None:
-    changes = [*CHANGES, "//simulation/@step=10 ms"]
-
+def test_a_held_command_is_held_beyond_an_override(short_line: Scenario) -> None:
     def thrice(root):  # the controllers tick every third step
         root.find("simulation").set("period", "30 ms")
 
-    with Simulation(read_scenario(scenarios / "clmr_line.xml", [*changes, thrice])) as simulation:
+    with Simulation(short_line.edited(["//simulation/@step=10 ms", thrice])) as simulation:
         simulation.step()
         simulation.step({"follower_1": (12.0, -3.0)})
         simulation.step()
