@@ -30,6 +30,8 @@ from cosim.scenario.edits import (
     set_value,
     without_expectations,
 )
+from cosim.vehicle.kind import Kind
+from cosim.vehicle.kinds import kinds
 from plants import units
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -170,6 +172,12 @@ def test_a_scenario_that_was_pickled_is_set_up_alike() -> None:
             assert other.gains == setup.gains
             assert other.channels == setup.channels
             np.testing.assert_array_equal(other.desired.q, setup.desired.q)
+
+
+@pytest.mark.parametrize("kind", list(kinds()), ids=lambda kind: kind.name)
+def test_a_kind_of_vehicle_is_the_same_one_everywhere(kind: Kind) -> None:
+    for sent in (again, copy.copy, copy.deepcopy):
+        assert sent(kind) is kind
 
 
 # Results ----------------------------------------------------------------------------------------------------

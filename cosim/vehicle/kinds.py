@@ -6,10 +6,12 @@ name its fault.
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+from typing import Any
 
 from cosim.errors import InputError, nearest
 from cosim.vehicle.car_like import CAR_LIKE
@@ -53,6 +55,13 @@ def kind_named(name: str) -> Kind:
         if kind.name == name:
             return kind
     raise InputError(f"there is no kind of vehicle {name!r}: {nearest(name, [k.name for k in kinds()])}{faults()}")
+
+
+def _by_name(kind: Kind) -> tuple[Any, tuple[str]]:
+    return kind_named, (kind.name,)
+
+
+copyreg.pickle(Kind, _by_name)  # a kind has functions, and is itself in every process: its name stands for it
 
 
 def installed() -> tuple[InstalledKind, ...]:
