@@ -151,7 +151,7 @@ def picture(arrows: Arrows) -> bytes:
     marker.set("markerHeight", "7")
     etree.SubElement(marker, "path", {"class": "head", "d": "M0 0L8 4L0 8z"})
     for room, others in drawn.items():
-        for other in others:
+        for other in sorted(others):
             _arrow(svg, place, room, other, drawn)
     for room, (x, y) in place.items():
         strangers = [STRANGERS[name] for name in sorted(arrows[room] & STRANGERS.keys())]

@@ -1,6 +1,7 @@
 """What the documentation names is what there is."""
 
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -267,3 +268,13 @@ def test_the_page_on_the_architecture_names_every_room() -> None:
     assert [room for room in rooms if f"| `{room}` |" not in page] == []
     for path in re.findall(r"`([\w.]+(?:/[\w.]+)+)`", page):
         assert any((folder / path).exists() for folder in (ROOT, ROOT / "cosim")), path
+
+
+def test_the_rooms_are_drawn_from_the_imports_as_they_are() -> None:
+    rooms = runpy.run_path(str(ROOT / "studies" / "rooms.py"))
+    arrows = rooms["known"]()
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    drawn = (ROOT / "docs" / "figures" / "rooms.svg").read_bytes()
+    assert rooms["with_table"](page, arrows) == page, "python studies/rooms.py writes the table anew"
+    assert rooms["picture"](arrows) == drawn, "python studies/rooms.py draws the picture anew"
+    assert max(rooms["floors"](arrows).values()) < 8
