@@ -277,7 +277,7 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seed", type=int, metavar="N", help="seed of the noise, in place of the scenario's")
     command.add_argument("--horizon", metavar="TIME", help="end of the run, in place of the scenario's, such as '2 s'")
     command.add_argument(
-        "--no-expectations", dest="expectations", action="store_false", help="leave out what is expected of the run"
+        "--no-expectations", dest="expectations", action="store_false", help="leave out all expectations"
     )
     command.add_argument("--plant", action="append", default=[], metavar="ID=FMU", help="use this FMU for the plant ID")
     command.add_argument(
