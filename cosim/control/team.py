@@ -199,12 +199,13 @@ class Team:
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
         if torque.shape != (len(self.robots), 2):
-            wrong = ValueError(f"it returned torques of shape {torque.shape}, not {(len(self.robots), 2)}")
-            raise self._failure(wrong, time)
+            misshapen = ValueError(f"it returned torques of shape {torque.shape}, not {(len(self.robots), 2)}")
+            raise self._failure(misshapen, time)
         finite = np.isfinite(torque).all(axis=1)
         if not finite.all():
             row = int(np.argmin(finite))
-            raise self._failure(fc.ControllerError(f"the torque is {torque[row].tolist()}", robot=row), time, "torque")
+            wrong = fc.ControllerError(f"the torque is {torque[row].tolist()}: it must be finite", robot=row)
+            raise self._failure(wrong, time, "torque")
         return torque
 
     def telemetry(self, time: float) -> NDArray[np.float64]:
