@@ -163,12 +163,8 @@ def test_a_scenario_that_was_pickled_is_set_up_alike() -> None:
         setup = set_up(cosim.read_scenario(EXAMPLE), cleanup, {})
         for other in (again(setup), set_up(again(cosim.read_scenario(EXAMPLE)), cleanup, {})):
             for one, two in zip((setup.leader, *setup.followers), (other.leader, *other.followers), strict=True):
-                assert (one.name, one.vehicle, one.pose, one.contract) == (
-                    two.name,
-                    two.vehicle,
-                    two.pose,
-                    two.contract,
-                )
+                for part in ("name", "vehicle", "pose", "kind", "source", "actuator"):
+                    assert getattr(one, part) == getattr(two, part)
             assert other.gains == setup.gains
             assert other.channels == setup.channels
             np.testing.assert_array_equal(other.desired.q, setup.desired.q)
