@@ -92,8 +92,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
         with taking_a_while("building and loading plants, which is slow the first time"):
-            setup = _set_up_by_the_rules(scenario, ending, timing) if options.strict else None
-            simulation = ending.enter_context(Simulation(scenario, setup))
+            prepared = [_set_up_by_the_rules(scenario, ending, timing)] if options.strict else []
+            simulation = ending.enter_context(Simulation(scenario, *prepared))
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
