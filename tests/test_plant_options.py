@@ -13,30 +13,16 @@ from cosim.cli import main
 from cosim.results.files import load
 from cosim.scenario.edits import set_binding, set_fmu
 from cosim.scenario.reader import read_scenario
+from cosim.tests import driving
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu
 
-SCENARIO = """<scenario xmlns="urn:formation-cosim:scenario:1" name="one">
-  <title>One follower</title>
-  <simulation horizon="2 s" step="20 ms" seed="1"/>
-  <plant id="car" fmu="{fmu}">{inside}</plant>
-  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0"/>
-  <leader plant="car">
-    <pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/><torque tau_drive="8 N.m"/>
-  </leader>
-  <follower id="follower" plant="car" controller="pid">
-    <pose x="-5 m" y="-2 m" psi="0 deg" gamma="0 deg"/><desired range="3 m" bearing="30 deg"/>
-  </follower>
-  {expect}
-</scenario>"""
 ROLES = "".join(f'<role name="{role}" variable="{name}"/>' for role, name in NAMES.items() if role != "m_c")
 
 
 def scenario(folder: Path, fmu: Path, inside: str = "", expect: str = "", name: str = "one.xml") -> Path:
-    path = folder / name
-    path.write_text(SCENARIO.format(fmu=fmu, inside=inside, expect=expect), encoding="utf-8")
-    return path
+    return driving.scenario(folder / name, f'<plant id="car" fmu="{fmu}">{inside}</plant>', horizon="2 s", more=expect)
 
 
 def binding(path: Path, roles: str = ROLES) -> Path:

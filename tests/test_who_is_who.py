@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 import cosim
 from cosim.cli import main
+from cosim.master.identity import is_taken
 from cosim.results.files import load, save
 
 WHEELBASE, HITCH, HALF_TRACK = 1.5, 0.9, 0.4
@@ -171,6 +172,14 @@ def test_every_coordinate_explains_itself(file: Path) -> None:
             assert variable.attrs.get("long_name"), name
         if variable.dtype.kind == "f":
             assert variable.attrs.get("units"), name
+
+
+def test_no_signal_of_a_controller_can_take_these_names(file: Path) -> None:
+    result = load(file)
+    for name in result.coords:
+        if set(result[name].dims) & {"vehicle", "plant", "message"}:
+            assert is_taken(str(name))
+    assert not any(map(is_taken, map(str, result.data_vars)))
 
 
 def test_a_result_of_an_earlier_version_still_loads(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.fmu.package import Fmu
 from cosim.master.robot import RobotSetup
 from cosim.plant.message import RobotMessage
-from cosim.scenario.scenario import LEADER, Scenario
+from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import Columns, columns
 from cosim.vehicle.kind import Kind, Role
 
@@ -63,15 +63,14 @@ def who_is_who(
     messages
         The FMUs' messages.
     """
-    return {**_vehicles(scenario, robots), **_components(robots), **_plants(scenario, fmus), **_messages(messages)}
+    return {**_vehicles(robots), **_components(robots), **_plants(scenario, fmus), **_messages(messages)}
 
 
-def _vehicles(scenario: Scenario, robots: Sequence[RobotSetup]) -> Coordinates:
-    plants = {LEADER: scenario.leader.plant} | {follower.id: follower.plant for follower in scenario.followers}
+def _vehicles(robots: Sequence[RobotSetup]) -> Coordinates:
     found: Coordinates = {
         "vehicle": _texts("vehicle", [robot.name for robot in robots], "leader and followers"),
         "vehicle_kind": _texts("vehicle", [robot.kind.name for robot in robots], "kind of vehicle"),
-        "vehicle_plant": _texts("vehicle", [plants[robot.name] for robot in robots], "plant of the vehicle"),
+        "vehicle_plant": _texts("vehicle", [robot.source.id for robot in robots], "plant of the vehicle"),
     }
     for name, (fields, role) in _geometry(robots).items():
         values = [

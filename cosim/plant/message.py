@@ -10,7 +10,7 @@ from typing import Self
 from cosim.errors import printable
 from cosim.plant.failures import STATUS
 
-KEPT_MESSAGES = 20
+KEPT_AT_ONCE = 20
 """How many of the messages between two communication points are kept: the last ones, but no two alike in succession."""
 MAX_LENGTH = 2000
 """Bytes of a message's text."""
@@ -77,7 +77,7 @@ class LastMessages:
     """The last messages of one FMU, no two alike in succession."""
 
     def __init__(self) -> None:
-        self._kept: deque[Message] = deque(maxlen=KEPT_MESSAGES)
+        self._kept: deque[Message] = deque(maxlen=KEPT_AT_ONCE)
 
     def __len__(self) -> int:
         return len(self._kept)
