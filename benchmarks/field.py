@@ -25,7 +25,7 @@ from plants.factory.compile import find_compiler
 DRIVERS = Path(__file__).parent / "drivers"
 PATIENCE = 500.0  # for one answer [s]
 
-ONE_CORE = "int get_nprocs(void) { return 1; }"  # what std::thread::hardware_concurrency() asks for
+ONE_CORE = "int get_nprocs(void) { return 1; }"  # called by std::thread::hardware_concurrency()
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ class Entry:
     Attributes
     ----------
     name, driver : str
-        What it is called, and its program.
+        Its name and its program.
     options : dict
         For the driver.
     all_cores : bool
@@ -60,7 +60,7 @@ class Entry:
 
 
 class Failed(Exception):
-    """A master did not do what it was asked for."""
+    """A master failed to do its job."""
 
 
 class Worker:
@@ -69,7 +69,7 @@ class Worker:
     def __init__(self, entry: Entry, python: str) -> None:
         self.entry = entry
         preload = {} if entry.all_cores else {"LD_PRELOAD": one_core()}
-        self.scratch = tempfile.TemporaryDirectory()  # of all that it unpacks
+        self.scratch = tempfile.TemporaryDirectory()  # for the files that it unpacks
         self.log = Path(self.scratch.name, "log").open("w+")  # noqa: SIM115
         self.process = subprocess.Popen(
             [python, DRIVERS / f"{entry.driver}.py"],
@@ -103,7 +103,7 @@ class Worker:
         return float(self.ask("run", ticks=ticks)["seconds"])
 
     def record(self, ticks: int) -> dict[str, NDArray[np.float64]]:
-        """Return the ``outputs``, and what was ``recorded`` of the last ticks if the master records."""
+        """Return the ``outputs``, and the ``recorded`` samples of the last ticks if the master records."""
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch, "record.npz")
             self.ask("record", path=str(path), ticks=ticks)
@@ -188,7 +188,7 @@ class Field:
         self.workers.pop(name).end()
 
     def take_turns(self, rounds: int, measure: Callable[[Worker], float]) -> dict[str, float]:
-        """Return the median of what is measured of each, of whom every round measures all."""
+        """Return the median of each master's measurements; every round measures all masters."""
         times: dict[str, list[float]] = {}
         for _ in range(rounds):
             for name, value in self.each(measure).items():

@@ -1,4 +1,4 @@
-"""Masters compared on the same plants in one run: what a master costs per FMU and step, and the whole closed loop.
+"""Masters compared on the same plants in one run: the cost per FMU and step, and of the whole closed loop.
 
     pip install -e controllers -e ".[bench]"
     python benchmarks/masters.py [--robots N...] [--followers N...] [--rounds N] [--masters NAME...] [--out DIR]
@@ -19,8 +19,8 @@ projects release; logging is off; all step by a fixed-step algorithm.
    by its Python interface, tick by tick; and the harness as `formation run` runs it, with what it spends in control
    laws and in the plants' steps. Larger teams are copies of the four followers. All must have the harness's motion.
 
-Not compared: start-up, memory, step-size control, algebraic loops, plants large enough for several cores, and what else
-a master can do. CoFmuPy needs an older FMPy: it has a virtual environment of its own in the cache folder.
+Not compared: start-up, memory, step-size control, algebraic loops, plants large enough for several cores, and other
+features of masters. CoFmuPy needs an older FMPy: it has a virtual environment of its own in the cache folder.
 
 CoFmuPy sets all inputs of an FMU, so four more of the car-like robot. libcosim rounds time to nanoseconds, which the
 motion tells by 1e-14.
@@ -59,7 +59,7 @@ from plants.factory.platforms import host
 HERE = Path(__file__).parent
 SCENARIO = HERE.parent / "scenarios" / "clmr_line.xml"
 STEP = 0.02
-ROUND = 0.1  # what a round of one master takes, about [s]
+ROUND = 0.1  # duration of a round of one master, about [s]
 MOST_SAMPLES = 200_000  # FMUs times ticks in a round
 LOOP_TICKS = {1: 500, 10: 300, 100: 60, 1000: 12}  # of a round of the closed loop, from that many followers on
 
@@ -148,7 +148,7 @@ def cofmupy_python() -> str:
 
 
 def held_job(fmu: Path, robots: int, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every master is told to run: robots that drive on circles, each its own."""
+    """Return the job of every master: robots that drive on circles, each its own."""
     start = [{"x": float(i), "psi": 0.01 * (i % 100), "gamma": 0.1 + 0.001 * (i % 10)} for i in range(robots)]
     torque = [[8.0 + 0.1 * (i % 7), 0.0] for i in range(robots)]
     samples = max(MOST_SAMPLES // robots, 50)
@@ -309,7 +309,7 @@ def loop_costs(
     return costs, field.out
 
 
-# What comes of it -------------------------------------------------------------------------------------------
+# The report ------------------------------------------------------------------------------------------------
 
 
 def print_table(title: str, costs: Costs, base: str) -> None:
@@ -332,7 +332,7 @@ def print_absences(absences: dict[int, dict[str, str]]) -> None:
 
 
 def print_parts(costs: Costs) -> None:
-    """Print what the harness spends its time on."""
+    """Print where the time of the harness goes."""
     print(f"\nof a tick of {HARNESS!r}: control laws, plants' steps, and all else, the master itself\n")
     for followers, own in costs.items():
         if {HARNESS, LAWS, STEPS} <= own.keys():
@@ -342,7 +342,7 @@ def print_parts(costs: Costs) -> None:
 
 
 def print_targets(idle: Costs, loop: Costs) -> None:
-    """Print what issue 6 asks for next to what was measured."""
+    """Print the targets of the master next to the measured costs."""
     print()
     for name, times in (("ecos", 5), ("FMPy", 30)):
         ratios = {n: own[name] / own[OURS] for n, own in idle.items() if {name, OURS} <= own.keys()}
@@ -393,7 +393,7 @@ def draw(panels: Mapping[str, Costs], path: Path) -> None:
 
 
 def machine() -> str:
-    """Return on what machine this runs, and how busy it is."""
+    """Return the machine of this run and its load."""
     model = platform.processor() or platform.machine()
     if (about := Path("/proc/cpuinfo")).exists():
         model = next((x.partition(":")[2].strip() for x in about.read_text().splitlines() if "model name" in x), model)

@@ -1,4 +1,4 @@
-"""What a plant costs: one Euler step of the car-like robot in its FMU, called from C, and building the FMU.
+"""The cost of a plant: one Euler step of the car-like robot in its FMU, called from C, and building the FMU.
 
     python benchmarks/plant_step.py [REPETITIONS]
 

@@ -1,4 +1,4 @@
-"""What one `formation run` spends its time on, from a cold interpreter with warm caches.
+"""Where the time of one `formation run` goes, from a cold interpreter with warm caches.
 
     python benchmarks/profile_run.py [SCENARIO.xml] [--runs N]
 
@@ -33,7 +33,7 @@ WHOLE = "whole process"
 
 
 def process(*arguments: str) -> tuple[float, subprocess.CompletedProcess[str]]:
-    """Run Python and return how long it took [s], and what it printed."""
+    """Run Python and return its duration [s] and its output."""
     begin = time.perf_counter()
     result = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False)
     seconds = time.perf_counter() - begin

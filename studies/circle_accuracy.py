@@ -1,4 +1,4 @@
-"""Two claims on the second simulation (Figure 7): what a smaller epsilon_t brings and costs, and what is estimated.
+"""Two claims on the second simulation (Figure 7): gain and cost of a smaller epsilon_t, and the estimates.
 
     python studies/circle_accuracy.py
 

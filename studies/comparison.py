@@ -1,10 +1,10 @@
-"""Figure 10's comparison, made fair: both laws tuned alike, and judged on what they were not tuned on.
+"""Figure 10's comparison, made fair: both laws tuned alike, and judged on other seeds and conditions.
 
     python studies/comparison.py             # tables and figures from studies/comparison.json
     python studies/comparison.py --judge     # judge again the gains that were found
     python studies/comparison.py --search    # search again, too: the same seeds, the same numbers
 
-Decided before the first search: what is tuned (`LAWS`), for what (`itae`), on which seeds of
+Decided before the first search: the gains to tune (`LAWS`), the cost (`itae`), the seeds of
 the noise, and that the law with the smaller ITAE on the other seeds has tracked better. `quadratic` is a second cost of
 another kind, searched once, to see whether the verdict depends on the cost. Needs SciPy 1.15 or later.
 """
@@ -93,7 +93,7 @@ LAWS = {
         ),
     ),
 }
-"""The comparator is tuned in all that it has. Of the paper's law, Lambda_0 and Lambda_1 stay multiples of the identity
+"""All gains of the comparator are tuned. Of the paper's law, Lambda_0 and Lambda_1 stay multiples of the identity
 and gamma_theta and theta_m stay as printed: once theta is at its bound, the robust term acts on small errors as
 theta_m^2/epsilon_t, which epsilon_t covers. Gains given twice are pairs (range, bearing).
 """
@@ -115,7 +115,7 @@ CONDITIONS: dict[str, tuple[str, ...]] = {
     "leader on a circle": ("//leader/pose/@gamma=0.1 rad",),
     "other starts": ("//follower/pose/@x=-7 m", "//follower/pose/@psi=30 deg"),
 }
-"""What is judged. The plant is shared: changed masses and damping are the leader's, too."""
+"""Conditions of the judgement. The plant is shared: changed masses and damping are the leader's, too."""
 
 
 # Runs -------------------------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ class Run:
 
 
 def run(law: str, gains: Mapping[str, str], changes: Iterable[str | Change], seed: int) -> Run:
-    """Run the comparison's scenario of a law; one without a scenario of its own runs in that of the paper's law."""
+    """Run a law in its scenario of the comparison; a law without one runs in the scenario of the paper's law."""
     own = LAWS.get(law)
     file = ROOT / "scenarios" / f"{own.scenario if own else LAWS['neural-adaptive-pid'].scenario}.xml"
     other = () if own else (set_controller("law", law, "formation-controllers", version("formation-controllers")),)
@@ -162,7 +162,7 @@ def written(law: str, logarithms: Sequence[float]) -> dict[str, str]:
 def itae(result: xr.Dataset) -> np.ndarray[Any, Any]:
     """Return the time-weighted absolute error of each follower, as a mean: 1 is one settling band all the time.
 
-    The bands are those of a run's summary, 0.1 m and 2 degrees; range and bearing add up.
+    The bands are 0.1 m and 2 degrees, as in a run's summary; range and bearing add up.
     """
     time = result["time"].values
     error = np.abs(result["range_error"].values) / 0.1 + np.abs(result["bearing_error"].values) / math.radians(2)
@@ -252,7 +252,7 @@ def best(searches: Mapping[str, Any], kind: str, law: str) -> dict[str, Any]:
 
 
 def figures_of(one: Run) -> dict[str, float | int | None]:
-    """Return the figures of a run: means over the followers unless said otherwise."""
+    """Return the figures of a run: means over the followers, except where the name tells otherwise."""
     if one.failed is not None or one.scenario is None or one.result is None:
         return {"failed": one.failed}
     result, followers = one.result, summarise(one.scenario, one.result).followers
@@ -287,7 +287,7 @@ def rms(signal: xr.DataArray) -> float:
 
 
 def judge(searches: Mapping[str, Any]) -> dict[str, Any]:
-    """Run all that is judged: figures by label, condition and seed."""
+    """Run every judged case: figures by label, condition and seed."""
     judged: dict[str, Any] = {}
 
     def runs(label: str, law: str, gains: Mapping[str, str], conditions: Iterable[str], seeds: Iterable[int]) -> None:
@@ -373,7 +373,7 @@ def figure_table(judged: Mapping[str, Any], labels: Mapping[str, str], condition
 
 
 def paired_table(judged: Mapping[str, Any], kind: str) -> str:
-    """Return, by condition, what both laws reach that were tuned for a cost, and their difference on the same seeds."""
+    """Return, by condition, the costs of both laws tuned for it, and their difference on the same seeds."""
     labels = [law if kind == "itae" else f"{law}, {kind}" for law in PAIR]
     body = []
     for condition in CONDITIONS:
@@ -399,7 +399,7 @@ def paired_table(judged: Mapping[str, Any], kind: str) -> str:
 
 
 def search_table(searches: Mapping[str, Any], judged: Mapping[str, Any]) -> str:
-    """Return what every search found, and how that does on the judging seeds."""
+    """Return the outcome of every search, and its figures on the judging seeds."""
     body = []
     for kind in COSTS:
         for law in LAWS:
@@ -487,7 +487,7 @@ def draw_runs(searches: Mapping[str, Any]) -> Figure:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the steps that the command line names."""
     parser = argparse.ArgumentParser(description="The comparison of Figure 10, tuned and judged alike.")
     parser.add_argument("--search", action="store_true", help="search the gains again (some 20 minutes)")
     parser.add_argument("--judge", action="store_true", help="run again what is judged (some 5 minutes)")

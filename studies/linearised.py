@@ -74,7 +74,7 @@ class Loop:
 
     @property
     def robust_gain(self) -> float:
-        """What the robust term of (24) multiplies s with."""
+        """The factor of s in the robust term of (24)."""
         return self.theta**2 / (self.theta * self.amplitude + self.epsilon_t)
 
     @property
@@ -243,7 +243,7 @@ def check(loop: Loop) -> tuple[float, float, float]:
     rest : float
         Largest rate of the code in the steady formation: it should be zero.
     matrix : float
-        Largest difference of an entry of A from that of the numerical Jacobian.
+        Largest difference between entries of A and of the numerical Jacobian.
     poles : float
         Largest distance of a pole of `closed_loop` from the nearest of the tick, (z - 1)/h as for explicit Euler [1/s].
     """
@@ -257,7 +257,7 @@ def check(loop: Loop) -> tuple[float, float, float]:
     return rest, matrix, distance
 
 
-# What it says ------------------------------------------------------------------------------------------------
+# The report --------------------------------------------------------------------------------------------------
 
 MEASURED_FREQUENCY = 0.88  # rad/s, of followers 1 and 2 between 80 and 100 s
 MEASURED_AMPLITUDE = 0.83  # m/s, mean of |s| of follower 1 between 80 and 100 s

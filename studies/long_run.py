@@ -1,4 +1,4 @@
-"""What becomes of the oscillation of the first simulation as printed, when the run goes on: where the weights are.
+"""The oscillation of the first simulation as printed, in a long run: its end, and where the weights are.
 
     python studies/long_run.py
 

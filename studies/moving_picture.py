@@ -68,7 +68,7 @@ def picture(
     poses: dict[str, NDArray[np.float64]],
     wheelbases: dict[str, float],
 ) -> bytes:
-    """Return the animated SVG of a leader and its followers, of which poses (T, 4) over the time (T,) are given."""
+    """Return the animated SVG of a leader and its followers from their poses (T, 4) over the time (T,)."""
     points = np.concatenate([leader[:, :2], *(pose[:, :2] for pose in poses.values())])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     width, height = SCALE * (high - low)

@@ -38,14 +38,14 @@ TRACTOR_TRAILER = "tractor_trailer_circle"
 
 @dataclass(frozen=True)
 class Reading:
-    """What is changed: in the scenario, and in the controller.
+    """A reading: its edits of the scenario, and of the controller.
 
     Attributes
     ----------
     changes
         As `cosim.read_scenario` takes them.
     patches
-        What replaces an attribute of an object, by the two.
+        Replacements of attributes, by object and name.
     scenario
         A variant of the scenario, in its place.
     """

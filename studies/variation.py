@@ -1,4 +1,4 @@
-"""Runs of a scenario with changes and several seeds, and the worst of what comes out: shared by the studies here."""
+"""Runs of a scenario with changes and several seeds, and the worst figures of each: shared by the studies here."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Outcome:
     steering : float
         Largest magnitude of the steering angle [rad].
     diverged : int
-        Runs that did not reach the horizon; the rest of the figures is that of the others.
+        Runs that did not reach the horizon; the other figures leave them out.
     """
 
     followers: int
@@ -132,7 +132,7 @@ def number(value: float) -> str:
 
 
 def save(figure: Figure, name: str, dpi: float = 90) -> None:
-    """Write a figure to docs/figures as PNG with 256 colours, which keeps those of lines and is a third of the size."""
+    """Write a figure to docs/figures as PNG with 256 colours, which suffice for lines and take a third of the space."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     picture = Image.open(buffer).convert("RGB").quantize(256)

@@ -1,6 +1,6 @@
 """A loop in C without any master: set, step, get and record, or with the option `step_only` nothing but fmi2DoStep.
 
-What no master can be faster than, and what the plants themselves take.
+No master can be faster; this is the cost of the plants themselves.
 """
 
 import ctypes

@@ -59,7 +59,7 @@ class Ecos:
     def recorded(self, ticks: int) -> Floats | None:
         if self.file is None:
             return None
-        self.simulation.terminate()  # writes what is left
+        self.simulation.terminate()  # writes the rest
         header, *lines = self.file.read_text().splitlines()
         columns = [column.partition("[")[0] for column in header.split(", ")]
         order = [columns.index(name) for names in self.names for name in names]

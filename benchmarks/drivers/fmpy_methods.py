@@ -1,4 +1,4 @@
-"""FMPy's own methods in a loop in Python; what they return is kept in a list."""
+"""FMPy's own methods in a loop in Python; their results are kept in a list."""
 
 import fmpy
 import numpy as np

@@ -1,4 +1,4 @@
-"""Our master: plants and fleet of `cosim`, without what else a simulation does.
+"""Our master: plants and fleet of `cosim`, without the other parts of a simulation.
 
 With the option `by_tick`, `run` calls the master once a tick from Python, as a closed loop must.
 """

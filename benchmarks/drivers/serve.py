@@ -1,6 +1,6 @@
-"""The process of one master: it does what masters.py asks for, a line of JSON at a time, and says how long it took.
+"""The process of one master: it does the jobs of masters.py, a line of JSON at a time, and reports how long they took.
 
-A master is what a driver's `start` returns for a job. `run` advances all robots by its own loop with held torques,
+A driver's `start` returns a master for a job. `run` advances all robots by its own loop with held torques,
 which are set at every tick, and records; `tick` advances them once with the torques given, for a closed loop in Python.
 """
 
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Job:
-    """What a master is to run.
+    """The job of a master.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Job:
     samples : int
         The most ticks of one `run`.
     options : dict
-        What the driver is to do differently.
+        Options of the driver.
     """
 
     fmu: str
@@ -56,7 +56,7 @@ class Master(Protocol):
     """All robots of a job under one master."""
 
     def run(self, ticks: int) -> None:
-        """Advance by its own loop; what it records of this call is `recorded`."""
+        """Advance by its own loop; `recorded` returns the records of this call."""
 
     def tick(self, torque: Floats) -> Floats:
         """Hold the torques (robots, 2), advance by one step and return the outputs (robots, 6)."""
@@ -65,7 +65,7 @@ class Master(Protocol):
         """Return the outputs (robots, 6) as they are."""
 
     def recorded(self, ticks: int) -> Floats | None:
-        """Return what the last call of `run` has recorded (ticks, robots, 6), if it records."""
+        """Return the records (ticks, robots, 6) of the last call of `run`, if it records."""
 
 
 def references(fmu: str) -> dict[str, int]:
@@ -76,7 +76,7 @@ def references(fmu: str) -> dict[str, int]:
 def serve(start: Callable[[Job], Master]) -> None:
     """Answer requests until there are no more."""
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what a master prints is no answer
+    os.dup2(2, 1)  # output of a master is no answer
     served: dict[str, Any] = {}
     for line in sys.stdin:
         try:
