@@ -292,6 +292,8 @@ class Scenario:
         Folders whose FMUs run in processes of their own.
     places : tuple of Location
         Where each element of the text was written, in the order of the text.
+    folder : Path
+        The file's folder, to which paths in the text are relative wherever it is read again.
     read_again : callable
         Reads the text with more changes: the reader, which knows scenarios and is not known by them.
     """
@@ -316,6 +318,7 @@ class Scenario:
     changes: tuple[str, ...] = ()
     untrusted: tuple[Path, ...] = ()
     places: tuple[Location, ...] = field(default=(), repr=False)
+    folder: Path = Path()
     read_again: Callable[[Scenario, Sequence[Change]], Scenario] = field(default=_unread, repr=False, compare=False)
 
     def __hash__(self) -> int:

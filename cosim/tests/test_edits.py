@@ -117,6 +117,17 @@ def test_places_stay_those_in_the_files(tmp_path: Path) -> None:
     assert edited.path == path
 
 
+def test_paths_stay_where_the_file_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = EXAMPLE.read_text("utf-8").replace('model="car_like"', 'fmu="fmus/car.fmu"')
+    (tmp_path / "s.xml").write_text(text, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    scenario = read_scenario("s.xml")
+    monkeypatch.chdir("/")
+    edited = scenario.edited(horizon=1.0)
+    assert edited.plants["clmr"].fmu == tmp_path / "fmus" / "car.fmu"
+    assert edited.path == Path("s.xml"), "as it was named"
+
+
 def test_the_command_line_has_both(eventful: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--horizon", "0.1 s", "--no-expectations", "--out", str(tmp_path / "runs"), "--no-figure"]
     assert main(["run", str(eventful), *options]) == 0

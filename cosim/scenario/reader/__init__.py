@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cosim.errors import InputError, printable
@@ -47,8 +48,9 @@ def read_scenario(
 
 def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
     """Read the text of a scenario with more changes, for `Scenario.edited`."""
-    document = parse_document(scenario.text, scenario.path, scenario.places, changes)
-    return _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
+    document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places, changes)
+    again = _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
+    return replace(again, path=scenario.path)
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
@@ -104,5 +106,6 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,
+        folder=document.path.parent.absolute(),
         read_again=_read_again,
     )
