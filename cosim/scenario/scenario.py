@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
+from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.edits import Change, as_changes
 from cosim.scenario.written import Written
@@ -355,4 +356,9 @@ class Scenario:
     @property
     def horizon(self) -> float:
         """The end of the run [s]."""
-        return self.ticks * self.step
+        return self.clock.horizon
+
+    @property
+    def clock(self) -> Clock:
+        """The communication points."""
+        return Clock(self.step, self.ticks)

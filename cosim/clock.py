@@ -1,0 +1,73 @@
+"""The communication points of a run: time is a whole number of ticks, and rounding is judged here alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROUNDING = 1e-9
+"""Largest difference between a computed time [s] and the decimal number that is meant, and between a computed number of
+steps and the whole number that is meant, as part of it."""
+NEVER = 2**62
+"""The tick of an infinite time."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Communication points from 0 to the horizon, one a tick.
+
+    Attributes
+    ----------
+    step : float
+        Time from one tick to the next [s].
+    ticks : int
+        The tick of the horizon.
+    """
+
+    step: float
+    ticks: int
+
+    @property
+    def horizon(self) -> float:
+        """The last communication point [s]."""
+        return self.ticks * self.step
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """All communication points (ticks + 1,) [s]: each is its tick times the step, never a running sum."""
+        times: NDArray[np.float64] = self.step * np.arange(self.ticks + 1, dtype=np.float64)
+        return times
+
+    def on_tick(self, time: float) -> bool:
+        """Return whether a time [s] is a whole number of ticks, also beyond the horizon."""
+        return whole(time / self.step) is not None
+
+    def nearest(self, time: float) -> tuple[float, float]:
+        """Return the communication points before and after a time [s] that falls on none."""
+        before = math.floor(time / self.step)
+        return before * self.step, (before + 1) * self.step
+
+    def samples_within(self, start: float, stop: float) -> int:
+        """Return how many communication points lie in a window [s], both of its ends included."""
+        first = math.ceil((start - ROUNDING) / self.step)
+        last = min(math.floor((stop + ROUNDING) / self.step), self.ticks)
+        return last - first + 1
+
+
+def tick_at(time: float, step: float) -> int:
+    """Return the first tick at or after a time [s]; `NEVER` for an infinite time."""
+    return math.ceil(time / step - ROUNDING) if math.isfinite(time) else NEVER
+
+
+def whole(number: float) -> int | None:
+    """Return the whole number that a computed one is meant to be; None if it is meant to be none."""
+    nearest = round(number)
+    return nearest if abs(number - nearest) <= ROUNDING * max(abs(nearest), 1) else None
+
+
+def acting(times: NDArray[np.float64], start: float, stop: float) -> NDArray[np.bool_]:
+    """Return which communication points [s] lie in a window: its start is included, its end excluded."""
+    return (times >= start - ROUNDING) & (times < stop - ROUNDING)

@@ -1,0 +1,57 @@
+"""Events of the robots in the course of a run: actuators that stop, parameters and inputs that change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from cosim.errors import InputError
+from cosim.fmu.package import Fmu
+from cosim.fmu.parameters import ParameterValue
+from cosim.master.robot_inputs import RobotInputs
+from cosim.master.used_fmus import understood
+from cosim.scenario.scenario import Event, PlantSource, Scenario
+from cosim.signals.effects import Effect, tick_at
+
+
+def events_of(scenario: Scenario, robot: str) -> Iterable[Event]:
+    """Return the events of a robot, in the order of time."""
+    return (event for event in scenario.events if event.robot == robot)
+
+
+def stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
+    """Return the ends of a robot's actuators, as losses of all effectiveness."""
+    return (
+        Effect("effectiveness", 0.0, (), event.time, float("inf"), event.where)
+        for event in events_of(scenario, robot)
+        if event.stops
+    )
+
+
+def changes_of(
+    scenario: Scenario,
+    fmu: Fmu,
+    source: PlantSource,
+    robot: str,
+    inputs: RobotInputs,
+) -> dict[int, tuple[ParameterValue, ...]]:
+    """Return the values that a robot's FMU is given in the course of the run, by tick: inputs, then parameters.
+
+    Raises
+    ------
+    InputError
+        An event sets a variable that the FMU does not have, or one that cannot change in the course of a run.
+    """
+    changes = {tick: values for tick, values in inputs.discrete.items() if tick > 0}
+    for event in events_of(scenario, robot):
+        values = understood(fmu, source, event.parameters)
+        for value in values:
+            if value.variable.variability != "tunable" and not value.is_input:
+                raise InputError(
+                    f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
+                    "tunable one can change in the course of a run",
+                    value.where,
+                )
+        inputs.check_free(values)
+        tick = tick_at(event.time, scenario.step)
+        changes[tick] = (*changes.get(tick, ()), *values)
+    return changes

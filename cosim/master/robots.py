@@ -1,0 +1,168 @@
+"""From the robots that a scenario names to robots that are ready to be started."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import formation_controllers as fc
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import InputError, Location
+from cosim.fmu.package import Fmu
+from cosim.fmu.parameters import ParameterValue, geometry
+from cosim.master.robot import RobotSetup
+from cosim.master.robot_events import changes_of, events_of, stops
+from cosim.master.robot_inputs import robot_inputs
+from cosim.master.used_fmus import understood
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import LEADER, EffectSource, Entries, InputSource, Scenario, Setting
+from cosim.signals import effects
+from cosim.signals.effects import tick_at
+from cosim.vehicle.kind import Kind, Role, units_of
+
+
+def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
+    """Return the leader.
+
+    Raises
+    ------
+    InputError
+        Something in the scenario does not fit the leader's FMU, with the place in the scenario.
+    """
+    leader = scenario.leader
+    kind = fmus[leader.plant].binding.kind
+    torque = np.zeros((scenario.ticks + 1, len(kind.command)))
+    if leader.trajectory is None:
+        torque[:] = _entries(leader.torque, kind, kind.command, missing=0.0)
+    for event in events_of(scenario, LEADER):
+        if leader.trajectory is not None:
+            raise InputError(
+                "a leader with a <trajectory> takes no event: its motion follows from the path", event.where
+            )
+        if event.torque is not None:
+            if any(other.stops and other.time <= event.time for other in events_of(scenario, LEADER)):
+                raise InputError(
+                    "the leader has stopped for good when this torque is to drive it: if it is to go on later, give it "
+                    "torques of zero instead of a <stop>",
+                    event.where,
+                )
+            start = tick_at(event.time, scenario.step)
+            torque[start:] = _entries(event.torque, kind, kind.command, missing=0.0)
+    return _robot(
+        scenario,
+        fmus[leader.plant],
+        LEADER,
+        leader.plant,
+        leader.where,
+        pose=None if leader.trajectory is not None else leader.pose,
+        own=leader.parameters,
+        sensor=leader.sensor,
+        actuator=(),
+        torque=torque,
+        inputs=leader.inputs,
+    )
+
+
+def followers_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> tuple[RobotSetup, ...]:
+    """Return the followers in the scenario's order.
+
+    Raises
+    ------
+    InputError
+        Something in the scenario does not fit a follower's FMU, with the place in the scenario.
+    """
+    return tuple(
+        _robot(
+            scenario,
+            fmus[follower.plant],
+            follower.id,
+            follower.plant,
+            follower.where,
+            pose=follower.pose,
+            own=follower.parameters,
+            sensor=follower.sensor,
+            actuator=follower.actuator,
+            torque=np.zeros((scenario.ticks + 1, len(fmus[follower.plant].binding.kind.command))),
+            inputs=(*scenario.inputs, *follower.inputs),
+        )
+        for follower in scenario.followers
+    )
+
+
+def _robot(
+    scenario: Scenario,
+    fmu: Fmu,
+    name: str,
+    plant: str,
+    where: Location,
+    *,
+    pose: Entries | None,
+    own: Sequence[Setting],
+    sensor: tuple[EffectSource, ...],
+    actuator: tuple[EffectSource, ...],
+    torque: NDArray[np.float64],
+    inputs: Sequence[InputSource],
+) -> RobotSetup:
+    kind = fmu.binding.kind
+    named = {setting.name for setting in own}
+    common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
+    source = scenario.plants[plant]
+    parameters = understood(fmu, source, [*common, *own])
+    _check_free(fmu, parameters)
+    try:
+        vehicle = kind.vehicle(**geometry(fmu, parameters, where))
+    except fc.ControllerError as error:
+        raise InputError(f"{name}: {error}", where) from None
+    times = Times(scenario.step, scenario.ticks)
+    sensing = effects.understood(sensor, units_of(kind.pose), times, f"the pose of {name}, a {kind.name},")
+    acting = effects.understood(actuator, units_of(kind.command), times, f"the actuators of {name}, a {kind.name},")
+    given = robot_inputs(scenario, fmu, name, inputs, scenario.clock.times)
+    changes = changes_of(scenario, fmu, source, name, given)
+    given.check_free(parameters)
+    for column, samples in given.torque.items():
+        torque[:, column] += samples
+    for event in events_of(scenario, name):
+        if event.stops:
+            torque[tick_at(event.time, scenario.step) :] = 0.0
+    return RobotSetup(
+        name=name,
+        where=source.where,
+        fmu=fmu,
+        source=source,
+        parameters=parameters,
+        vehicle=vehicle,
+        pose=(0.0,) * len(kind.pose) if pose is None else _entries(pose, kind, kind.pose),
+        sensor=sensing,
+        actuator=(*acting, *stops(scenario, name)),
+        torque=torque,
+        inputs=tuple(bound for bound, _ in given.samples.values()),
+        samples=np.column_stack(
+            [np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in given.samples.values())]
+        ),
+        held=given.discrete.get(0, ()),
+        changes=changes,
+    )
+
+
+def _entries(entries: Entries, kind: Kind, roles: Sequence[Role], missing: float | None = None) -> tuple[float, ...]:
+    """Return entries in a kind's order; one that is left out is an error unless `missing` stands for it."""
+    names = [role.name for role in roles]
+    for name in entries.values:
+        if name not in names:
+            raise InputError(f"a {kind.name} vehicle has no {name!r}, but: {', '.join(names)}", entries.where)
+    if missing is None and (lacking := [name for name in names if name not in entries.values]):
+        raise InputError(f"the <pose> of a {kind.name} vehicle lacks {', '.join(lacking)}", entries.where)
+    return tuple(entries.values.get(name, missing or 0.0) for name in names)
+
+
+def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
+    """Refuse a value for a parameter that gives the initial value of a pose entry."""
+    for bound in fmu.binding.of(fmu.binding.kind.pose):
+        for parameter in parameters:
+            if bound is not None and bound.initial is not None and parameter.variable is bound.initial.variable:
+                raise InputError(
+                    f"the parameter {parameter.variable.name!r} of {fmu.path.name} follows from the <pose>: by the "
+                    f"binding it gives the initial {bound.role.name!r}",
+                    parameter.where,
+                )

@@ -1,0 +1,66 @@
+"""The FMUs of a scenario's plants: built or found, opened and checked, and the values of their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import plants
+from cosim.errors import InputError
+from cosim.fmu.package import Fmu, open_fmu
+from cosim.fmu.parameters import ParameterValue, understand
+from cosim.fmu.solver import check_solver, check_step
+from cosim.master.timing import timed
+from cosim.scenario.scenario import PlantSource, Scenario, Setting
+
+
+def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> dict[str, Fmu]:
+    """Return the FMU of every plant by the plant's id, also of one that no robot is, so that the whole file is checked.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    cleanup
+        Receives the clean-up callbacks.
+    timing
+        Receives the seconds that were spent, by part.
+
+    Raises
+    ------
+    InputError
+        A model cannot be built, a file is no FMU that can be used, or parameters or solver do not fit the FMU.
+    """
+    fmus = {}
+    for source in scenario.plants.values():
+        with timed(timing, "build"):
+            path = _fmu_path(source)
+        with timed(timing, "load"):
+            fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
+        cleanup.callback(fmu.close)
+        understood(fmu, source, source.parameters)
+        check_solver(fmu, source)
+        check_step(fmu, source, scenario.step)
+    return fmus
+
+
+def understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
+    """Return the values of parameters; of an FMU that took the place of another, the message names the way out."""
+    way_out = '"formation swap" writes a variant of a scenario without what an FMU lacks' if source.fmu else ""
+    return understand(fmu, settings, way_out)
+
+
+def _fmu_path(source: PlantSource) -> Path:
+    if source.fmu is not None:
+        if source.fmu.name in plants.models() and not source.fmu.exists():
+            raise InputError(f'a built-in model is no file: write model="{source.fmu.name}" for fmu=...', source.where)
+        return source.fmu
+    assert source.model is not None
+    try:
+        return plants.build(source.model)
+    except plants.UnknownModel as error:
+        hint = f'; a file is named by fmu="{source.model}"' if source.model.endswith(".fmu") else ""
+        raise InputError(f"{error}{hint}", source.where) from None
+    except plants.PlantError as error:
+        raise InputError(str(error), source.where) from None
