@@ -28,7 +28,7 @@ def channels_of(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Ch
     n
         How many followers there are.
     told
-        Whether followers are told another pose of the leader than the true one.
+        Whether followers get another pose of the leader than the true one.
     laws
         The control laws, whose telemetry is recorded.
 
