@@ -41,14 +41,15 @@ class Clock:
         times: NDArray[np.float64] = self.step * np.arange(self.ticks + 1, dtype=np.float64)
         return times
 
-    def on_tick(self, time: float) -> bool:
-        """Return whether a time [s] is a whole number of ticks, also beyond the horizon."""
-        return whole(time / self.step) is not None
-
-    def nearest(self, time: float) -> tuple[float, float]:
-        """Return the communication points before and after a time [s] that falls on none."""
+    def off_tick(self, time: float) -> str:
+        """Return why no tick is at a time [s], the subject; empty if there is one, maybe after the horizon."""
+        if whole(time / self.step) is not None:
+            return ""
         before = math.floor(time / self.step)
-        return before * self.step, (before + 1) * self.step
+        return (
+            f"falls between two ticks, which are {self.step:g} s apart: write {before * self.step:.12g} s "
+            f"or {(before + 1) * self.step:.12g} s"
+        )
 
     def samples_within(self, start: float, stop: float) -> int:
         """Return how many communication points lie in a window [s], both of its ends included."""

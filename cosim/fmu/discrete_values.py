@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.errors import InputError, nearest
 from cosim.fmu.model_description import Variable
 from cosim.plant.exchange import whole_range
@@ -189,7 +190,7 @@ def _tabled(
                 f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected is {wanted}", where
             )
         values.append(bool(number) if variable.type == "Boolean" else int(number))
-    which = np.searchsorted(table.time, times * (1 + 1e-12) + 1e-9, side="right") - 1
+    which = np.searchsorted(table.time, times * (1 + 1e-12) + ROUNDING, side="right") - 1
     return values, np.maximum(which, 0)
 
 

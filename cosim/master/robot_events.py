@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from cosim.clock import tick_at
 from cosim.errors import InputError
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.robot_inputs import RobotInputs
 from cosim.master.used_fmus import understood
 from cosim.scenario.scenario import Event, PlantSource, Scenario
-from cosim.signals.effects import Effect, tick_at
+from cosim.signals.effects import Effect
 
 
 def events_of(scenario: Scenario, robot: str) -> Iterable[Event]:

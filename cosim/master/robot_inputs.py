@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import tick_at
 from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value, input_course
@@ -19,7 +20,6 @@ from cosim.fmu.units import unit_of_values
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting, WaveSource
-from cosim.signals.effects import tick_at
 from cosim.signals.waves import input_samples, understood
 from cosim.vehicle.kind import Role
 from plants import UnitError, units

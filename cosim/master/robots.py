@@ -8,6 +8,7 @@ import formation_controllers as fc
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import tick_at
 from cosim.errors import InputError, Location
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue, geometry
@@ -18,7 +19,6 @@ from cosim.master.used_fmus import understood
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, EffectSource, Entries, InputSource, Scenario, Setting
 from cosim.signals import effects
-from cosim.signals.effects import tick_at
 from cosim.vehicle.kind import Kind, Role, units_of
 
 

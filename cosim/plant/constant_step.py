@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from cosim.clock import whole
+
 
 def divides(part: float, step: float) -> bool:
     """Return whether a communication step is a whole number of steps of a length, both in seconds."""
-    parts = step / part if part > 0 else 0.0
-    return round(parts) >= 1 and abs(parts - round(parts)) <= 1e-9 * parts
+    return part > 0 and bool(whole(step / part))
 
 
 def remedy(fitting: float) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.scenario.scenario import Follower
-from cosim.signals.waves import TIME_TOLERANCE
 
 
 def desired_samples(
@@ -36,11 +36,11 @@ def desired_samples(
     for change in follower.changes:
         after = np.array([change.range, change.bearing])
         duration = change.stop - change.start
-        during = (times > change.start + TIME_TOLERANCE) & (times < change.stop - TIME_TOLERANCE)
+        during = (times > change.start + ROUNDING) & (times < change.stop - ROUNDING)
         s = ((times[during] - change.start) / duration)[:, np.newaxis]
         q[during] = before + (after - before) * (s**3 * (10 - 15 * s + 6 * s**2))
         q_dot[during] = (after - before) / duration * (30 * s**2 * (1 - s) ** 2)
         q_ddot[during] = (after - before) / duration**2 * (60 * s * (1 - s) * (1 - 2 * s))
-        q[times >= change.stop - TIME_TOLERANCE] = after
+        q[times >= change.stop - ROUNDING] = after
         before = after
     return q, q_dot, q_ddot

@@ -9,10 +9,10 @@ import numpy as np
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.errors import InputError
 from cosim.scenario.scenario import Trajectory
 from cosim.scenario.table import read_table
-from cosim.signals.waves import TIME_TOLERANCE
 from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Motion, PathMotion
 
@@ -99,7 +99,7 @@ def _spline(trajectory: Trajectory, horizon: float) -> Any:
     time, points = _points(trajectory)
     if len(time) < MIN_POINTS:
         raise InputError(f"the trajectory has {len(time)} points; at least {MIN_POINTS} are needed", trajectory.where)
-    if time[0] > TIME_TOLERANCE or time[-1] < horizon - TIME_TOLERANCE:
+    if time[0] > ROUNDING or time[-1] < horizon - ROUNDING:
         raise InputError(
             f"the trajectory's points are from {time[0]:g} s to {time[-1]:g} s; they must reach from 0 s to the "
             f"horizon, {horizon:g} s",

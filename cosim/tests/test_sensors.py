@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cosim.clock import tick_at
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
-from cosim.signals.effects import EFFECTS, Effect, check_channels, tick_at, understood
+from cosim.signals.effects import EFFECTS, Effect, check_channels, understood
 from cosim.signals.random import random_stream
 from cosim.signals.sensors import PoseSensor
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.clock import ROUNDING
 from cosim.errors import FormationError, InputError
-from cosim.results.expectations.kind import TOLERANCE, Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import MEASURES
 from cosim.results.verdict import Verdict
@@ -58,7 +59,7 @@ class Compare(Kind):
         except InputError as wrong:
             raise error(f"the other scenario is wrong: {wrong}") from None
         stop, horizon = self.written.stop, other.scenario.horizon
-        if stop > horizon + TOLERANCE:
+        if stop > horizon + ROUNDING:
             raise error(f"the window ends at {stop:g} s, but {path.name} at {horizon:g} s")
         try:
             its_unit = self.measure.unit(self.subject.check(self, other.signals))

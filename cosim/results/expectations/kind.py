@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
+from cosim.clock import ROUNDING
 from cosim.quantity import split
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.verdict import Verdict
@@ -17,9 +18,6 @@ from plants import UnitError, units
 
 if TYPE_CHECKING:
     import xarray as xr
-
-TOLERANCE = 1e-9
-"""Of a window's ends [s]: a communication point is a rounded product."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +115,7 @@ class Kind(ABC):
     def check_samples(self, scenario: Scenario) -> None:
         """Check that the window holds samples of a scenario."""
         start, stop = self.written.start, self.written.stop
-        first = math.ceil((start - TOLERANCE) / scenario.step)
-        last = min(math.floor((stop + TOLERANCE) / scenario.step), scenario.ticks)
-        if last - first + 1 < self.fewest:
+        if scenario.clock.samples_within(start, stop) < self.fewest:
             raise self.written.error(
                 f"the window from {start:g} s to {stop:g} s holds too few of the samples of {scenario.path.name}, "
                 f"which are {scenario.step:g} s apart"
@@ -135,7 +131,7 @@ class Kind(ABC):
     @property
     def window(self) -> slice:
         """The window, to select from the times of a result."""
-        return slice(self.written.start - TOLERANCE, self.written.stop + TOLERANCE)
+        return slice(self.written.start - ROUNDING, self.written.stop + ROUNDING)
 
     @property
     def bound_text(self) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from cosim.results.expectations.kind import TOLERANCE, Kind, Prepare, Recording, RunOther
+from cosim.clock import ROUNDING
+from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.metrics import settling_time
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
@@ -38,10 +39,12 @@ class Settled(Kind):
         return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
-        """Check that the time is within the run."""
+        """Check that the time is a tick within the run."""
         horizon = own.scenario.horizon
         if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
             raise self.written.error(f"by={by:g} s is not within the run of {horizon:g} s")
+        if problem := own.scenario.clock.off_tick(by):
+            raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
 
     def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""
@@ -52,4 +55,4 @@ class Settled(Kind):
         figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
         margin = self.bound - figure
         detail = "outside at the end of the run" if settled is None else ""
-        return self.verdict(figure, margin, margin >= -TOLERANCE, robot, detail)
+        return self.verdict(figure, margin, margin >= -ROUNDING, robot, detail)

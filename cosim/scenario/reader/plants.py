@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cosim.clock import whole
 from cosim.errors import InputError, Location
 from cosim.scenario.document import read_binding_document
 from cosim.scenario.reader.element import Element, settings
@@ -108,7 +109,7 @@ def _solver_steps(element: Element, step: float) -> int | None:
     if element.get("solver") == "cvode":
         raise element.error("cvode chooses its steps itself: remove solver_step")
     length = element.positive("solver_step", "s")
-    steps = round(step / length)
-    if steps < 1 or abs(step / length - steps) > 1e-9 * steps:
+    steps = whole(step / length)
+    if not steps:
         raise element.error(f"the solver_step {length:g} s does not divide the communication step of {step:g} s")
     return steps

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
+from cosim.clock import Clock, whole
 from cosim.quantity import whole_steps
 from cosim.scenario.reader.element import Element
 from cosim.scenario.written import Written
@@ -14,19 +15,8 @@ MAX_TICKS = 10_000_000
 
 
 @dataclass(frozen=True)
-class Times:
-    """The communication points of a run.
-
-    Attributes
-    ----------
-    step : float
-        Communication step [s].
-    ticks : int
-        Communication steps of the run.
-    """
-
-    step: float
-    ticks: int
+class Times(Clock):
+    """The communication points of a run, against which the times in elements are checked."""
 
     @classmethod
     def of(cls, root: Element) -> Self:
@@ -38,11 +28,6 @@ class Times:
             raise simulation.error(f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible")
         return cls(step, _whole(simulation, f"horizon {horizon:g} s", steps, step, 1))
 
-    @property
-    def horizon(self) -> float:
-        """The end of the run [s]."""
-        return self.ticks * self.step
-
     def steps(self, element: Written, name: str, least: int = 0) -> int:
         """Return how many communication steps a time is."""
         time = element.not_negative(name, "s")
@@ -52,34 +37,49 @@ class Times:
             )
         return _whole(element, f"{name} {time:g} s", time / self.step, self.step, least)
 
-    def beginning(self, element: Written, name: str) -> float:
+    def exact(self, element: Written, name: str) -> float:
+        """Return a time [s] at which something jumps, and which must therefore fall on a tick."""
+        time = element.quantity(name, "s")
+        if problem := self.off_tick(time):
+            raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> {problem}')
+        return time
+
+    def beginning(self, element: Written, name: str, *, exact: bool = True) -> float:
         """Return when something begins [s], which is not after the end of the run."""
         time = element.not_negative(name, "s")
+        if exact:
+            self.exact(element, name)
         if time > self.horizon:
             raise element.error(f"the <{element.kind}> at {time:g} s is after the end of the run at {self.horizon:g} s")
         return time
 
-    def window(self, element: Written, end: float = math.inf) -> tuple[float, float]:
-        """Return begin and end of an element [s]; the defaults are the start and a given end."""
-        start = self.beginning(element, "from") if "from" in element else 0.0
-        stop = element.quantity("to", "s") if "to" in element else end
+    def window(self, element: Written, end: float = math.inf, *, exact: bool = True) -> tuple[float, float]:
+        """Return begin and end of an element [s]; the defaults are the start and a given end.
+
+        Both must fall on ticks where something jumps there (`exact`); something that rises from one to the other does
+        what is written between ticks, too.
+        """
+        start = self.beginning(element, "from", exact=exact) if "from" in element else 0.0
+        stop = end
+        if "to" in element:
+            stop = self.exact(element, "to") if exact else element.quantity("to", "s")
         if start > stop:
             raise element.error(f"the window ends at {stop:g} s, before it begins at {start:g} s")
         return start, stop
 
     def span(self, element: Written) -> tuple[float, float]:
-        """Return when something that must last begins and ends [s]."""
-        start, stop = self.window(element)
+        """Return when a change that takes its time begins and ends [s]."""
+        start, stop = self.window(element, exact=False)
         if start == stop:
             raise element.error(f"it begins and ends at {start:g} s: the end must be later")
         return start, stop
 
 
 def _whole(element: Written, what: str, steps: float, step: float, least: int) -> int:
-    whole = round(steps)
-    if whole < least or abs(steps - whole) > 1e-9 * max(whole, 1):
+    number = whole(steps)
+    if number is None or number < least:
         raise element.error(
             f"the {what} is not a whole number of communication steps of {step:g} s, such as "
             + whole_steps(steps, step, least)
         )
-    return whole
+    return number

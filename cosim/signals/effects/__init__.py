@@ -9,9 +9,8 @@ from cosim.kinds_in import kinds_in
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
 from cosim.signals.effects.effect import Effect, EffectKind, Rows
-from cosim.signals.effects.schedule import tick_at
 
-__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "check_values", "in_use", "tick_at", "understood"]
+__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "check_values", "in_use", "understood"]
 
 EFFECTS: Mapping[str, type[EffectKind]] = kinds_in(__name__, __path__, EffectKind)
 """The kinds of effects, by the element's name."""

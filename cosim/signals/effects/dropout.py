@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import tick_at
 from cosim.signals.effects.effect import Effect, Part, Rows
-from cosim.signals.effects.schedule import tick_at
 from cosim.signals.random import random_stream
 
 BLOCK = 512

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import tick_at
 from cosim.signals.effects.effect import Rows
-
-
-def tick_at(time: float, step: float) -> int:
-    """Return the first tick at or after a time [s]; a time beyond all ticks gives the largest integer."""
-    return math.ceil(time / step - 1e-9) if math.isfinite(time) else 2**62
 
 
 class Schedule:

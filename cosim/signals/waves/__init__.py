@@ -12,10 +12,10 @@ from cosim.errors import InputError
 from cosim.kinds_in import kinds_in
 from cosim.scenario.scenario import InputSource, WaveSource
 from cosim.signals.random import random_stream
-from cosim.signals.waves.wave import TIME_TOLERANCE, Sampling, Wave
+from cosim.signals.waves.wave import Sampling, Wave
 from plants import units
 
-__all__ = ["TIME_TOLERANCE", "WAVES", "Wave", "input_samples", "understood"]
+__all__ = ["WAVES", "Wave", "input_samples", "understood"]
 
 WAVES: Mapping[str, type[Wave]] = kinds_in(__name__, __path__, Wave)
 """The kinds of waves, by the element's name."""

@@ -10,12 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import acting
 from cosim.scenario.scenario import WaveSource
 from cosim.scenario.table import Table
 from plants import units
-
-TIME_TOLERANCE = 1e-9
-"""By how much [s] a computed point in time may differ from the decimal number that is meant."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ class Wave(ABC):
 
     def acting(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return at which communication points it acts: from its start on, until before its end."""
-        return (times >= self.written.start - TIME_TOLERANCE) & (times < self.written.stop - TIME_TOLERANCE)
+        return acting(times, self.written.start, self.written.stop)
 
 
 class Kept(Wave):
