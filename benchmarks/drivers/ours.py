@@ -11,7 +11,7 @@ from serve import OUTPUTS, Floats, Job, Master, serve
 from cosim.errors import Location
 from cosim.fmu.package import open_fmu
 from cosim.master.members import plant
-from cosim.plant.fleet import STATE, Fleet
+from cosim.plant.fleet import Fleet
 from cosim.scenario.scenario import PlantSource
 
 
@@ -25,7 +25,7 @@ class Ours:
             for i, pose in enumerate(poses)
         ]
         self.step = job.step
-        self.state = np.empty((len(members), STATE))
+        self.state = np.empty((len(members), len(members[0].outputs)))
         self.fleet = Fleet(members, self.state)
         self.by_tick = job.options.get("by_tick", False)
         self.now = 0

@@ -116,6 +116,8 @@ class Team:
     ----------
     place : slice or ndarray
         The rows as an index; a slice, which NumPy takes in a fifth of the time, where they are neighbours.
+    poses, velocities, commands : tuple
+        Their entries in the arrays of all followers as an index: the first ones of each row.
     telemetry_type : numpy.dtype
         The record of the signals that the law states.
 
@@ -141,6 +143,9 @@ class Team:
         first, last = int(rows[0]), int(rows[-1])
         neighbours = list(rows) == list(range(first, last + 1))
         self.place: slice | NDArray[np.int_] = slice(first, last + 1) if neighbours else self.rows
+        self.poses = self._index(len(vehicle.pose))
+        self.velocities = self._index(len(vehicle.velocity))
+        self.commands = self._index(len(vehicle.command))
         self.vehicle = vehicle
         self.leader = leader
         shared = all(own is gains[0] for own in gains)
@@ -161,6 +166,9 @@ class Team:
             [(s.name, np.float64, (len(s.components),) if s.components else ()) for s in signals]
         )
 
+    def _index(self, entries: int) -> tuple[Any, slice]:
+        return self.place, slice(0, entries)
+
     def step(
         self,
         time: float,
@@ -172,21 +180,23 @@ class Team:
         *,
         first: bool,
     ) -> NDArray[np.float64]:
-        """Return the commanded torques (n, 2) [N.m] of this team's followers.
+        """Return the commands (n, entries) of this team's followers, torques [N.m] if their vehicle takes torques.
 
-        Poses (N, 4) and velocities (N, 2) belong to all followers, the desired places to this team. Poses are
+        Poses and velocities (N, entries) belong to all followers, the desired places to this team. Poses are
         those measured; a law that needs velocities is given the true ones, and no other law any. The leader is its pose
-        and pseudo-velocities (6,), an array of this tick's own, and its accelerations where they are known.
+        and pseudo-velocities, one after the other in an array of this tick's own, and its accelerations where they are
+        known.
 
         Raises
         ------
         SimulationError
             The controller refused its input, failed, or returned something other than finite torques.
         """
-        own_pose = pose[self.place].copy()  # a controller may keep the arrays that it gets
-        measured = {"velocity": velocity[self.place].copy()} if "velocity" in self.controller.needs else {}
+        own_pose = pose[self.poses].copy()  # a controller may keep the arrays that it gets
+        measured = {"velocity": velocity[self.velocities].copy()} if "velocity" in self.controller.needs else {}
         if self._alike:
-            seen = fc.Leader(leader[:4], leader[4:], acceleration)
+            entries = len(self.leader.pose)
+            seen = fc.Leader(leader[:entries], leader[entries:], acceleration)
         else:
             seen = as_seen_by(self.vehicle, self.leader, leader, acceleration)
         try:
@@ -198,8 +208,9 @@ class Team:
             torque = np.asarray(torque, dtype=float)
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
-        if torque.shape != (len(self.robots), 2):
-            misshapen = ValueError(f"it returned torques of shape {torque.shape}, not {(len(self.robots), 2)}")
+        expected = (len(self.robots), len(self.vehicle.command))
+        if torque.shape != expected:
+            misshapen = ValueError(f"it returned torques of shape {torque.shape}, not {expected}")
             raise self._failure(misshapen, time)
         finite = np.isfinite(torque).all(axis=1)
         if not finite.all():

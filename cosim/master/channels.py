@@ -11,20 +11,19 @@ from cosim.master.identity import is_taken
 from cosim.results.channel import Channel
 from cosim.results.expectations import Recorded, recorded
 from cosim.scenario.scenario import Scenario
-from cosim.vehicle.columns import columns
-from cosim.vehicle.kind import Kind
+from cosim.vehicle.columns import RunColumns
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
 """Names in a result that no channel can have: dimensions, and variables that are computed from channels."""
 
 
-def channels_of(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
+def channels_of(columns: RunColumns, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
     """Return the channels of a run.
 
     Parameters
     ----------
-    kind
-        The leader's kind of vehicle.
+    columns
+        Where the entries of the robots' kinds of vehicle stand.
     n
         How many followers there are.
     told
@@ -37,19 +36,28 @@ def channels_of(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Ch
     InputError
         A law's signal has the name of another.
     """
-    pose, velocity, torque = (
-        ", ".join(role.unit for role in roles) for roles in (kind.pose, kind.velocity, kind.command)
-    )
+    pose, velocity, command, called = columns.pose, columns.velocity, columns.command, columns.commands
+    poses, velocities, commands = (len(of.labels) for of in (pose, velocity, command))
+    pose_units, velocity_units, command_units = (", ".join(of.units) for of in (pose, velocity, command))
+    along = f"{called}_component"
     channels = {
         channel.name: channel
         for channel in (
-            Channel("leader_pose", ("pose_component",), (4,), pose, "pose of the virtual leader"),
-            Channel("leader_velocity", ("velocity_component",), (2,), velocity, "velocities of the virtual leader"),
-            Channel("leader_torque", ("torque_component",), (2,), torque, "torque that drives the virtual leader"),
-            Channel("pose", ("robot", "pose_component"), (n, 4), pose, "pose"),
-            Channel("velocity", ("robot", "velocity_component"), (n, 2), velocity, "pseudo-velocities"),
-            Channel("measured_pose", ("robot", "pose_component"), (n, 4), pose, "pose as measured"),
-            Channel("torque", ("robot", "torque_component"), (n, 2), torque, "torque as applied"),
+            Channel("leader_pose", ("pose_component",), (poses,), pose_units, "pose of the virtual leader"),
+            Channel(
+                "leader_velocity",
+                ("velocity_component",),
+                (velocities,),
+                velocity_units,
+                "velocities of the virtual leader",
+            ),
+            Channel(
+                f"leader_{called}", (along,), (commands,), command_units, f"{called} that drives the virtual leader"
+            ),
+            Channel("pose", ("robot", "pose_component"), (n, poses), pose_units, "pose"),
+            Channel("velocity", ("robot", "velocity_component"), (n, velocities), velocity_units, "pseudo-velocities"),
+            Channel("measured_pose", ("robot", "pose_component"), (n, poses), pose_units, "pose as measured"),
+            Channel(called, ("robot", along), (n, commands), command_units, f"{called} as applied"),
             Channel("desired_range", ("robot",), (n,), "m", "desired range"),
             Channel("desired_bearing", ("robot",), (n,), "rad", "desired bearing"),
         )
@@ -57,7 +65,7 @@ def channels_of(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Ch
     if told:
         name = "measured_leader_pose"
         channels[name] = Channel(
-            name, ("pose_component",), (4,), pose, "pose of the virtual leader as followers are told"
+            name, ("pose_component",), (poses,), pose_units, "pose of the virtual leader as followers are told"
         )
     taken = {*channels, *RESERVED, *(dim for channel in channels.values() for dim in channel.dims)}
     telemetry: dict[str, tuple[Any, Channel]] = {}
@@ -77,7 +85,7 @@ def channels_of(kind: Kind, n: int, told: bool, laws: Iterable[Law]) -> tuple[Ch
 
 
 def recorded_signals(
-    scenario: Scenario, channels: Sequence[Channel], kinds: Sequence[Kind], laws: Mapping[str, Law]
+    scenario: Scenario, channels: Sequence[Channel], columns: RunColumns, laws: Mapping[str, Law]
 ) -> dict[str, Recorded]:
     """Return the signals that expectations can name, by name: channels and variables computed from them.
 
@@ -87,16 +95,12 @@ def recorded_signals(
         The scenario.
     channels
         The channels of its run.
-    kinds
-        The robots' kinds of vehicle.
+    columns
+        Where the entries of the robots' kinds of vehicle stand.
     laws
         The control law of each controller that is used, by its id.
     """
-    names = {
-        "pose_component": columns(kinds, "pose").labels,
-        "velocity_component": columns(kinds, "velocity").labels,
-        "torque_component": columns(kinds, "command").labels,
-    }
+    names = dict(columns.labels)
     owners: dict[str, list[str]] = {}
     for follower in scenario.followers:
         for signal in laws[follower.controller].controller_type.signals:

@@ -10,6 +10,8 @@ from importlib.metadata import version
 import numpy as np
 import xarray as xr
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
+from formation_controllers.vehicles import formation_of
+from numpy.typing import NDArray
 
 from cosim.control.team import Team
 from cosim.errors import Failure
@@ -22,7 +24,6 @@ from cosim.plant.message import RobotMessage
 from cosim.results import provenance
 from cosim.results.expectations.recorded import units_by_component
 from cosim.scenario.scenario import Scenario
-from cosim.vehicle.columns import columns
 
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
@@ -46,14 +47,13 @@ def dataset(
     of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,
     ``status`` (``completed`` or ``incomplete``) and why the run did not reach its end.
     """
-    arrays = recorder.arrays()
+    columns = setup.columns
+    arrays = _in_columns(recorder.arrays(), setup)
     samples = recorder.recorded
     coordinates: dict[str, object] = {
         "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
         "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        "pose_component": list(columns(setup.kinds, "pose").labels),
-        "velocity_component": list(columns(setup.kinds, "velocity").labels),
-        "torque_component": list(columns(setup.kinds, "command").labels),
+        **{along: list(labels) for along, labels in columns.labels.items()},
     }
     for team in teams:
         for signal in team.controller.signals:
@@ -70,8 +70,11 @@ def dataset(
     desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
     formation = np.full_like(desired, np.nan)
     for team in teams:
-        pose, leader_pose = arrays["pose"][:, team.rows], arrays["leader_pose"][:, np.newaxis]
-        formation[:, team.rows] = range_bearing(pose, leader_pose, team.vehicle)
+        if formation_of(team.vehicle) is not None:
+            pose = arrays["pose"][:, team.rows][..., columns.pose.of[team.vehicle.kind]]
+            leader_pose = np.zeros((samples, 1, pose.shape[-1]))  # of which position and heading count
+            leader_pose[..., :3] = arrays["leader_pose"][:, np.newaxis, :3]
+            formation[:, team.rows] = range_bearing(pose, leader_pose, team.vehicle)
     if samples:
         formation[..., 1] = unwrapped_bearing(formation[..., 1], desired[..., 1])
     error = formation - desired
@@ -86,6 +89,25 @@ def dataset(
     return xr.Dataset(
         variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure)
     )
+
+
+def _in_columns(arrays: dict[str, NDArray[np.float64]], setup: Setup) -> dict[str, NDArray[np.float64]]:
+    """Return what was recorded with the entries of every robot in the columns of the result."""
+    columns, kinds = setup.columns, [robot.kind for robot in setup.followers]
+    called = columns.commands
+    for of, names in (
+        (columns.pose, ("pose", "measured_pose", "leader_pose", "measured_leader_pose")),
+        (columns.velocity, ("velocity", "leader_velocity")),
+        (columns.command, (called, f"leader_{called}")),
+    ):
+        for name in names:
+            if name not in arrays:
+                continue
+            if "leader" in name:
+                arrays[name] = of.spread(arrays[name][:, np.newaxis], [setup.leader.kind])[:, 0]
+            else:
+                arrays[name] = of.spread(arrays[name], kinds)
+    return arrays
 
 
 def _provenance(

@@ -15,13 +15,10 @@ from cosim.fmu.package import Fmu
 from cosim.master.robot import RobotSetup
 from cosim.plant.message import RobotMessage
 from cosim.scenario.scenario import Scenario
-from cosim.vehicle.columns import Columns, columns
+from cosim.vehicle.columns import Columns, run_columns
 from cosim.vehicle.kind import Kind, Role
 
 Coordinates = dict[str, tuple[tuple[str, ...], Any, dict[str, str]]]
-
-GROUPS = {"pose": "pose", "velocity": "velocity", "torque": "command"}
-"""The components of each vector: their name in a result, and in a kind of vehicle."""
 
 _PLANT: Mapping[str, tuple[str, Callable[[Scenario, str, Fmu], str]]] = {
     "plant_model": ("built-in model; empty for a file", lambda scenario, name, _: scenario.plants[name].model or ""),
@@ -39,7 +36,9 @@ _MESSAGE: Mapping[str, tuple[str, Callable[[RobotMessage], str]]] = {
     "message_text": ("text of the message", lambda entry: entry.message.text),
 }
 
-_OWN = re.compile("vehicle|vehicle_.*|plant|message|message_time|message_count|(pose|velocity|torque)_(name|meaning)")
+_OWN = re.compile(
+    "vehicle|vehicle_.*|plant|message|message_time|message_count|(pose|velocity|torque|command)_(name|meaning)"
+)
 
 
 def is_taken(name: str) -> bool:
@@ -93,8 +92,12 @@ def _geometry_of(robot: RobotSetup, fields: Mapping[str, str], otherwise: Any) -
 def _components(robots: Sequence[RobotSetup]) -> Coordinates:
     """Return unit, name and meaning of each component; the latter two differ from kind to kind."""
     found: Coordinates = {}
-    for group, roles in GROUPS.items():
-        shared = columns({robot.kind.name: robot.kind for robot in robots}.values(), roles)
+    columns = run_columns([robot.kind for robot in robots])
+    for group, roles, shared in (
+        ("pose", "pose", columns.pose),
+        ("velocity", "velocity", columns.velocity),
+        (columns.commands, "command", columns.command),
+    ):
         dim = f"{group}_component"
         found[f"{dim}_units"] = _texts(dim, shared.units, f"unit of each component of a {group}")
         for fact in ("name", "meaning"):

@@ -25,7 +25,7 @@ DIVERGED_VELOCITY = 1e6
 """A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
 
 
-def member(robot: RobotSetup, stop_time: float) -> Member:
+def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = ()) -> Member:
     """Return the plant of a robot.
 
     Parameters
@@ -34,6 +34,8 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         The robot.
     stop_time
         End of the run [s].
+    columns
+        Where its pose and velocities stand in a row of the state; one after the other if nothing is said.
     """
     return plant(
         robot.fmu,
@@ -45,6 +47,7 @@ def member(robot: RobotSetup, stop_time: float) -> Member:
         given=(*robot.torque[0].tolist(), *robot.samples[0].tolist()),
         held=robot.held,
         stop_time=stop_time,
+        columns=columns,
     )
 
 
@@ -59,6 +62,7 @@ def plant(
     given: Sequence[float] = (),
     held: Iterable[ParameterValue] = (),
     stop_time: float,
+    columns: tuple[int, ...] = (),
 ) -> Member:
     """Return an FMU as a plant.
 
@@ -80,9 +84,11 @@ def plant(
         Inputs that keep their values until they are changed, at the start.
     stop_time
         End of the run [s].
+    columns
+        As for `member`.
     """
     description, binding, kind = fmu.description, fmu.binding, fmu.binding.kind
-    states = (*kind.pose, *kind.velocity)
+    states = kind.states
     bounds = (*[DIVERGED_POSE] * len(kind.pose), *[DIVERGED_VELOCITY] * len(kind.velocity))
     driven = (*(binding.bound[role.name] for role in kind.command), *inputs)
     input_block, input_places = _block(description, driven, given)
@@ -127,6 +133,7 @@ def plant(
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
         usual_step=usual_step(fmu),
         where=source.where,
+        columns=columns,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 import formation_controllers as fc
 import numpy as np
 
+from cosim.control.leader_view import check_view
 from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
 from cosim.fmu.package import Fmu
@@ -27,7 +28,7 @@ from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.signals.places import desired_samples
 from cosim.signals.trajectory import leader_motion
-from cosim.vehicle.kind import Kind
+from cosim.vehicle.columns import RunColumns, run_columns
 from cosim.vehicle.path import Motion
 
 MAX_BYTES = 4 * 1024**3
@@ -72,9 +73,9 @@ class Setup:
     others: Mapping[Path, tuple[Scenario, Setup]]
 
     @property
-    def kinds(self) -> tuple[Kind, ...]:
-        """The kinds of vehicle that there are."""
-        return tuple({robot.kind.name: robot.kind for robot in (self.leader, *self.followers)}.values())
+    def columns(self) -> RunColumns:
+        """Where the entries of poses, velocities and commands stand in a result."""
+        return run_columns([robot.kind for robot in (self.leader, *self.followers)])
 
 
 def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> Setup:
@@ -109,10 +110,12 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
+    _check_views(leader, followers)
     check_velocities(scenario, leader, followers, laws)
-    channels = channels_of(leader.kind, len(followers), bool(scenario.leader.sensor), laws.values())
+    columns = run_columns([robot.kind for robot in (leader, *followers)])
+    channels = channels_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
-    signals = recorded_signals(scenario, channels, (leader.kind, *(robot.kind for robot in followers)), laws)
+    signals = recorded_signals(scenario, channels, columns, laws)
     others: dict[Path, tuple[Scenario, Setup]] = {}
 
     def prepare(path: Path) -> Recording:
@@ -149,3 +152,12 @@ def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:
 
 def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
+
+
+def _check_views(leader: RobotSetup, followers: Iterable[RobotSetup]) -> None:
+    """Refuse followers that cannot be told of such a leader."""
+    for robot in followers:
+        try:
+            check_view(robot.vehicle, leader.vehicle)
+        except InputError as error:
+            raise InputError(f"{robot.name}: {error.message}", robot.where) from None

@@ -22,11 +22,14 @@ from cosim.master.pacing import Pacer
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
+from cosim.master.team_arrays import Driving, TeamArrays
 from cosim.master.timing import timed
 from cosim.plant.fleet import Fleet, returning
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.signals.actuators import Actuators
 from cosim.signals.sensors import PoseSensor
+
+_NUMBERS = {1: "one", 2: "two", 3: "three"}
 
 
 class Simulation:
@@ -46,7 +49,7 @@ class Simulation:
     tick : int
         The number of the next tick.
     poses, velocities : dict
-        Of every robot, by name: pose (4,) and pseudo-velocities (2,) at the communication point of the next tick, in
+        Of every robot, by name: pose and pseudo-velocities at the communication point of the next tick, in
         the order and units of its kind of vehicle; read only. A velocity that its plant does not offer is NaN.
 
     Raises
@@ -61,46 +64,40 @@ class Simulation:
         self.scenario = scenario
         self.tick = 0
         self.timing: dict[str, float] = {}
-        n = len(scenario.followers)
         robots = [LEADER, *(follower.id for follower in scenario.followers)]
-        self._state = np.zeros((1 + n, 6))  # row 0 is the leader; pose and pseudo-velocities
-        self._measured = np.zeros((1 + n, 4))  # of the leader: the pose that followers get
-        self._command = np.zeros((n, 2))
-        self._torque = np.zeros((1 + n, 2))
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
-        visible = self._state.view()
-        visible.flags.writeable = False
-        self.poses = {robot: visible[row, :4] for row, robot in enumerate(robots)}
-        self.velocities = {robot: visible[row, 4:] for row, robot in enumerate(robots)}
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
+            setups = (self.setup.leader, *self.setup.followers)
+            self._now = now = TeamArrays([robot.kind for robot in setups])
+            self.poses = {robot: now.visible(row)[0] for row, robot in enumerate(robots)}
+            self.velocities = {robot: now.visible(row)[1] for row, robot in enumerate(robots)}
             driven = self._driven
+            first_driven = len(setups) - len(driven)
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
             with timed(self.timing, "load"):
-                members = [member(robot, scenario.horizon) for robot in driven]
-                self._fleet = Fleet(members, self._state[-len(driven) :])
+                members = [member(robot, scenario.horizon, now.columns_of(robot.kind)) for robot in driven]
+                self._fleet = Fleet(members, now.state[first_driven:])
             cleanup.callback(self._fleet.close)
-            self._samples = np.concatenate([robot.samples for robot in driven], axis=1)
-            self._is_torque = np.concatenate([np.arange(2 + len(robot.inputs)) < 2 for robot in driven])
-            driving_torque = self._torque[-len(driven) :].reshape(-1)
-            self._given = np.zeros(len(self._is_torque)) if self._samples.size else driving_torque
-            self._driving_torque = driving_torque
+            self._driving = Driving(
+                now.torque, first_driven, [robot.kind for robot in driven], [robot.samples for robot in driven]
+            )
             self._changes: dict[int, list[int]] = {}
             for row, robot in enumerate(driven):
                 for tick in robot.changes:
                     self._changes.setdefault(tick, []).append(row)
-            self._followers = (self._measured[1:], self._state[1:, 4:])
             self._desired = [
                 [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
             ]
-            setups = (self.setup.leader, *self.setup.followers)
             poses = [[role.name for role in robot.kind.pose] for robot in setups]
             torques = [[role.name for role in robot.kind.command] for robot in self.setup.followers]
             self._sensor = PoseSensor(scenario.seed, robots, poses, [robot.sensor for robot in setups], scenario.step)
             self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
-            self._external = np.stack([robot.torque for robot in setups], axis=1)
-            self._disturbed = bool(self._external[:, 1:].any())
+            self._external = now.padded([robot.torque for robot in setups])
+            self._disturbed = bool(np.nan_to_num(self._external[:, 1:]).any())
+            leader = now.columns_of(self.setup.leader.kind)
+            self._leader_columns = slice(None) if len(leader) == now.state.shape[1] else leader
             self._recorder = self._start_recorder()
             self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
             self._move_leader()
@@ -114,13 +111,13 @@ class Simulation:
         Parameters
         ----------
         torques
-            For robots by name, the two torques [N.m] that are commanded in this tick in place of their controller's,
-            or of what the scenario gives the leader. A follower's still pass through its actuators.
+            By robot, the commands of this tick (torques [N.m] of a robot that takes torques) in place of its
+            controller's, or of the scenario's for the leader. A follower's still pass through its actuators.
 
         Raises
         ------
         InputError
-            There is no such robot, its motion is given, or these are not two finite numbers; or the run has ended,
+            There is no such robot, its motion is given, or these are not as many finite numbers; or the run has ended,
             failed or been closed.
         SimulationError
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
@@ -152,32 +149,31 @@ class Simulation:
         error.result = self.result()
 
     def _sense(self) -> None:
-        self._sensor.measure(self.tick, self._state[:, :4], self._measured)
+        self._sensor.measure(self.tick, self._now.pose, self._now.measured)
 
     def _control(self) -> None:
         if self.tick % self.scenario.period:
             return  # the commands are held
         motion = self.setup.motion
         acceleration = None if motion is None else motion.acceleration[self.tick]
-        told = np.empty(6)
-        told[:4] = self._measured[0]
-        told[4:] = self._state[0, 4:]
-        pose, velocity = self._followers
+        now, told = self._now, self._now.told_of_the_leader()
         for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
             desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
             first = self.tick == 0
-            self._command[team.place] = team.step(self.time, pose, velocity, told, acceleration, desired, first=first)
+            now.command[team.commands] = team.step(
+                self.time, now.measured[1:], now.velocity[1:], told, acceleration, desired, first=first
+            )
 
     def _actuate(self, override: Mapping[int, NDArray[np.float64]]) -> None:
-        command = self._command
-        self._torque[0] = override.get(0, self._external[self.tick, 0])
+        command, torque = self._now.command, self._now.torque
+        torque[0] = override.get(0, self._external[self.tick, 0])
         if override:  # of this tick alone: the controllers' commands may be held longer
             command = command.copy()
             for row in override.keys() - {0}:
                 command[row - 1] = override[row]
-        self._actuators.apply(self.tick, command, self._torque[1:])
+        self._actuators.apply(self.tick, command, torque[1:])
         if self._disturbed:
-            self._torque[1:] += self._external[self.tick, 1:]
+            torque[1:] += self._external[self.tick, 1:]
 
     def _record(self) -> None:
         k = self.tick
@@ -191,15 +187,12 @@ class Simulation:
         for row in self._changes.get(self.tick, ()):
             values = [parameter.as_value for parameter in self._driven[row].changes[self.tick]]
             self._fleet.change(row, values, self.time)
-        if self._samples.size:
-            self._given[self._is_torque] = self._driving_torque
-            self._given[~self._is_torque] = self._samples[self.tick]
-        self._fleet.step(self.tick, self.scenario.step, self._given)
+        self._fleet.step(self.tick, self.scenario.step, self._driving.given(self.tick))
 
     def _move_leader(self) -> None:
         """Put a leader whose motion is given where it is at the next tick."""
         if self.setup.motion is not None and not self.finished:
-            self._state[0] = self.setup.motion.state[self.tick]
+            self._now.state[0, self._leader_columns] = self.setup.motion.state[self.tick]
 
     def _understood(self, torques: Mapping[str, Sequence[float]]) -> dict[int, NDArray[np.float64]]:
         """Return torques by the row of the robot."""
@@ -214,9 +207,14 @@ class Simulation:
                 values = np.asarray(torque, dtype=np.float64)
             except (TypeError, ValueError):
                 values = np.empty(0)
-            if values.shape != (2,) or not np.isfinite(values).all():
-                raise InputError(f"the torque of {robot} is {torque!r}; expected are two finite numbers [N.m]")
-            override[robots.index(robot)] = values
+            row = robots.index(robot)
+            commands = self._now.kinds[row].command
+            if values.shape != (len(commands),) or not np.isfinite(values).all():
+                units = ", ".join(dict.fromkeys(role.unit for role in commands))
+                count = _NUMBERS.get(len(commands), str(len(commands)))
+                raise InputError(f"the torque of {robot} is {torque!r}; expected are {count} finite numbers [{units}]")
+            override[row] = np.full(self._now.torque.shape[1], np.nan)
+            override[row][: len(commands)] = values
         return override
 
     # The whole run -----------------------------------------------------------------------------------------
@@ -294,18 +292,21 @@ class Simulation:
         recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
         recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
         recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
-        samples, robots = self.scenario.ticks + 1, len(self._state)
-        state, measured, torque = (np.full((samples, robots, width), np.nan) for width in (6, 4, 2))
-        self._recorded = [(state, self._state), (measured, self._measured), (torque, self._torque)]
+        now = self._now
+        tracked = (now.state, now.measured, now.torque)
+        state, measured, torque = (np.full((self.scenario.ticks + 1, *values.shape), np.nan) for values in tracked)
+        self._recorded = list(zip((state, measured, torque), tracked, strict=True))
+        commands = self.setup.columns.commands
+        pose, velocity = np.split(state, [now.pose.shape[1]], axis=-1)
         for name, place in {
-            "leader_pose": state[:, 0, :4],
-            "leader_velocity": state[:, 0, 4:],
-            "leader_torque": torque[:, 0],
-            "pose": state[:, 1:, :4],
-            "velocity": state[:, 1:, 4:],
+            "leader_pose": pose[:, 0],
+            "leader_velocity": velocity[:, 0],
+            f"leader_{commands}": torque[:, 0],
+            "pose": pose[:, 1:],
+            "velocity": velocity[:, 1:],
             "measured_pose": measured[:, 1:],
             "measured_leader_pose": measured[:, 0],
-            "torque": torque[:, 1:],
+            commands: torque[:, 1:],
         }.items():
             if name in recorder.channels:
                 recorder.keep(name, place)

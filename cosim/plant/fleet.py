@@ -24,14 +24,18 @@ from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_s
 from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
 from cosim.plant.stepwise import StepwisePlant, stepper
 
-STATE = 6
-"""Pose entries and pseudo-velocities of a plant."""
-
 KEPT_MESSAGES = 20
 """Number of messages of a plant that are kept, the first ones."""
 
 _LINK = np.dtype(
-    [("row", np.int64), ("place", np.int64), ("scale", np.float64), ("offset", np.float64), ("bound", np.float64)]
+    [
+        ("row", np.int64),
+        ("column", np.int64),
+        ("place", np.int64),
+        ("scale", np.float64),
+        ("offset", np.float64),
+        ("bound", np.float64),
+    ]
 )
 
 
@@ -46,8 +50,8 @@ class Fleet:
     members
         The plants; they are started here, those in processes of their own side by side.
     state
-        Gets pose and pseudo-velocities (plants, 6) of every plant in its roles' units at the last communication point,
-        from the start on. Its rows are contiguous.
+        Gets pose and pseudo-velocities (plants, entries) of every plant in its roles' units at the last communication
+        point, from the start on. Its rows are contiguous.
 
     Attributes
     ----------
@@ -80,14 +84,16 @@ class Fleet:
             self._instances = self._start_instances(cleanup)
             self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
             rows = self._rows
+            inputs = [range(len(member.inputs)) for member in members]
+            self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
             self._arrays = _Arrays(
                 rows.rows,
                 rows.inputs,
                 rows.outputs,
                 rows.scratch,
                 rows.work,
-                _links([member.inputs for member in members], rows.first_input),
-                _links([member.outputs for member in members], rows.first_output),
+                _links([member.inputs for member in members], rows.first_input, inputs),
+                _links([member.outputs for member in members], rows.first_output, self._columns),
                 state,
             )
             for index, plant in self._external.items():
@@ -151,7 +157,7 @@ class Fleet:
         given
             Inputs (ticks, ...) of every step, as for `step`.
         out
-            Gets the state (ticks, plants, 6) after every step.
+            Gets the state (ticks, plants, entries) after every step.
 
         Raises
         ------
@@ -283,7 +289,7 @@ class Fleet:
 
     def _diverging(self, index: int) -> list[tuple[Link, float]]:
         """Return the roles of a plant that are out of bounds, with their values."""
-        outputs = zip(self.members[index].outputs, self._state[index].tolist(), strict=True)
+        outputs = zip(self.members[index].outputs, self._state[index, self._columns[index]].tolist(), strict=True)
         return [(link, value) for link, value in outputs if link.place >= 0 and not abs(value) < link.bound]
 
     def _failures(self, failures: dict[int, str], time: float) -> tuple[str, float, str]:
@@ -323,12 +329,14 @@ def returning() -> Iterator[None]:
             os.chdir(folder)
 
 
-def _links(links: Sequence[Sequence[Link]], first: NDArray[np.int64]) -> NDArray[np.void]:
+def _links(
+    links: Sequence[Sequence[Link]], first: NDArray[np.int64], columns: Sequence[Sequence[int]]
+) -> NDArray[np.void]:
     return np.array(
         [
-            (row, int(first[row]) + link.place if link.place >= 0 else -1, link.scale, link.offset, link.bound)
-            for row, own in enumerate(links)
-            for link in own
+            (row, at, int(first[row]) + link.place if link.place >= 0 else -1, link.scale, link.offset, link.bound)
+            for row, (own, places) in enumerate(zip(links, columns, strict=True))
+            for at, link in zip(places, own, strict=True)
         ],
         dtype=_LINK,
     )
@@ -377,7 +385,7 @@ def _take(plants: _Arrays) -> int:
         if link["place"] < 0:
             continue
         value = link["scale"] * plants.outputs[link["place"]] + link["offset"]
-        plants.state[j // STATE, j % STATE] = value
+        plants.state[link["row"], link["column"]] = value
         if not abs(value) < link["bound"]:  # not finite is not smaller
             found = _DIVERGED
     return found

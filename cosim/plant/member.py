@@ -57,6 +57,8 @@ class Member:
         The step [s] of its default experiment, if it takes steps of constant length only; else 0.
     where : Location or None
         Who asks for it.
+    columns : tuple of int
+        Where its outputs stand in a row of the fleet's state; one after the other if nothing is said.
     """
 
     spec: PlantSpec
@@ -67,3 +69,4 @@ class Member:
     needs_tool: bool = False
     usual_step: float = 0.0
     where: Location | None = None
+    columns: tuple[int, ...] = ()

@@ -110,7 +110,7 @@ def test_there_is_no_step_after_the_end(simulation: Simulation) -> None:
 
 def test_there_is_no_step_after_a_failure(simulation: Simulation) -> None:
     simulation.step()
-    simulation._state[2, 0] = np.nan  # a controller refuses to see this
+    simulation._now.state[2, 0] = np.nan  # a controller refuses to see this
     with pytest.raises(SimulationError) as caught:
         simulation.step()
     with pytest.raises(InputError) as refused:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from cosim.vehicle.kind import Kind, Role
 
-GROUPS = ("pose", "velocity", "command")
-
 
 @dataclass(frozen=True)
 class Columns:
@@ -46,6 +44,39 @@ class Columns:
         return found
 
 
+@dataclass(frozen=True)
+class RunColumns:
+    """The columns of a run.
+
+    Attributes
+    ----------
+    pose, velocity, command : Columns
+        Those of each group.
+    commands : str
+        How a result names what drives the robots: ``torque``, or ``command`` if some command is no torque.
+    """
+
+    pose: Columns
+    velocity: Columns
+    command: Columns
+    commands: str
+
+    @property
+    def labels(self) -> dict[str, tuple[str, ...]]:
+        """The labels of each dimension of a result."""
+        return {
+            "pose_component": self.pose.labels,
+            "velocity_component": self.velocity.labels,
+            f"{self.commands}_component": self.command.labels,
+        }
+
+
+def run_columns(kinds: Sequence[Kind]) -> RunColumns:
+    """Return the columns of a run with robots of some kinds."""
+    called = "torque" if all(kind.takes_torques for kind in kinds) else "command"
+    return RunColumns(columns(kinds, "pose"), columns(kinds, "velocity"), columns(kinds, "command"), called)
+
+
 def columns(kinds: Iterable[Kind], group: str) -> Columns:
     """Return the columns of the ``pose``, the ``velocity`` or the ``command`` of some kinds."""
     shared: list[list[Role]] = []
@@ -53,8 +84,8 @@ def columns(kinds: Iterable[Kind], group: str) -> Columns:
     for kind in kinds:
         places: list[int] = []
         for place, role in enumerate(getattr(kind, group)):
-            free = (at for at in range(place, len(shared)) if at not in places and shared[at][0].unit == role.unit)
-            at = next(free, len(shared))
+            fitting = [at for at, column in enumerate(shared) if at not in places and column[0].unit == role.unit]
+            at = place if place in fitting else next(iter(fitting), len(shared))
             if at == len(shared):
                 shared.append([])
             shared[at].append(role)
