@@ -103,7 +103,7 @@ def bind(
         The FMU is no vehicle of any kind, or the binding does not fit it: which roles, and why.
     """
     if declared is not None:
-        kind = kind_of(declared)
+        kind = kind_named(declared.vehicle)
         known = [role.name for role in kind.roles]
         for source in declared.roles:
             if source.name not in known:
@@ -129,20 +129,6 @@ def bind(
         f'variables to these roles; "formation swap" writes one to complete{faults()}',
         where,
     )
-
-
-def kind_of(declared: BindingSource) -> Kind:
-    """Return the kind of vehicle that a binding names.
-
-    Raises
-    ------
-    InputError
-        There is none of this name, with the place of the binding.
-    """
-    try:
-        return kind_named(declared.vehicle)
-    except InputError as error:
-        raise InputError(f'the binding\'s vehicle="{declared.vehicle}": {error.message}', declared.where) from None
 
 
 class _BindingError(ValueError):

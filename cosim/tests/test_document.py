@@ -4,13 +4,16 @@ import os
 import sys
 import tracemalloc
 import zipfile
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from cosim.errors import InputError
+from cosim.master.setup import set_up
 from cosim.scenario.document import MAX_BYTES, read_binding_document, read_document
 from cosim.scenario.edits import set_value
+from cosim.scenario.reader import read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 COMPARE = '<compare measure="mean" signal="range_error" factor="1" scenario="other.xml"/>'
@@ -180,13 +183,10 @@ def test_document_types_are_refused(tmp_path: Path, doctype: str) -> None:
         ('name="example"', 'name="../../escape"', 2, 1, 'name="../../escape" of <scenario> is not a name'),
         ('seed="1"', 'seed="one"', 11, 3, 'seed="one" of <simulation> is not a whole number from 0'),
         ('seed="1"', 'seed="9223372036854775808"', 11, 3, "is not a whole number from 0 to 2^63 - 1"),
-        ('x="1 mm"', 'xx="1 mm"', 36, 5, "<noise> has no attribute 'xx': did you mean 'x'? Known: from, gamma"),
         ('x="1 mm"', 'x="1 kg"', 36, 5, 'x="1 kg" of <noise> is not a length with its unit'),
         ("<sensor>", '<sensor f:x="1" xmlns:f="urn:f">', 35, 3, "<sensor> has no attribute '{urn:f}x': known: none"),
-        ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, 5, 'limit="9 N.m" of <rate> is not a rate of a'),
         ('range="3 m"', 'range="3,5 m"', 49, 5, "or km), such as 3 m: write '3.5 m' (decimals follow a point)"),
         ('bearing="45 deg"', 'bearing="−45°"', 49, 5, "such as 45 deg: write '-45 deg' (a minus sign is a hyphen)"),
-        ('limit="200 N.m"', 'limit="200 Nm"', 39, 5, "such as 8 N.m: write '200 N.m'"),
         ('value="0.05"', 'value="0,5"', 26, 5, "spaces between them: write '0.5' (decimals follow a point)"),
         ('range="3 m"', 'range="45°"', 49, 5, 'range="45°" of <desired> is not a length with its unit (m, '),
         ("</scenario>", f"<expect>{COMPARE}</expect></scenario>", 64, 9, 'measure="mean" of <compare> is not rms'),
@@ -260,3 +260,23 @@ def test_an_archive_is_no_scenario(tmp_path: Path) -> None:
     for read in (read_document, read_binding_document):
         with pytest.raises(InputError, match=r"is an archive \(zip\), perhaps an FMU; expected is XML"):
             read(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "sentence"),
+    [
+        ('x="1 mm"', 'xx="1 mm"', 36, "<noise> has no attribute 'xx': did you mean 'x'? Known: from, gamma"),
+        ('psi="0 deg"', 'pis="0 deg"', 43, "<pose> has no attribute 'pis': did you mean 'psi'? Known: gamma, psi"),
+        ("tau_drive=", "tau_dirve=", 44, "<torque> has no attribute 'tau_dirve': did you mean 'tau_drive'?"),
+        ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, "expected is a quantity such as '9 N.m/s'"),
+        ('limit="200 N.m"', 'limit="200 Nm"', 39, "'200 Nm' is not a number with a unit: write '200 N.m'"),
+    ],
+)  # fmt: skip
+def test_what_breaks_the_words_of_the_kinds_of_vehicle(
+    tmp_path: Path, old: str, new: str, line: int, sentence: str
+) -> None:
+    with pytest.raises(InputError) as caught, ExitStack() as cleanup:
+        set_up(read_scenario(variant(tmp_path, old, new)), cleanup, {})
+    assert sentence in str(caught.value)
+    assert caught.value.where is not None
+    assert caught.value.where.line == line

@@ -86,6 +86,11 @@ def unit_of_entry(name: str, group: str) -> str | None:
     return None
 
 
+def entries_of(group: str) -> list[str]:
+    """Return the names of the entries of the ``pose`` or the ``command`` of all kinds."""
+    return list(dict.fromkeys(role.name for kind in kinds() for role in getattr(kind, group)))
+
+
 def others() -> tuple[Kind, ...]:
     """Return the kinds that other packages bring."""
     return tuple(found.kind for found in _others() if found.kind is not None)

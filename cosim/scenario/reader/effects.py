@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from cosim.scenario.reader.element import Element
+from cosim.scenario.reader.entries import check_names
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
+
+_OF_ENTRIES = ("noise", "bias", "quantisation")
+"""Effects whose attributes are entries of a pose, besides a window."""
+_WINDOW = ("from", "to")
 
 
 def effects(element: Element, tag: str, times: Times) -> tuple[EffectSource, ...]:
@@ -14,4 +19,6 @@ def effects(element: Element, tag: str, times: Times) -> tuple[EffectSource, ...
 
 def _effect(element: Element, times: Times) -> EffectSource:
     start, stop = times.window(element)
+    if element.kind in _OF_ENTRIES:
+        check_names(element, "pose", _WINDOW)
     return EffectSource(element.kind, element.attributes, element.where, element.folder, start, stop)

@@ -10,6 +10,7 @@ from cosim.scenario.document import read_binding_document
 from cosim.scenario.reader.element import Element, settings
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import FIRST_STEP, OPEN, BindingSource, ControllerSource, PlantSource, RoleSource
+from cosim.vehicle.kinds import kind_named
 
 
 def plant(element: Element, times: Times, untrusted: tuple[Path, ...]) -> PlantSource:
@@ -64,7 +65,12 @@ def binding(element: Element) -> BindingSource:
         if "value" in child and len(child.attributes) > 2:
             raise child.error("a <role> with a value takes no other attribute but its name")
         roles[name] = RoleSource(**child.attributes, where=child.where)
-    return BindingSource(element.get("vehicle"), tuple(roles.values()), element.where)
+    vehicle = element.get("vehicle")
+    try:
+        kind_named(vehicle)
+    except InputError as error:
+        raise element.error(f'vehicle="{vehicle}" of <binding>: {error.message}') from None
+    return BindingSource(vehicle, tuple(roles.values()), element.where)
 
 
 def read_binding(path: str | Path) -> BindingSource:

@@ -6,19 +6,19 @@ from collections.abc import Mapping
 
 from cosim.scenario.reader.effects import effects
 from cosim.scenario.reader.element import Element, known, settings
-from cosim.scenario.reader.entries import POSE, TORQUE, entries
+from cosim.scenario.reader.entries import commands, pose
 from cosim.scenario.reader.inputs import inputs
 from cosim.scenario.reader.places import changes, desired_place
 from cosim.scenario.reader.times import Times
 from cosim.scenario.reader.trajectory import trajectory
-from cosim.scenario.scenario import ControllerSource, EffectSource, Follower, Leader, PlantSource
+from cosim.scenario.scenario import ControllerSource, EffectSource, Entries, Follower, Leader, PlantSource
 
 
 def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) -> Leader:
     """Read the leader."""
     plant = known(element, "plant", plants)
     given = element.find("trajectory")
-    for tag in ("pose", "torque", "input"):
+    for tag in ("pose", "torque", "command", "input"):
         found = element.find(tag)
         if given is not None and found is not None:
             raise found.error(f"a leader with a <trajectory> has no <{tag}>: its motion follows from the path")
@@ -26,8 +26,8 @@ def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) ->
             raise element.error("the <leader> needs a <pose> to start from, or a <trajectory> to move along")
     return Leader(
         plant=plant,
-        pose=entries(element, "pose", POSE),
-        torque=entries(element, "torque", TORQUE),
+        pose=pose(element),
+        torque=commands(element) or Entries({}, element.where),
         trajectory=None if given is None else trajectory(given),
         parameters=settings(element, "parameter"),
         sensor=effects(element, "sensor", times),
@@ -50,7 +50,7 @@ def follower(
         id=element.get("id"),
         plant=known(element, "plant", plants),
         controller=known(element, "controller", controllers),
-        pose=entries(element, "pose", POSE),
+        pose=pose(element),
         desired=desired_place(desired),
         changes=changes(desired, times),
         parameters=settings(element, "parameter"),
