@@ -9,6 +9,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from cosim.errors import Failure
+from cosim.master.observer import Watched
+
 _LONGEST_SLEEP = 0.2
 """Longest wait [s] between two checks whether to go on waiting."""
 
@@ -47,7 +50,7 @@ class PaceReport:
 
 
 class Pacer:
-    """Waits before each tick until it is due.
+    """An observer that holds a run back after each tick until the next one is due.
 
     Parameters
     ----------
@@ -77,6 +80,7 @@ class Pacer:
         self._factor = factor
         self._clock = clock
         self._sleep = sleep
+        self._run: Watched | None = None
         self._start: float | None = None
         self._first = 0
         self._ticks = self._overruns = 0
@@ -100,6 +104,20 @@ class Pacer:
             self._sleep(min(due - now, _LONGEST_SLEEP))
             now = self._clock()
         self._jitter = max(self._jitter, now - due)
+
+    def started(self, run: Watched) -> None:
+        """Begin to measure with the first tick, which is due at once."""
+        self._run = run
+        self.wait(run.tick)
+
+    def ticked(self, tick: int) -> None:
+        """Wait until the next tick is due, if there is one."""
+        assert self._run is not None, "the run has started"
+        if tick < self._run.clock.ticks:
+            self.wait(tick + 1, self._run.stopping)
+
+    def ended(self, failure: Failure | None) -> None:
+        """Do nothing: the report stays."""
 
     @property
     def report(self) -> PaceReport:

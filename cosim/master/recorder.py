@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import Failure
+from cosim.master.observer import Watched
 from cosim.results.channel import Channel
 
 
 class Recorder:
-    """Arrays of all channels over the samples of a run; samples that are not recorded are NaN.
+    """An observer that keeps all channels over the samples of a run; samples that are not recorded are NaN.
 
     Parameters
     ----------
@@ -32,6 +34,9 @@ class Recorder:
         self._samples = samples
         self._arrays: dict[str, NDArray[np.float64]] = {}
         self._records: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
+        self._arrays_to_copy: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        self._telemetry: list[tuple[NDArray[np.float64], Callable[[float], NDArray[np.float64]]]] = []
+        self._step = 0.0
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the place of a channel (samples, ...), to write into."""
@@ -41,15 +46,45 @@ class Recorder:
         """Take an array (samples, ...) into which a channel is written."""
         self._arrays[name] = place
 
-    def records(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.float64]:
-        """Return a place for records of numbers, one field a channel and one record a row, to write into.
+    def follow(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Copy an array at each tick from now on; return the place (samples, ...) of the copies."""
+        place = np.full((self._samples, *values.shape), np.nan)
+        self._arrays_to_copy.append((place, values))
+        return place
 
-        It has one row a sample, with the numbers of all records one after the other, as NumPy copies records field by
-        field and numbers at once.
+    def ask(
+        self, rows: NDArray[np.int_], dtype: np.dtype[np.void], telemetry: Callable[[float], NDArray[np.float64]]
+    ) -> None:
+        """Ask at each tick for records of numbers, one field a channel and one record a row.
+
+        Parameters
+        ----------
+        rows
+            The rows of the channels that the records are of.
+        dtype
+            The type of a record.
+        telemetry
+            Returns at a time [s] the numbers of all records one after the other, as NumPy copies records field by field
+            and numbers at once.
         """
         store = np.zeros((self._samples, len(rows)), dtype)
         self._records.append((rows, store))
-        return store.view(np.float64).reshape(self._samples, -1)
+        self._telemetry.append((store.view(np.float64).reshape(self._samples, -1), telemetry))
+
+    def started(self, run: Watched) -> None:
+        """Take note of the communication step."""
+        self._step = run.clock.step
+
+    def ticked(self, tick: int) -> None:
+        """Record a tick."""
+        for place, values in self._arrays_to_copy:
+            place[tick] = values
+        for store, telemetry in self._telemetry:
+            store[tick] = telemetry(tick * self._step)
+        self.recorded = tick + 1
+
+    def ended(self, failure: Failure | None) -> None:
+        """Do nothing: the records stay."""
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every channel, by name."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from types import TracebackType
 from typing import Self
@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
 from cosim.master.dataset import dataset
+from cosim.master.fleets import StartFleet, start_fleet
 from cosim.master.interrupt import HeldSignals
-from cosim.master.members import member
+from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import Driving, TeamArrays
 from cosim.master.timing import timed
-from cosim.plant.fleet import Fleet, returning
+from cosim.plant.fleet import returning
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.signals.actuators import Actuators
 from cosim.signals.sensors import PoseSensor
@@ -43,6 +44,10 @@ class Simulation:
         The scenario to run. Built-in plants are built into FMUs here if they are not in the cache.
     setup
         With which set-up; without one, the scenario is set up here.
+    observers
+        Who watches the run, from its first tick to its end.
+    fleet
+        Starts the plants: their FMUs, or for tests a `cosim.master.mock_fleet.MockFleet`.
 
     Attributes
     ----------
@@ -60,47 +65,34 @@ class Simulation:
         A plant returns no finite pose at the start.
     """
 
-    def __init__(self, scenario: Scenario, setup: Setup | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        setup: Setup | None = None,
+        *,
+        observers: Iterable[Observer] = (),
+        fleet: StartFleet = start_fleet,
+    ) -> None:
         self.scenario = scenario
         self.tick = 0
         self.timing: dict[str, float] = {}
-        robots = [LEADER, *(follower.id for follower in scenario.followers)]
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
+        self._signals = HeldSignals(patience=1)
+        self._observers: list[Observer] = []
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
-            setups = (self.setup.leader, *self.setup.followers)
-            self._now = now = TeamArrays([robot.kind for robot in setups])
-            self.poses = {robot: now.visible(row)[0] for row, robot in enumerate(robots)}
-            self.velocities = {robot: now.visible(row)[1] for row, robot in enumerate(robots)}
-            driven = self._driven
-            first_driven = len(setups) - len(driven)
+            robots = (self.setup.leader, *self.setup.followers)
+            self._now = now = TeamArrays([robot.kind for robot in robots])
+            self.poses = {robot.name: now.visible(row)[0] for row, robot in enumerate(robots)}
+            self.velocities = {robot.name: now.visible(row)[1] for row, robot in enumerate(robots)}
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
-            with timed(self.timing, "load"):
-                members = [member(robot, scenario.horizon, now.columns_of(robot.kind)) for robot in driven]
-                self._fleet = Fleet(members, now.state[first_driven:])
-            cleanup.callback(self._fleet.close)
-            self._driving = Driving(
-                now.torque, first_driven, [robot.kind for robot in driven], [robot.samples for robot in driven]
-            )
-            self._changes: dict[int, list[int]] = {}
-            for row, robot in enumerate(driven):
-                for tick in robot.changes:
-                    self._changes.setdefault(tick, []).append(row)
-            self._desired = [
-                [np.ascontiguousarray(samples[:, team.rows]) for samples in self.setup.desired] for team in self._teams
-            ]
-            poses = [[role.name for role in robot.kind.pose] for robot in setups]
-            torques = [[role.name for role in robot.kind.command] for robot in self.setup.followers]
-            self._sensor = PoseSensor(scenario.seed, robots, poses, [robot.sensor for robot in setups], scenario.step)
-            self._actuators = Actuators(torques, [robot.actuator for robot in self.setup.followers], scenario.step)
-            self._external = now.padded([robot.torque for robot in setups])
-            self._disturbed = bool(np.nan_to_num(self._external[:, 1:]).any())
-            leader = now.columns_of(self.setup.leader.kind)
-            self._leader_columns = slice(None) if len(leader) == now.state.shape[1] else leader
+            self._start_plants(fleet, cleanup)
+            self._connect(robots)
             self._recorder = self._start_recorder()
-            self._telemetry = [(team, self._recorder.records(team.rows, team.telemetry_type)) for team in self._teams]
             self._move_leader()
+            for observer in (self._recorder, *observers):
+                self._watch(observer)
             self._cleanup = cleanup.pop_all()
 
     # The five steps of a tick ------------------------------------------------------------------------------
@@ -131,7 +123,8 @@ class Simulation:
             self._sense()
             self._control()
             self._actuate(override)
-            self._record()
+            for observer in self._observers:
+                observer.ticked(self.tick)
             if self.tick < self.scenario.ticks:
                 self._step_plants()
         except SimulationError as error:
@@ -143,10 +136,13 @@ class Simulation:
             raise failure from error
         self.tick += 1
         self._move_leader()
+        if self.finished:
+            self._end(None)
 
     def _fail(self, error: SimulationError) -> None:
         self._ended, self._failure = str(error), error.failure
         error.result = self.result()
+        self._end(error.failure)
 
     def _sense(self) -> None:
         self._sensor.measure(self.tick, self._now.pose, self._now.measured)
@@ -174,14 +170,6 @@ class Simulation:
         self._actuators.apply(self.tick, command, torque[1:])
         if self._disturbed:
             torque[1:] += self._external[self.tick, 1:]
-
-    def _record(self) -> None:
-        k = self.tick
-        for place, values in self._recorded:
-            place[k] = values
-        for team, store in self._telemetry:
-            store[k] = team.telemetry(self.time)
-        self._recorder.recorded = k + 1
 
     def _step_plants(self) -> None:
         for row in self._changes.get(self.tick, ()):
@@ -217,6 +205,29 @@ class Simulation:
             override[row][: len(commands)] = values
         return override
 
+    # Who watches -------------------------------------------------------------------------------------------
+
+    def _watch(self, observer: Observer) -> None:
+        state, measured, torque = map(read_only, (self._now.state, self._now.measured, self._now.torque))
+        run = Watched(
+            self.scenario.clock,
+            self.tick,
+            tuple(self.poses),
+            state,
+            measured,
+            torque,
+            lambda: self._signals.received > 0,
+        )
+        observer.started(run)
+        self._observers.append(observer)
+
+    def _end(self, failure: Failure | None, watching: Sequence[Observer] | None = None) -> None:
+        """Tell observers, or all, that the run has ended for them, if they have not been told."""
+        for observer in list(self._observers):
+            if watching is None or any(observer is one for one in watching):
+                self._observers.remove(observer)
+                observer.ended(failure)
+
     # The whole run -----------------------------------------------------------------------------------------
 
     @property
@@ -235,9 +246,9 @@ class Simulation:
         Parameters
         ----------
         progress
-            Called with the tick before each tick.
+            Called with each tick; an observer that is a function.
         pacer
-            Waits before each tick, so that the run keeps pace with a clock.
+            An observer that waits after each tick, so that the run keeps pace with a clock.
 
         Raises
         ------
@@ -246,18 +257,20 @@ class Simulation:
         RunInterrupted
             The user pressed Ctrl-C.
         """
+        watching: list[Observer] = [Progress(progress)] if progress else []
+        watching += [pacer] if pacer else []
         with HeldSignals(patience=1) as signals, timed(self.timing, "loop"), returning():
+            self._signals = signals
+            for observer in watching:
+                self._watch(observer)
             try:
                 while not self.finished and not signals.received:
-                    if progress:
-                        progress(self.tick)
-                    if pacer:
-                        pacer.wait(self.tick, lambda: signals.received > 0)
                     with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
                         self.step()
             except KeyboardInterrupt:
                 signals.received += 1
             stopped = interruption(self.time) if signals.received and not self.finished else None
+            self._end(stopped, watching)
             result = self._result(stopped)
         if signals.received:
             raise RunInterrupted(self.time, result)
@@ -273,6 +286,7 @@ class Simulation:
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""
+        self._end(self._failure)
         self._ended = self._ended or "it is closed"
         self._cleanup.close()
 
@@ -287,15 +301,46 @@ class Simulation:
 
     # Setting up --------------------------------------------------------------------------------------------
 
+    def _start_plants(self, fleet: StartFleet, cleanup: ExitStack) -> None:
+        driven, now = self._driven, self._now
+        first = len(now.kinds) - len(driven)
+        with timed(self.timing, "load"):
+            columns = [now.columns_of(robot.kind) for robot in driven]
+            self._fleet = fleet(driven, self.scenario.horizon, now.state[first:], columns)
+        cleanup.callback(self._fleet.close)
+        self._driving = Driving(
+            now.torque, first, [robot.kind for robot in driven], [robot.samples for robot in driven]
+        )
+        self._changes: dict[int, list[int]] = {}
+        for row, robot in enumerate(driven):
+            for tick in robot.changes:
+                self._changes.setdefault(tick, []).append(row)
+
+    def _connect(self, robots: Sequence[RobotSetup]) -> None:
+        """Put sensors and actuators between the plants and the laws, and what acts besides."""
+        scenario, setup, now = self.scenario, self.setup, self._now
+        self._desired = [
+            [np.ascontiguousarray(samples[:, team.rows]) for samples in setup.desired] for team in self._teams
+        ]
+        names = [robot.name for robot in robots]
+        poses = [[role.name for role in robot.kind.pose] for robot in robots]
+        commands = [[role.name for role in robot.kind.command] for robot in setup.followers]
+        self._sensor = PoseSensor(scenario.seed, names, poses, [robot.sensor for robot in robots], scenario.step)
+        self._actuators = Actuators(commands, [robot.actuator for robot in setup.followers], scenario.step)
+        self._external = now.padded([robot.torque for robot in robots])
+        self._disturbed = bool(np.nan_to_num(self._external[:, 1:]).any())
+        leader = now.columns_of(setup.leader.kind)
+        self._leader_columns = slice(None) if len(leader) == now.state.shape[1] else leader
+
     def _start_recorder(self) -> Recorder:
         """Return a recorder with all values known before the run, and keep the places of the rest."""
         recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
         recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
         recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
+        for team in self._teams:
+            recorder.ask(team.rows, team.telemetry_type, team.telemetry)
         now = self._now
-        tracked = (now.state, now.measured, now.torque)
-        state, measured, torque = (np.full((self.scenario.ticks + 1, *values.shape), np.nan) for values in tracked)
-        self._recorded = list(zip((state, measured, torque), tracked, strict=True))
+        state, measured, torque = map(recorder.follow, (now.state, now.measured, now.torque))
         commands = self.setup.columns.commands
         pose, velocity = np.split(state, [now.pose.shape[1]], axis=-1)
         for name, place in {

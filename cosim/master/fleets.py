@@ -1,0 +1,46 @@
+"""The plants of a run as the master sees them, and what starts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.master.members import member
+from cosim.master.robot import RobotSetup
+from cosim.plant.fleet import Fleet
+from cosim.plant.message import RobotMessage
+from cosim.plant.spec import Value
+
+
+class AnyFleet(Protocol):
+    """Plants that the master steps together; see `cosim.plant.fleet.Fleet`."""
+
+    messages: list[str]
+    logged: list[RobotMessage]
+
+    def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
+        """Hold the inputs and advance every plant by one communication step."""
+
+    def change(self, index: int, values: Sequence[Value], time: float) -> None:
+        """Give parameters of a plant other values."""
+
+    def close(self) -> None:
+        """End all plants."""
+
+
+StartFleet: TypeAlias = Callable[
+    [Sequence[RobotSetup], float, NDArray[np.float64], Sequence[tuple[int, ...]]], AnyFleet
+]
+"""Starts the plants of robots for a run until a time [s]: a robot's state is written into its row of an array from then
+on, pose and velocities in its columns."""
+
+
+def start_fleet(
+    robots: Sequence[RobotSetup], horizon: float, state: NDArray[np.float64], columns: Sequence[tuple[int, ...]]
+) -> AnyFleet:
+    """Start the FMUs of robots."""
+    members = [member(robot, horizon, own) for robot, own in zip(robots, columns, strict=True)]
+    return Fleet(members, state)
