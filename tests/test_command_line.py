@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from lxml import etree
@@ -16,6 +17,7 @@ from lxml import etree
 import plants
 from cosim.cli import main
 from cosim.master.simulation import Simulation
+from cosim.plant.fleet import Fleet
 from cosim.results.files import load
 from cosim.scenario.grammar import NAMESPACE
 from cosim.tests.driving import SHORT
@@ -310,14 +312,14 @@ def test_a_plant_that_fails(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A leader's torque that is not a number, from the third tick on."""
-    original = Simulation._actuate
+    original = Fleet.step
 
-    def breaks(self: Simulation, override: object) -> None:
-        original(self, override)
-        if self.tick == 3:
-            self._torque[0, 1] = float("nan")
+    def breaks(self: Fleet, tick: int, step: float, given: np.ndarray) -> None:
+        if tick == 3:
+            given[1] = np.nan
+        original(self, tick, step, given)
 
-    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    monkeypatch.setattr(Fleet, "step", breaks)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "leader at t = 0.06 s: the plant car_like.fmu did not " in printed
     assert "tau_steer" in printed

@@ -15,8 +15,8 @@ from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
-from cosim.master.simulation import Simulation
 from cosim.results.files import load
+from cosim.signals.sensors import PoseSensor
 from cosim.tests import driving
 
 SHORT = [*driving.SHORT, "--no-figure"]
@@ -133,16 +133,16 @@ def test_a_signal_while_the_result_is_made_or_written(
 def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = Simulation._control
+    original = PoseSensor.measure
 
-    def never_ends(self: Simulation) -> None:
-        original(self)
-        if self.tick == 5:
+    def never_ends(self: PoseSensor, tick: int, *arrays: np.ndarray) -> None:
+        original(self, tick, *arrays)
+        if tick == 5:
             for _ in range(2):
                 signal.raise_signal(signal.SIGINT)
             pytest.fail("the second signal should have ended this tick")
 
-    monkeypatch.setattr(Simulation, "_control", never_ends)
+    monkeypatch.setattr(PoseSensor, "measure", never_ends)
     failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
 
@@ -224,14 +224,14 @@ def test_laws_that_do_not_fit(
 def test_a_fault_of_the_master_loses_nothing_either(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = Simulation._actuate
+    original = PoseSensor.measure
 
-    def breaks(self: Simulation, override: object) -> None:
-        original(self, override)
-        if self.tick == 7:
+    def breaks(self: PoseSensor, tick: int, *arrays: np.ndarray) -> None:
+        if tick == 7:
             raise IndexError("off by one")
+        original(self, tick, *arrays)
 
-    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    monkeypatch.setattr(PoseSensor, "measure", breaks)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), *SHORT)
     assert "the master at t = 0.14 s: IndexError: off by one" in printed
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 7

@@ -1,19 +1,22 @@
 """Drives FMUs: open loop through a fleet, for tests of what lies below the master, and in scenarios written for it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
-from cosim.errors import Location
+from cosim.errors import Failure, Location
 from cosim.fmu.package import open_fmu
 from cosim.master.members import plant
+from cosim.master.observer import Observer, Watched
+from cosim.master.simulation import Simulation
 from cosim.plant.fleet import Fleet, Member
 from cosim.scenario.grammar import NAMESPACE
-from cosim.scenario.scenario import BindingSource, PlantSource
+from cosim.scenario.scenario import BindingSource, PlantSource, Scenario
 
 HERE = Location("scenario.xml", 3, 5)
 STEP = 0.02
@@ -117,3 +120,31 @@ def scenario(
         encoding="utf-8",
     )
     return path
+
+
+class FailsAt:
+    """An observer that raises an error at a tick."""
+
+    def __init__(self, tick: int, error: Exception) -> None:
+        self._tick = tick
+        self._error = error
+
+    def started(self, run: Watched) -> None:
+        """Do nothing."""
+
+    def ticked(self, tick: int) -> None:
+        if tick == self._tick:
+            raise self._error
+
+    def ended(self, failure: Failure | None) -> None:
+        """Do nothing."""
+
+
+def watch(monkeypatch: pytest.MonkeyPatch, observer: Observer, chosen: Callable[[Scenario], bool]) -> None:
+    """Let an observer watch all simulations of chosen scenarios."""
+    original = Simulation.__init__
+
+    def watched(self: Simulation, scenario: Scenario, *arguments: Any, **options: Any) -> None:
+        original(self, scenario, *arguments, **options, observers=[observer] if chosen(scenario) else ())
+
+    monkeypatch.setattr(Simulation, "__init__", watched)

@@ -31,6 +31,7 @@ from cosim.scenario import grammar, reader
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Expectation, Scenario
+from cosim.tests.driving import FailsAt, watch
 from plants import units
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -486,14 +487,8 @@ def test_a_comparison_with_a_run_that_fails(
     compare = '<compare measure="rms" signal="range" factor="9" scenario="failing.xml" fails="it is worse"/>'
     path = written(tmp_path, "one.xml", compare)
     failing = written(tmp_path, "failing.xml", "<regular/>")
-    original = Simulation._actuate
-
-    def breaks(self: Simulation, override: object) -> None:
-        original(self, override)
-        if self.scenario.path == failing and self.tick == 5:
-            raise SimulationError("follower_1", self.time, "out of fuel")
-
-    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    error = SimulationError("follower_1", 0.1, "out of fuel")
+    watch(monkeypatch, FailsAt(5, error), lambda scenario: scenario.path == failing)
     assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 1
     printed = capsys.readouterr().out
     assert "FAILS  rms range at most 9 times that of failing.xml" in printed

@@ -11,6 +11,7 @@ from cosim.master.simulation import Simulation
 from cosim.results.expectations import Verdict
 from cosim.results.junit import Outcome, junit_xml
 from cosim.results.summary import Summary
+from cosim.tests.driving import FailsAt, watch
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
@@ -142,14 +143,7 @@ def written(folder: Path, name: str, below: str, fails: str = "") -> str:
 def test_all_scenarios_of_a_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = Simulation._actuate
-
-    def breaks(self: Simulation, override: object) -> None:
-        original(self, override)
-        if self.scenario.name == "broken" and self.tick == 5:
-            raise ZeroDivisionError("no such luck")
-
-    monkeypatch.setattr(Simulation, "_actuate", breaks)
+    watch(monkeypatch, FailsAt(5, ZeroDivisionError("no such luck")), lambda scenario: scenario.name == "broken")
     good, known = written(tmp_path, "good", "99 m"), written(tmp_path, "known", "1 mm", "too slow")
     wrong, broken = written(tmp_path, "wrong", "1 s"), written(tmp_path, "broken", "99 m")
     file = tmp_path / "reports" / "junit.xml"

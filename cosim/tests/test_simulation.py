@@ -1,15 +1,21 @@
 """A simulation step by step: poses to read and torques to give between ticks."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cosim.errors import InputError, SimulationError
+from cosim.errors import Failure, InputError, RunInterrupted, SimulationError
+from cosim.master.mock_fleet import MockFleet, Motion
+from cosim.master.observer import Observer, Watched
 from cosim.master.simulation import Simulation
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
+from cosim.tests.driving import FailsAt
+from cosim.tests.without_fmus import mock_scenario, mock_setup
 
 
 @pytest.fixture
@@ -108,11 +114,128 @@ def test_there_is_no_step_after_the_end(simulation: Simulation) -> None:
     assert simulation.result().sizes["time"] == 1
 
 
-def test_there_is_no_step_after_a_failure(simulation: Simulation) -> None:
-    simulation.step()
-    simulation._now.state[2, 0] = np.nan  # a controller refuses to see this
-    with pytest.raises(SimulationError) as caught:
+# A fleet that is a function: no FMU ------------------------------------------------------------------------------
+
+
+def apart(time: float, given: np.ndarray) -> np.ndarray:
+    """A leader that drives along x, and a follower two metres behind it."""
+    state = np.zeros((2, 6))
+    state[:, 0] = time * 0.5 + np.array([0.0, -2.0])
+    state[:, 4] = 0.5
+    return state
+
+
+def mock(folder: Path, motion: Motion = apart, observers: Sequence[Observer] = ()) -> Simulation:
+    scenario = mock_scenario(folder)
+    return Simulation(scenario, mock_setup(scenario), observers=observers, fleet=partial(MockFleet, motion))
+
+
+def test_a_fleet_made_from_a_function(tmp_path: Path) -> None:
+    given = []
+
+    def motion(time: float, inputs: np.ndarray) -> np.ndarray:
+        given.append((time, inputs.copy()))
+        return apart(time, inputs)
+
+    with mock(tmp_path, motion) as simulation:
+        result = simulation.run()
+    assert np.array_equal(result.leader_pose.values[:, 0], 0.5 * result.time.values)
+    assert result.attrs["status"] == "completed"
+    assert [time for time, _ in given] == result.time.values.tolist()
+    assert all(
+        np.array_equal(inputs[2:], torque)
+        for (_, inputs), torque in zip(given[1:], result.torque[:-1, 0].values, strict=True)
+    )
+
+
+class Watching:
+    """An observer that takes note of what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[object] = []
+        self.seen: list[np.ndarray] = []
+
+    def started(self, run: Watched) -> None:
+        self.run = run
+        self.told.append(("started", run.tick))
+
+    def ticked(self, tick: int) -> None:
+        self.told.append(tick)
+        self.seen.append(self.run.state.copy())
+
+    def ended(self, failure: Failure | None) -> None:
+        self.told.append(failure)
+
+
+def test_an_observer_sees_what_is_recorded(tmp_path: Path) -> None:
+    observer = Watching()
+    with mock(tmp_path, observers=[observer]) as simulation:
+        result = simulation.run()
+    assert observer.told == [("started", 0), *range(51), None], "it is told once that the run has ended"
+    assert np.array_equal(np.array(observer.seen)[:, 1, :4], result.pose[:, 0].values)
+    assert observer.run.robots == ("leader", "follower_1")
+
+
+@pytest.mark.parametrize("name", ["state", "measured", "torque"])
+def test_an_observer_cannot_change_the_run(tmp_path: Path, name: str) -> None:
+    observer = Watching()
+    with mock(tmp_path, observers=[observer]), pytest.raises(ValueError, match="read-only"):
+        getattr(observer.run, name)[0, 0] = 1.0
+
+
+def test_progress_ends_with_its_run_and_others_go_on(tmp_path: Path) -> None:
+    observer, ticks = Watching(), []
+
+    def tell(tick: int) -> None:
+        ticks.append(tick)
+        if tick == 3:
+            raise KeyboardInterrupt
+
+    with mock(tmp_path, observers=[observer]) as simulation:
+        with pytest.raises(RunInterrupted):
+            simulation.run(tell)
+        assert observer.told[-1] == 3
+    assert ticks == [0, 1, 2, 3]
+    assert observer.told[-1] is None
+
+
+def test_an_observer_that_fails_ends_the_run_with_its_records(tmp_path: Path) -> None:
+    observer = Watching()
+    with (
+        mock(tmp_path, observers=[observer, FailsAt(5, IndexError("off by one"))]) as simulation,
+        pytest.raises(SimulationError) as caught,
+    ):
+        simulation.run()
+    assert str(caught.value) == "the master at t = 0.1 s: IndexError: off by one"
+    assert observer.told[-1] == caught.value.failure
+    assert caught.value.result.sizes["time"] == 6
+
+
+def test_the_fleet_is_closed(tmp_path: Path) -> None:
+    fleets = []
+
+    def start(*arguments: Any) -> MockFleet:
+        fleets.append(MockFleet(apart, *arguments))
+        return fleets[0]
+
+    scenario = mock_scenario(tmp_path)
+    with Simulation(scenario, mock_setup(scenario), fleet=start):
+        assert not fleets[0].closed
+    assert fleets[0].closed
+
+
+def test_there_is_no_step_after_a_failure(tmp_path: Path) -> None:
+    """A controller refuses to see a pose that is not a number."""
+
+    def lost(time: float, given: np.ndarray) -> np.ndarray:
+        state = apart(time, given)
+        state[1, 0] += np.nan if time > 0.01 else 0.0
+        return state
+
+    with mock(tmp_path, lost) as simulation:
         simulation.step()
-    with pytest.raises(InputError) as refused:
-        simulation.step()
+        with pytest.raises(SimulationError) as caught:
+            simulation.step()
+        with pytest.raises(InputError) as refused:
+            simulation.step()
     assert str(refused.value) == f"the run cannot go on: {caught.value}"

@@ -1,0 +1,68 @@
+"""Set-ups of scenarios whose plants are functions of time and inputs: nothing is built, unpacked or loaded."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import formation_controllers as fc
+import numpy as np
+
+from cosim.control.team import find_law
+from cosim.fmu.binding import Binding
+from cosim.master.channels import channels_of, recorded_signals
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import Setup
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import LEADER, Scenario
+from cosim.signals.places import desired_samples
+from cosim.tests.driving import scenario as written
+from cosim.vehicle.car_like import CAR_LIKE
+from cosim.vehicle.columns import run_columns
+
+PLANT = '<plant id="car" model="car_like"/>'
+
+
+def mock_scenario(folder: Path, **options: Any) -> Scenario:
+    """Return a scenario of a leader and a follower with cars."""
+    return read_scenario(written(folder / "mock.xml", PLANT, **options))
+
+
+def mock_setup(scenario: Scenario) -> Setup:
+    """Return the set-up of a scenario with cars, to be run with a MockFleet."""
+    laws = {name: find_law(source) for name, source in scenario.controllers.items()}
+    leader = _robot(scenario, LEADER, scenario.leader)
+    followers = tuple(_robot(scenario, follower.id, follower) for follower in scenario.followers)
+    columns = run_columns([robot.kind for robot in (leader, *followers)])
+    channels = channels_of(columns, len(followers), False, laws.values())
+    desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
+    return Setup(
+        leader=leader,
+        followers=followers,
+        motion=None,
+        desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        fmus={},
+        laws=laws,
+        gains=tuple(laws[follower.controller].gains for follower in scenario.followers),
+        channels=channels,
+        signals=recorded_signals(scenario, channels, columns, laws),
+        others={},
+    )
+
+
+def _robot(scenario: Scenario, name: str, about: Any) -> RobotSetup:
+    return RobotSetup(
+        name=name,
+        where=about.where,
+        fmu=cast(Any, SimpleNamespace(binding=Binding(CAR_LIKE, {}))),
+        source=scenario.plants[about.plant],
+        parameters=(),
+        vehicle=fc.CarLike(wheelbase=1.2),
+        pose=(0.0,) * 4,
+        sensor=(),
+        actuator=(),
+        torque=np.zeros((scenario.ticks + 1, 2)),
+        inputs=(),
+        samples=np.zeros((scenario.ticks + 1, 0)),
+        held=(),
+        changes={},
+    )
