@@ -403,7 +403,8 @@ def test_what_can_be_there_only_once_gets_processes(make: Make, tmp_path: Path, 
         once = simulation.run()
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(fmi=fmi)}"/>', followers=["car"] * 2)
     several = cosim.run(path)
-    assert once.identical(several.assign_attrs(once.attrs))
+    file = "plant_sha256"  # in which the two differ, and in attributes
+    assert once.drop_vars(file).identical(several.drop_vars(file).assign_attrs(once.attrs))
 
 
 def test_a_second_one_in_a_process_is_refused(make: Make) -> None:

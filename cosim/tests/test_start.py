@@ -219,7 +219,8 @@ def test_the_first_step_in_a_scenario(make: Make, tmp_path: Path, capsys: pytest
     assert main(["check", str(late)]) == 0
     assert "in the harness, outputs read from the first step on;" in capsys.readouterr().out
     at_once = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}"/>'))
-    assert result.identical(at_once.assign_attrs(result.attrs))
+    file = "plant_sha256"  # in which the two differ, and in attributes
+    assert result.drop_vars(file).identical(at_once.drop_vars(file).assign_attrs(result.attrs))
     with pytest.raises(InputError, match=r'start="later" of <plant> .*first_step'):
         cosim.read_scenario(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" start="later"/>'))
 
