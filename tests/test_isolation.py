@@ -25,7 +25,7 @@ from cosim.cli import main
 from cosim.errors import InputError
 from cosim.plant.failures import PlantError
 from cosim.plant.process import ProcessPlant
-from cosim.plant.protocol import DONE, FAILED, HEADER, SAID
+from cosim.plant.protocol import HEADER, Reply
 from cosim.plant.spec import Block, Exchanged, PlantSpec
 from cosim.results.files import load
 from cosim.tests.driving import scenario
@@ -591,8 +591,8 @@ SPEC = PlantSpec(
     1.0,
     time_limit=1.0,
 )
-HELLO = HEADER.pack(DONE, 0)
-STARTED = HELLO + HEADER.pack(DONE, 8) + bytes(8)
+HELLO = HEADER.pack(Reply.DONE, 0)
+STARTED = HELLO + HEADER.pack(Reply.DONE, 8) + bytes(8)
 
 
 @pytest.fixture
@@ -621,7 +621,9 @@ def reason(call: Callable[[], object]) -> str:
 
 
 def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
-    plant = answering(HELLO + HEADER.pack(SAID, 2) + b"hm" + HEADER.pack(DONE, 10) + np.array([7.0]).tobytes() + b"ok")
+    plant = answering(
+        HELLO + HEADER.pack(Reply.SAID, 2) + b"hm" + HEADER.pack(Reply.DONE, 10) + np.array([7.0]).tobytes() + b"ok"
+    )
     plant.wait_until_started()
     assert plant.first_outputs == [7.0]
     assert plant.take_messages() == "ok"
@@ -637,13 +639,13 @@ def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
             b"nonsense of many bytes",
             "its process did not start: its process answers with bytes that are no reply",
         ),
-        (HELLO + HEADER.pack(DONE, 7) + bytes(7), "it did not start: its process answers with bytes"),
-        (HELLO + HEADER.pack(DONE, 2**32 - 1), "it did not start: its process answers with bytes"),
-        (HELLO + HEADER.pack(DONE, 100) + bytes(8), "it did not start: its process exited with status 3"),
-        (HELLO + HEADER.pack(FAILED, 9) + b"it \x1b[31m\xff", "it ?[31m\ufffd"),
+        (HELLO + HEADER.pack(Reply.DONE, 7) + bytes(7), "it did not start: its process answers with bytes"),
+        (HELLO + HEADER.pack(Reply.DONE, 2**32 - 1), "it did not start: its process answers with bytes"),
+        (HELLO + HEADER.pack(Reply.DONE, 100) + bytes(8), "it did not start: its process exited with status 3"),
+        (HELLO + HEADER.pack(Reply.FAILED, 9) + b"it \x1b[31m\xff", "it ?[31m\ufffd"),
         (HELLO + HEADER.pack(99, 4) + b"what", "what"),
         (
-            HELLO + 50 * (HEADER.pack(SAID, 1) + b"x"),
+            HELLO + 50 * (HEADER.pack(Reply.SAID, 1) + b"x"),
             "it did not start: its process exited with status 3; it had logged: x; x",
         ),
     ],
@@ -654,7 +656,7 @@ def test_other_answers_when_it_starts(answering: Callable[..., ProcessPlant], an
 
 
 def test_messages_without_end(answering: Callable[..., ProcessPlant]) -> None:
-    plant = answering(HELLO, f"while True: os.write(1, {HEADER.pack(SAID, 1000) + bytes(1000)!r})")
+    plant = answering(HELLO, f"while True: os.write(1, {HEADER.pack(Reply.SAID, 1000) + bytes(1000)!r})")
     said = reason(plant.wait_until_started)
     assert said.startswith("it did not start within 1 s; its process was ended; it had logged: ")
     assert len(said) < 25_000

@@ -2,22 +2,38 @@
 
 from __future__ import annotations
 
-FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = range(9)
+from enum import IntEnum
 
-FAILURES = {
-    ACCEPT: "did not accept its inputs",
-    COMPLETE: "did not complete the step",
-    RETURN: "did not return its outputs",
-    END: "asks to end the simulation",
-    EARLY: "returns early from the step without progress",
-    DERIVE: "did not return the derivatives of its states",
-    EVENT: "did not process an event",
-    ITERATE: "handles events without end",
+
+class Outcome(IntEnum):
+    """What became of a call of a plant: fine, or what failed."""
+
+    FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = range(9)
+
+
+class Status(IntEnum):
+    """The status that an FMI function returns."""
+
+    OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+
+
+FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = map(int, Outcome)
+"""The same as plain numbers, for compiled code."""
+
+FAILURES: dict[int, str] = {
+    Outcome.ACCEPT: "did not accept its inputs",
+    Outcome.COMPLETE: "did not complete the step",
+    Outcome.RETURN: "did not return its outputs",
+    Outcome.END: "asks to end the simulation",
+    Outcome.EARLY: "returns early from the step without progress",
+    Outcome.DERIVE: "did not return the derivatives of its states",
+    Outcome.EVENT: "did not process an event",
+    Outcome.ITERATE: "handles events without end",
 }
 """The words of each failure; the plant is the subject."""
 
-STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-WARNING, DISCARD, ERROR, FATAL = range(1, 5)
+STATUS = ("OK", *(status.name.capitalize() for status in Status if status > Status.OK))
+WARNING, DISCARD, ERROR, FATAL = map(int, (Status.WARNING, Status.DISCARD, Status.ERROR, Status.FATAL))
 """Warning is the largest status with which a run goes on; after Error and Fatal an instance is of no more use."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -344,7 +345,14 @@ def _links(
 
 # Compiled ---------------------------------------------------------------------------------------------------------
 
-_FINE, _FAILED, _DIVERGED = range(3)
+
+class Found(IntEnum):
+    """What a tick of a fleet has come to: all is well, a call has failed, a state is not within its bounds."""
+
+    FINE, FAILED, DIVERGED = range(3)
+
+
+_FINE, _FAILED, _DIVERGED = map(int, Found)
 """Findings of `_tick` and its kin: a call that failed, a state out of bounds."""
 
 

@@ -27,7 +27,7 @@ from cosim.errors import printable
 from cosim.plant.calls import PLAIN
 from cosim.plant.failures import PlantError
 from cosim.plant.message import LastMessages, Message
-from cosim.plant.protocol import CHANGE, DONE, END, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
+from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, exactly, send
 from cosim.plant.spec import PlantSpec, Value
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
@@ -76,7 +76,7 @@ class ProcessPlant:
             self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
             self._watchdog = _Watchdog(self._process, spec.time_limit / 10)
             self._watchdog.allow(self._limit)
-            self._send(START, spec.to_json())
+            self._send(Request.START, spec.to_json())
         except BaseException:
             kill(self._process)
             raise
@@ -97,7 +97,7 @@ class ProcessPlant:
 
     def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
         """Let the plant begin a step; it goes on beside the harness."""
-        self._request(STEP, np.concatenate(([time, step], inputs)).tobytes())
+        self._request(Request.STEP, np.concatenate(([time, step], inputs)).tobytes())
 
     def finish(self, outputs: NDArray[np.float64]) -> None:
         """Wait for the end of the step and write the outputs.
@@ -117,7 +117,7 @@ class ProcessPlant:
         PlantError
             The FMU refuses a value, or the process ended.
         """
-        self._request(CHANGE, json.dumps([asdict(value) for value in values]).encode())
+        self._request(Request.CHANGE, json.dumps([asdict(value) for value in values]).encode())
         self._receive("did not change its parameters", 0)
 
     def take_messages(self) -> str:
@@ -132,7 +132,7 @@ class ProcessPlant:
     def begin_to_end(self) -> None:
         """Let the plant end, if it waits; it goes on beside the harness, and `close` waits for it."""
         if self._waiting:
-            self._request(END, b"")
+            self._request(Request.END, b"")
             self._ending = True
 
     def close(self) -> None:
@@ -150,12 +150,12 @@ class ProcessPlant:
             self._watchdog.stop()
             kill(self._process)
 
-    def _request(self, kind: int, body: bytes) -> None:
+    def _request(self, kind: Request, body: bytes) -> None:
         self._watchdog.allow(self._limit)
         self._waiting = False
         self._send(kind, body)
 
-    def _send(self, kind: int, body: bytes) -> None:
+    def _send(self, kind: Request, body: bytes) -> None:
         with suppress(OSError):  # the process has ended: reading its reply finds out how
             send(self._requests, kind, body)
 
@@ -163,16 +163,16 @@ class ProcessPlant:
         """Return the numbers of a reply, which is not trusted, and keep its messages."""
         self._last_words.clear()
         kind, body = self._frame(failed, numbers)
-        while kind == SAID:  # until the watchdog ends it
+        while kind == Reply.SAID:  # until the watchdog ends it
             message = Message.from_bytes(body)
             self._last_words.append(message.text)
             self._data.add([message])
             kind, body = self._frame(failed, numbers)
         self._watchdog.rest()
         self._waiting = True
-        size = 8 * numbers if kind == DONE else 0
+        size = 8 * numbers if kind == Reply.DONE else 0
         said = _text(body[size:])
-        if kind != DONE:
+        if kind != Reply.DONE:
             raise PlantError(said)
         if said:
             self._messages = f"{self._messages}; {said}" if self._messages else said
@@ -180,7 +180,7 @@ class ProcessPlant:
 
     def _frame(self, failed: str, numbers: int) -> tuple[int, bytes]:
         kind, length = HEADER.unpack(self._exactly(HEADER.size, failed))
-        if length > 8 * numbers + MAX_TEXT or (kind == DONE and length < 8 * numbers):
+        if length > 8 * numbers + MAX_TEXT or (kind == Reply.DONE and length < 8 * numbers):
             raise PlantError(f"{failed}: its process answers with bytes that are no reply")
         return kind, self._exactly(length, failed)
 

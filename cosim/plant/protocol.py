@@ -3,27 +3,36 @@
 A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. What comes from
 the plant's process is numbers and text, never anything that is executed: the FMU may have written it.
 
-The process says DONE when it is there. After that each request has one reply; before the reply may come what the FMU
-logs meanwhile, so that it is known even if there is no reply.
+The process says `Reply.DONE` when it is there. After that each request has one reply; before the reply may come what
+the FMU logs meanwhile, so that it is known even if there is no reply.
 """
 
 from __future__ import annotations
 
 import os
 import struct
+from enum import IntEnum
 
 HEADER = struct.Struct("<BI")
-START, STEP, CHANGE, END = range(4)
-"""Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
-DONE, FAILED, SAID = range(3)
-"""Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a `Message` as it comes."""
 MAX_TEXT = 65536
 """Bytes of text in a reply."""
 MAX_SAID = 20
 """Upper limit for messages that are sent as they come, for each request."""
 
 
-def send(pipe: int, kind: int, body: bytes) -> None:
+class Request(IntEnum):
+    """Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
+
+    START, STEP, CHANGE, END = range(4)
+
+
+class Reply(IntEnum):
+    """Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a `Message` as it comes."""
+
+    DONE, FAILED, SAID = range(3)
+
+
+def send(pipe: int, kind: Request | Reply, body: bytes) -> None:
     """Write a frame."""
     data = HEADER.pack(kind, len(body)) + body
     while data:

@@ -8,6 +8,7 @@ Everything a call needs is in one record of `ROW`; what it writes is in arrays t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,15 @@ from cosim.plant.instance import Instance
 from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, enter_event_mode, integrate, leave_event_mode, work_size
 from cosim.plant.spec import CO_SIMULATION, SOLVERS, Block
 
-EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
-"""Kinds of plants: stepped elsewhere; Co-Simulation of FMI 1.0 and 2.0; of FMI 3.0; Model Exchange."""
+
+class Stepped(IntEnum):
+    """How a plant is stepped: elsewhere; as Co-Simulation of FMI 1.0 and 2.0; of FMI 3.0; as Model Exchange."""
+
+    EXTERNAL, SLAVE, SLAVE_3, MODEL = range(4)
+
+
+EXTERNAL, SLAVE, SLAVE_3, MODEL = map(int, Stepped)
+"""The same as plain numbers, for compiled code."""
 
 ROW = np.dtype(
     [("next_event", np.float64)]

@@ -23,7 +23,7 @@ from cosim.plant.foreign_modules import make_room
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.message import Message
-from cosim.plant.protocol import CHANGE, DONE, END, FAILED, HEADER, MAX_SAID, MAX_TEXT, SAID, START, STEP, exactly, send
+from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, exactly, send
 from cosim.plant.spec import PlantSpec, Value, values_from
 from cosim.plant.stepping import Rows, advance, read_outputs
 from cosim.plant.stepwise import StepwisePlant, stepper
@@ -133,7 +133,7 @@ class _Replies:
         self._said = 0
         Log.listener = self._tell
 
-    def send(self, kind: int, numbers: bytes, text: str) -> None:
+    def send(self, kind: Reply, numbers: bytes, text: str) -> None:
         """Reply to a request."""
         self._said = 0
         with self._lock:
@@ -143,7 +143,7 @@ class _Replies:
         self._said += 1
         if self._said <= MAX_SAID:
             with self._lock:
-                send(self._pipe, SAID, message.to_bytes())
+                send(self._pipe, Reply.SAID, message.to_bytes())
 
 
 def _out_of_reach(descriptor: int) -> int:
@@ -161,33 +161,33 @@ def _out_of_reach(descriptor: int) -> int:
 def _serve(requests: int, replies: _Replies) -> None:
     plant: StepwisePlant | None = None
     outputs = np.zeros(0)
-    replies.send(DONE, b"", "")
+    replies.send(Reply.DONE, b"", "")
     while (request := _receive(requests)) is not None:
         kind, body = request
         numbers = b""
         try:
-            if kind == START:
+            if kind == Request.START:
                 spec = PlantSpec.from_json(body)
                 plant = start(spec)
                 outputs = np.array(plant.first_outputs, dtype=np.float64)
                 numbers = outputs.tobytes()
             elif plant is None:
                 pass
-            elif kind == STEP:
+            elif kind == Request.STEP:
                 given = np.frombuffer(body, dtype=np.float64)
                 plant.begin(float(given[0]), float(given[1]), given[2:])
                 plant.finish(outputs)
                 numbers = outputs.tobytes()
-            elif kind == CHANGE:
+            elif kind == Request.CHANGE:
                 plant.change(values_from(json.loads(body)))
-            elif kind == END:
+            elif kind == Request.END:
                 plant.close()
         except PlantError as error:
-            replies.send(FAILED, b"", str(error))
+            replies.send(Reply.FAILED, b"", str(error))
         except Exception as error:
-            replies.send(FAILED, b"", f"{type(error).__name__}: {error}")
+            replies.send(Reply.FAILED, b"", f"{type(error).__name__}: {error}")
         else:
-            replies.send(DONE, numbers, plant.take_messages() if plant is not None else "")
+            replies.send(Reply.DONE, numbers, plant.take_messages() if plant is not None else "")
 
 
 def _receive(pipe: int) -> tuple[int, bytes] | None:
