@@ -10,7 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import xarray as xr
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_vehicle"
 
@@ -41,6 +43,30 @@ def test_its_own_tests_pass_from_outside(outside: tuple[Path, Path, dict[str, st
     assert result.returncode == 0, result.stdout + result.stderr
     assert " passed" in result.stdout
     assert "skipped" not in result.stdout
+
+
+def test_it_drives_in_a_scenario_from_outside(outside: tuple[Path, Path, dict[str, str]]) -> None:
+    _, folder, environment = outside
+
+    def formation(*arguments: str) -> str:
+        command = [sys.executable, "-m", "cosim", *arguments]
+        result = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+    subprocess.run([sys.executable, "-m", "kinematic_bicycle"], check=True, env=environment, cwd=folder)
+    formation("new", "bike.xml", "--vehicle", "kinematic_bicycle", "--followers", "3")
+    assert "v_command 1 m/s" in formation("check", "bike.xml")
+    assert "it can be driven as it is" in formation("inspect", "fmus/kinematic_bicycle.fmu")
+    printed = formation("run", "bike.xml")
+    assert printed.count("holds ") == 3
+    assert "torque" not in printed
+    with xr.open_dataset(folder / "runs" / "bike" / "result.nc") as result:
+        assert result["command"].dims == ("time", "robot", "command_component")
+        assert list(result["command_component"].values) == ["v_command", "gamma_command"]
+        assert list(result["command_component_units"].values) == ["m/s", "rad"]
+        assert set(result["vehicle_kind"].values) == {"kinematic_bicycle"}
+        assert np.abs(result["range_error"].values[-1]).max() < 0.01
 
 
 def test_the_page_shows_the_entry_point_as_it_is() -> None:

@@ -35,6 +35,7 @@ from cosim.scenario.scenario import (
 from cosim.signals.effects import understood as understood_effects
 from cosim.signals.waves import understood as understood_wave
 from cosim.vehicle.kind import Role, units_of
+from cosim.vehicle.kinds import unit_of_entry
 
 NARROW = 100
 """Columns of a terminal below which names of plants and controllers are broken."""
@@ -122,7 +123,7 @@ def _own_of_leader(leader: Leader, setup: Setup, times: Times) -> Iterator[str]:
     if leader.trajectory is not None:
         yield _trajectory(leader.trajectory)
     elif leader.torque.values:
-        yield _torques(leader.torque.values.items())
+        yield _commands(leader.torque.values.items())
     yield from _settings(leader.parameters)
     if leader.sensor:
         yield f"sensor of its pose: {_effects(leader.sensor, setup.leader.kind.pose, times)}"
@@ -134,8 +135,8 @@ def _trajectory(trajectory: Trajectory) -> str:
     return f"trajectory from {of}"
 
 
-def _torques(values: Iterable[tuple[str, float]]) -> str:
-    return ", ".join(f"{name} {value:g} N.m" for name, value in values)
+def _commands(values: Iterable[tuple[str, float]]) -> str:
+    return ", ".join(f"{name} {value:g} {unit_of_entry(name, 'command')}" for name, value in values)
 
 
 def _places(follower: Follower) -> Iterator[str]:
@@ -179,7 +180,7 @@ def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:
 def _happening(event: Event) -> str:
     parts = [*_settings(event.parameters), *(f"input {text}" for text in _settings(event.inputs))]
     if event.torque is not None:
-        parts.append(_torques(event.torque.values.items()))
+        parts.append(_commands(event.torque.values.items()))
     if event.stops:
         parts.append("stops")
     return ", ".join(parts)

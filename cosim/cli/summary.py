@@ -20,7 +20,9 @@ def print_summary(console: Console, summary: Summary) -> None:
     """Print the table of the followers, the changes, the notes and the verdicts."""
     figures = table(console, safe(f"{summary.scenario}: {summary.title}"))
     figures.add_column("follower", no_wrap=True)
-    for heading in ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", "peak torque\n[N.m]"):
+    with_torques = any(math.isfinite(follower.peak_torque) for follower in summary.followers)
+    headings = ("settled\nafter [s]", "range\nRMS [m]", "bearing\nRMS [deg]", *["peak torque\n[N.m]"] * with_torques)
+    for heading in headings:
         lines = heading if console.width >= NARROW else heading.replace(" ", "\n")
         figures.add_column(safe(lines), justify="right", no_wrap=True)
     for follower in summary.followers:
@@ -29,7 +31,7 @@ def print_summary(console: Console, summary: Summary) -> None:
             _settled(follower),
             _shown(follower.range_rms, 4),
             _shown(math.degrees(follower.bearing_rms), 3),
-            _shown(follower.peak_torque, 1),
+            *[_shown(follower.peak_torque, 1)] * with_torques,
         )
     console.print(figures)
     console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")

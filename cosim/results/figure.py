@@ -76,17 +76,8 @@ def draw(result: xr.Dataset) -> Figure:
         colours,
         {"range error [m]": result["range_error"], "bearing error [deg]": _degrees(result["bearing_error"])},
     )
-    _draw_pair(
-        figure,
-        grid[1, 1],
-        "(d) torques as applied",
-        result,
-        colours,
-        {
-            f"{component} [N.m]": result["torque"].sel(torque_component=component)
-            for component in result["torque_component"].values
-        },
-    )
+    commands = "torque" if "torque" in result else "command"
+    _draw_pair(figure, grid[1, 1], f"(d) {commands}s as applied", result, colours, _components(result, commands))
     _draw_pair(
         figure,
         grid[2, 0],
@@ -154,7 +145,8 @@ def _draw_paths(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> N
 
 def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> None:
     """Draw the last part of the paths, and the robots and their lines of sight at a few instants."""
-    drawn = np.isfinite(result["pose"].values).all(axis=(1, 2)) & np.isfinite(result["leader_pose"].values).all(axis=1)
+    places = [np.isfinite(result[name].values[..., :3]).all(axis=-1) for name in ("pose", "leader_pose")]
+    drawn = places[0].all(axis=1) & places[1]
     samples = int(np.flatnonzero(drawn)[-1]) + 1 if drawn.any() else 0
     if not samples:
         return
@@ -233,6 +225,15 @@ def _draw_lines(
 
 
 # Signals ----------------------------------------------------------------------------------------------------
+
+
+def _components(result: xr.Dataset, name: str) -> dict[str, xr.DataArray | None]:
+    """Return the components of a signal, labelled with their units; those of an older result are torques."""
+    labels = [str(label) for label in result[f"{name}_component"].values]
+    units = result.get(f"{name}_component_units")
+    shown = ["N.m"] * len(labels) if units is None else [str(unit) for unit in units.values]
+    signals = [result[name].isel({f"{name}_component": at}) for at in range(len(labels))]
+    return {f"{label} [{unit}]": signal for label, unit, signal in zip(labels, shown, signals, strict=True)}
 
 
 def _error_of(estimate: str, true: xr.DataArray, result: xr.Dataset) -> xr.DataArray | None:

@@ -37,7 +37,7 @@ class FollowerFigures:
     range_rms, bearing_rms : float
         Root mean square of the errors [m], [rad] over the last fifth of the horizon.
     peak_torque : float
-        Largest magnitude of a torque as applied [N.m].
+        Largest magnitude of a torque as applied [N.m]; NaN where the vehicle takes other commands.
     within_from : float or None
         From when on [s] both errors stay within these bands, however short that is; None if they do not at the end.
     """
@@ -152,7 +152,8 @@ def _figures(horizon: float, step: float, follower: xr.Dataset) -> FollowerFigur
     settled = settling_time(follower, RANGE_BAND, BEARING_BAND)
     last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
     steady = time >= (1 - STEADY_PART) * horizon - 0.5 * step
-    torque = np.abs(follower["torque"].values)
+    torque = np.abs(follower["torque"].values) if "torque" in follower else np.zeros(0)
+    torque = torque[~np.isnan(torque)]  # of a vehicle with fewer commands than another
     return FollowerFigures(
         robot=str(follower["robot"].values),
         settling_time=settled if settled is not None and settled <= last_chance else None,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.vehicle.kind import Excitation, Kind, OnPath, Response, Role
+from cosim.vehicle.kind import Example, ExampleLaw, Excitation, Kind, OnPath, Response, Role
 from cosim.vehicle.path import Course, Motion, PathMotion
 from kinematic_bicycle.vehicle import KinematicBicycle
 
@@ -53,4 +53,18 @@ BICYCLE = Kind(
     # In a comparison, one course is the speed and the other the steering angle; the heading must not turn too far.
     excitation=Excitation((1.0, 0.3), commands=lambda courses: courses, turned=lambda states: states[:, 2]),
     on_path=OnPath(_course, _state, _motion, steering_length=lambda vehicle: vehicle.wheelbase),
+    example=Example(
+        plant="bicycle",
+        source='fmu="fmus/kinematic_bicycle.fmu"',
+        leader={"v_command": "1 m/s"},
+        length=0.5,
+        parameter=("T_v", "0.3 s"),
+        law=ExampleLaw(
+            id="follow",
+            name="bicycle-follow",
+            package="kinematic-bicycle",
+            version="~=0.1.0",
+            gains={"K": "0.8", "v_max": "3", "v_stop": "0.01"},
+        ),
+    ),
 )
