@@ -16,7 +16,7 @@ from cosim.fmu.archive import size
 from cosim.fmu.binding import match, shape_of
 from cosim.fmu.description import without_collection
 from cosim.fmu.facts import NAMES, obstacle
-from cosim.fmu.model_description import ModelDescription, Variable
+from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu.reference_experiments import carries_experiments
 from cosim.fmu.units import unit_name
@@ -158,7 +158,7 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
     for heading in (*headings, "description"):
         shown.add_column(heading, overflow="fold", no_wrap=heading != "description")
     for variable in variables[:rows]:
-        kind = (variable.causality, variable.variability, variable.type + _dimensions(package.description, variable))
+        kind = (variable.causality, variable.variability, variable.type + _dimensions(variable))
         cells = (
             broken(printable(variable.name), console.width // 3),
             *(("\n".join(filter(None, kind)),) if narrow else kind),
@@ -172,11 +172,11 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
         console.print(f"and {len(variables) - rows} more: --all shows them", style="dim")
 
 
-def _dimensions(description: ModelDescription, variable: Variable) -> str:
+def _dimensions(variable: Variable) -> str:
     if not variable.dimensions:
         return ""
     try:
-        return f"[{', '.join(map(str, shape_of(description, variable)))}]"
+        return f"[{', '.join(map(str, shape_of(variable)))}]"
     except ValueError:
         return "[?]"
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from cosim.errors import InputError, Location, nearest
-from cosim.fmu.model_description import NEGATED, ModelDescription, Variable, size_of
+from cosim.fmu.model_description import NEGATED, ModelDescription, Variable
 from cosim.fmu.units import UnitContradiction, stated, unit_of
 from cosim.plant.spec import FLOAT_TYPES, REAL_TYPES, WHOLE
 from cosim.quantity import quantity, split
@@ -256,7 +256,7 @@ def _found(
     variable, element = _only(description, name), 0
     if variable is None and (indexed := _ELEMENT.fullmatch(name)) and (array := _only(description, indexed[1])):
         variable = array
-        element = _element(description, variable, name, [int(index) for index in indexed[2].split(",")])
+        element = _element(variable, name, [int(index) for index in indexed[2].split(",")])
     elif variable is not None and variable.dimensions:
         raise ValueError(f"has {name!r} as an array: name one of its elements, such as '{name}[1]'")
     if variable is None and source.where is not None:
@@ -276,7 +276,7 @@ def _found(
     if role.unit and variable.type not in NUMBER_TYPES:
         raise ValueError(f"has {name!r} as {variable.type}, not as {REAL_TYPES[description.fmiVersion[0] == '3']}")
     if role.unit:
-        start_of(description, variable)  # which must be such that it can be exchanged
+        start_of(variable)  # which must be such that it can be exchanged
     return variable, element
 
 
@@ -296,8 +296,8 @@ _ALLOWED = {
 """Causalities that a declared role may have; FMI 1.0 has no parameters but internal variables with a start value."""
 
 
-def _element(description: ModelDescription, variable: Variable, name: str, indices: list[int]) -> int:
-    shape = shape_of(description, variable)
+def _element(variable: Variable, name: str, indices: list[int]) -> int:
+    shape = shape_of(variable)
     if not shape:
         raise ValueError(f"has {variable.name!r} as a scalar, so there is no {name!r}")
     if len(indices) != len(shape) or not all(1 <= i <= n for i, n in zip(indices, shape, strict=True)):
@@ -349,7 +349,7 @@ def may_be_started(description: ModelDescription, variable: Variable) -> bool:
     return variable.initial in ("exact", "approx")
 
 
-def shape_of(description: ModelDescription, variable: Variable) -> tuple[int, ...]:
+def shape_of(variable: Variable) -> tuple[int, ...]:
     """Return the dimensions of a variable; none of a scalar.
 
     Raises
@@ -357,20 +357,17 @@ def shape_of(description: ModelDescription, variable: Variable) -> tuple[int, ..
     ValueError
         A dimension is not known.
     """
-    shape = []
-    for dimension in variable.dimensions:
-        size = size_of(variable, dimension)
-        if not 1 <= size <= MAX_ELEMENTS:
-            raise ValueError(f"has {variable.name!r} with an unknown dimension")
-        shape.append(size)
+    shape = variable.shape
+    if not all(1 <= size <= MAX_ELEMENTS for size in shape):
+        raise ValueError(f"has {variable.name!r} with an unknown dimension")
     if math.prod(shape) > MAX_ELEMENTS:
         raise ValueError(f"has {variable.name!r} with {math.prod(shape)} elements; at most are {MAX_ELEMENTS}")
-    return tuple(shape)
+    return shape
 
 
-def start_of(description: ModelDescription, variable: Variable) -> tuple[float, ...]:
+def start_of(variable: Variable) -> tuple[float, ...]:
     """Return the start value of every element of a real variable; zero where the FMU states none."""
-    size = math.prod(shape_of(description, variable))
+    size = math.prod(shape_of(variable))
     text = variable.start if isinstance(variable.start, str) else " ".join(map(str, variable.start or ()))
     try:
         numbers = tuple(float(number) for number in text.split())

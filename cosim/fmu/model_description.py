@@ -128,17 +128,10 @@ class Variable:
         ValueError
             A size is not known.
         """
-        return tuple(size_of(self, dimension) for dimension in self.dimensions)
+        return tuple(_size(self, dimension) for dimension in self.dimensions)
 
 
-def size_of(variable: Variable, dimension: Dimension) -> int:
-    """Return the size of a dimension of a variable.
-
-    Raises
-    ------
-    ValueError
-        It is not known.
-    """
+def _size(variable: Variable, dimension: Dimension) -> int:
     start = dimension.start
     if start is None and dimension.variable is not None and dimension.variable.start is not None:
         start = int(dimension.variable.start)

@@ -190,7 +190,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
         if variable.name in values:
             number = float(values[variable.name])
         elif variable.start is not None:
-            number = start_of(fmu.description, variable)[bound.played_by.element]
+            number = start_of(variable)[bound.played_by.element]
         else:
             raise InputError(f"the parameter {variable.name!r} of {fmu.path.name} has no value: set it", where)
         found[field] = number * bound.played_by.scale + bound.played_by.offset

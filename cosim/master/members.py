@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
-from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
@@ -91,9 +90,9 @@ def plant(
     states = kind.states
     bounds = (*[DIVERGED_POSE] * len(kind.pose), *[DIVERGED_VELOCITY] * len(kind.velocity))
     driven = (*(binding.bound[role.name] for role in kind.command), *inputs)
-    input_block, input_places = _block(description, driven, given)
+    input_block, input_places = _block(driven, given)
     presumed = (*pose, *[0.0] * len(kind.velocity)) if source.late_outputs else ()
-    output_block, output_places = _block(description, binding.of(states), presumed)
+    output_block, output_places = _block(binding.of(states), presumed)
     spec = PlantSpec(
         robot=name,
         file=fmu.path.name,
@@ -170,9 +169,7 @@ def _time_limit(fmu: Fmu, source: PlantSource) -> float:
     return TIME_LIMIT if declared else math.inf
 
 
-def _block(
-    description: ModelDescription, roles: Sequence[BoundRole | None], values: Sequence[float] = ()
-) -> tuple[Block, list[int]]:
+def _block(roles: Sequence[BoundRole | None], values: Sequence[float] = ()) -> tuple[Block, list[int]]:
     """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it.
 
     The block starts with the roles' values, in the roles' units; where there are none, with the FMU's start values.
@@ -189,7 +186,7 @@ def _block(
         key = (variable.type, variable.valueReference)
         if key not in first:
             first[key] = len(start)
-            start += start_of(description, variable)
+            start += start_of(variable)
             variables.append(Exchanged(variable.name, variable.type, len(start) - first[key]))
         places.append(first[key] + bound.played_by.element)
     for bound, place, value in zip(roles, places, values, strict=False):
@@ -211,7 +208,7 @@ def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
         assert bound is not None
         assert bound.initial is not None
         variable = bound.initial.variable
-        start = list(start_of(fmu.description, variable))
+        start = list(start_of(variable))
         _, elements = values.setdefault((variable.type, variable.valueReference), (variable, start))
         elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
     for variable, elements in values.values():

@@ -164,7 +164,7 @@ def _as_role(
     values = [value for wave in source.waves if (value := understood(wave).value)]
     try:
         unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
-        start_of(fmu.description, variable)  # which must be such that it can be exchanged
+        start_of(variable)  # which must be such that it can be exchanged
     except (ValueError, UnitError) as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
@@ -175,7 +175,7 @@ def _as_role(
 def _at_rest(fmu: Fmu, bound: BoundRole) -> float:
     """Return the FMU's own start value of an input, in the unit of the role that stands for it."""
     assert bound.played_by is not None
-    number = start_of(fmu.description, bound.played_by.variable)[bound.played_by.element]
+    number = start_of(bound.played_by.variable)[bound.played_by.element]
     return bound.played_by.scale * number + bound.played_by.offset
 
 

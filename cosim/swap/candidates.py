@@ -87,7 +87,7 @@ def _places(description: ModelDescription) -> Iterator[_Place]:
         if name[:1] in "d_" and name.startswith(("der(", "__")):
             continue
         try:
-            shape = shape_of(description, variable) if variable.dimensions else ()
+            shape = shape_of(variable) if variable.dimensions else ()
         except ValueError:
             continue
         if name.endswith("]") and (indexed := _INDEXED.fullmatch(name)):
@@ -163,7 +163,7 @@ class Numbers:
         found: list[int] = []
         for alike in self._of_causality[causality]:
             first = self._number(alike[0])
-            if first.words[-1:] != () and first.words[-1].isdigit():
+            if first.words and first.words[-1].isdigit():
                 found += (at for at in alike if chosen(self._number(at)))
             elif chosen(first):
                 found += alike

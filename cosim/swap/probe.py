@@ -133,8 +133,8 @@ def _spec(
     description = package.description
     interface = choose_interface(package, "", None)
     about = interfaces(description)[interface]
-    input_block, given = _block(description, inputs)
-    output_block, shown = _block(description, outputs)
+    input_block, given = _block(inputs)
+    output_block, shown = _block(outputs)
     fmi1 = description.fmiVersion == "1.0"
     spec = PlantSpec(
         robot="probe",
@@ -157,7 +157,7 @@ def _spec(
     return spec, given, shown
 
 
-def _block(description: ModelDescription, numbers: Iterable[Number]) -> tuple[Block, list[int]]:
+def _block(numbers: Iterable[Number]) -> tuple[Block, list[int]]:
     first: dict[tuple[str, int], int] = {}
     variables: list[Exchanged] = []
     start: list[float] = []
@@ -167,7 +167,7 @@ def _block(description: ModelDescription, numbers: Iterable[Number]) -> tuple[Bl
         key = (variable.type, variable.valueReference)
         if key not in first:
             first[key] = len(start)
-            start += start_of(description, variable)
+            start += start_of(variable)
             variables.append(Exchanged(variable.name, variable.type, len(start) - first[key]))
         places.append(first[key] + number.element)
     return Block(tuple(reference for _, reference in first), tuple(start), tuple(variables)), places
