@@ -233,6 +233,12 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
         ),
         (
             "</scenario>",
+            '<event at="1 s" robots="leader"><torque tau_drive="1 N.m"/>\n<command tau_drive="2 N.m"/></event></scenario>',
+            "65:1",
+            "an event takes one <torque>: remove this second one",
+        ),
+        (
+            "</scenario>",
             '<event at="1 s" robots="leader"><stop/>\n<stop/></event></scenario>',
             "65:1",
             "an event takes one <stop>: remove this second one",

@@ -9,6 +9,9 @@ from cosim.scenario.reader.element import Element
 from cosim.scenario.scenario import Entries
 from cosim.vehicle.kinds import entries_of, faults, unit_of_entry
 
+DRIVING = ("torque", "command")
+"""Elements that drive a robot: the first one if its commands are torques, the second one whatever they are."""
+
 
 def pose(element: Element) -> Entries:
     """Read the ``<pose>`` within an element, if it is there."""
@@ -16,14 +19,19 @@ def pose(element: Element) -> Entries:
     return Entries({}, element.where) if child is None else _entries(child, "pose")
 
 
-def commands(element: Element) -> Entries | None:
-    """Read the ``<torque>`` or the ``<command>`` within an element; None if there is neither."""
-    torque, child = element.find("torque"), element.find("torque") or element.find("command")
-    if child is None:
-        return None
+def driving(element: Element) -> Element | None:
+    """Return the ``<torque>`` or the ``<command>`` within an element, if it has any; refuse a second one."""
+    found = [child for child in element.inside if child.kind in DRIVING]
+    if len(found) > 1:
+        raise found[1].error(f"an {element.kind} takes one <{found[0].kind}>: remove this second one")
+    return found[0] if found else None
+
+
+def commands(child: Element) -> Entries:
+    """Read a ``<torque>`` or a ``<command>``."""
     found = _entries(child, "command")
     for name in found.values:
-        if torque is not None and unit_of_entry(name, "command") != "N.m":
+        if child.kind == "torque" and unit_of_entry(name, "command") != "N.m":
             raise child.error(f"{name!r} is no torque: write <command {name}=...> in the place of <torque>")
     return found
 
@@ -31,12 +39,18 @@ def commands(element: Element) -> Entries | None:
 def check_names(element: Element, group: str, besides: Collection[str] = ()) -> None:
     """Refuse attributes that no kind of vehicle has in its ``pose`` or its ``command``, and that are not other ones."""
     for name in element.attributes:
-        if name not in besides and unit_of_entry(name, group) is None:
-            known = nearest(name, [*entries_of(group), *besides])
-            raise element.error(f"<{element.kind}> has no attribute {name!r}: {known}{faults()}")
+        if name not in besides:
+            _unit(element, name, group, besides)
 
 
 def _entries(element: Element, group: str) -> Entries:
-    check_names(element, group)
-    values = {name: element.quantity(name, unit_of_entry(name, group) or "") for name in element.attributes}
-    return Entries(values, element.where)
+    units = {name: _unit(element, name, group) for name in element.attributes}
+    return Entries({name: element.quantity(name, unit) for name, unit in units.items()}, element.where)
+
+
+def _unit(element: Element, name: str, group: str, besides: Collection[str] = ()) -> str:
+    """Return the unit of an attribute that is an entry of a kind of vehicle; refuse one that is none."""
+    if (unit := unit_of_entry(name, group)) is None:
+        known = nearest(name, [*entries_of(group), *besides])
+        raise element.error(f"<{element.kind}> has no attribute {name!r}: {known}{faults()}")
+    return unit

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cosim.scenario.reader.element import Element, robots, settings
-from cosim.scenario.reader.entries import commands
+from cosim.scenario.reader.entries import commands, driving
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, Event
 
@@ -14,16 +14,15 @@ def events(element: Element, times: Times, followers: list[str]) -> Iterator[Eve
     """Read an event, which is one for each robot that it happens to."""
     time = times.beginning(element, "at")
     named = robots(element, [LEADER, *followers])
-    for tag in ("torque", "command", "stop"):
-        if len(found := list(element.children(tag))) > 1:
-            raise found[1].error(f"an event takes one <{tag}>: remove this second one")
+    driven = driving(element)
+    if len(stops := list(element.children("stop"))) > 1:
+        raise stops[1].error("an event takes one <stop>: remove this second one")
     for given in element.children("input"):
         if "value" not in given or given.inside:
             raise given.error('an <input> of an event takes value="...", which holds from then on')
-    driving = element.find("torque") or element.find("command")
-    if driving is not None and named != (LEADER,):
-        raise driving.error(
-            f'<{driving.kind}> needs robots="leader": a follower gets its {driving.kind}s from its controller'
+    if driven is not None and named != (LEADER,):
+        raise driven.error(
+            f'<{driven.kind}> needs robots="leader": a follower gets its {driven.kind}s from its controller'
         )
     for robot in named:
         yield Event(
@@ -31,7 +30,7 @@ def events(element: Element, times: Times, followers: list[str]) -> Iterator[Eve
             robot=robot,
             parameters=settings(element, "parameter"),
             inputs=settings(element, "input"),
-            torque=commands(element),
-            stops=element.find("stop") is not None,
+            torque=None if driven is None else commands(driven),
+            stops=bool(stops),
             where=element.where,
         )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from cosim.scenario.reader.effects import effects
 from cosim.scenario.reader.element import Element, known, settings
-from cosim.scenario.reader.entries import commands, pose
+from cosim.scenario.reader.entries import DRIVING, commands, driving, pose
 from cosim.scenario.reader.inputs import inputs
 from cosim.scenario.reader.places import changes, desired_place
 from cosim.scenario.reader.times import Times
@@ -17,8 +17,8 @@ from cosim.scenario.scenario import ControllerSource, EffectSource, Entries, Fol
 def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) -> Leader:
     """Read the leader."""
     plant = known(element, "plant", plants)
-    given = element.find("trajectory")
-    for tag in ("pose", "torque", "command", "input"):
+    given, driven = element.find("trajectory"), driving(element)
+    for tag in ("pose", *DRIVING, "input"):
         found = element.find(tag)
         if given is not None and found is not None:
             raise found.error(f"a leader with a <trajectory> has no <{tag}>: its motion follows from the path")
@@ -27,7 +27,7 @@ def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) ->
     return Leader(
         plant=plant,
         pose=pose(element),
-        torque=commands(element) or Entries({}, element.where),
+        torque=Entries({}, element.where) if driven is None else commands(driven),
         trajectory=None if given is None else trajectory(given),
         parameters=settings(element, "parameter"),
         sensor=effects(element, "sensor", times),
