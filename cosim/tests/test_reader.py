@@ -233,7 +233,7 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
         ),
         (
             "</scenario>",
-            '<event at="1 s" robots="leader"><torque tau_drive="1 N.m"/>\n<command tau_drive="2 N.m"/></event></scenario>',
+            '<event at="1 s" robots="leader"><torque/>\n<command tau_drive="2 N.m"/></event></scenario>',
             "65:1",
             "an event takes one <torque>: remove this second one",
         ),

@@ -10,7 +10,8 @@ import numpy as np
 
 from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
-from cosim.vehicle.path import Course, Floats, Motion, PathMotion
+from cosim.vehicle.path import Course, Motion, PathMotion
+from cosim.vehicle.wheels import SIDES, wheel_torques
 from cosim.vehicle.words import (
     COMPASS,
     DISTURBANCES,
@@ -27,7 +28,6 @@ from cosim.vehicle.words import (
     Y_AXIS,
     clue,
     known_by,
-    words,
 )
 
 _STANDING = 1e-6
@@ -62,7 +62,7 @@ _RECOGNISED = Recognised(
         "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
         "b": known_by("half track|gauge|width", never=OTHER),
     },
-    order={"tau_right": words("right"), "tau_left": words("left")},
+    order=SIDES,
     conventions={"x": X_AXIS, "y": Y_AXIS, "theta": COMPASS, "v": FORWARD, "omega": TURNING},
     refusal=_refusal,
 )
@@ -84,11 +84,6 @@ def _motion(_: fc.DifferentialDrive, path: PathMotion) -> Motion:
         np.column_stack([path.x, path.y, path.heading, path.v, path.v * path.kappa]),
         np.column_stack([path.v_dot, omega_dot]),
     )
-
-
-def _wheels(drive_and_turning: Floats) -> Floats:
-    drive, turning = drive_and_turning.T
-    return np.column_stack([drive + turning, drive - turning]) / 2
 
 
 DIFFERENTIAL_DRIVE = Kind(
@@ -120,7 +115,7 @@ DIFFERENTIAL_DRIVE = Kind(
         Response("tau_left", "theta", -1),
         Response("tau_right", "v", 1),
     ),
-    excitation=Excitation(size=(4.0, 1.0), commands=_wheels, turned=lambda states: states[:, 2]),
+    excitation=Excitation(size=(4.0, 1.0), commands=wheel_torques, turned=lambda states: states[:, 2]),
     on_path=OnPath(_course, _state, _motion, steering_length=lambda _: None),
     example=Example(
         plant="robot",

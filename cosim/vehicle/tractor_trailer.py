@@ -10,7 +10,8 @@ import numpy as np
 
 from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
-from cosim.vehicle.path import Course, Floats, Motion, PathMotion
+from cosim.vehicle.path import Course, Motion, PathMotion
+from cosim.vehicle.wheels import SIDES, wheel_torques
 from cosim.vehicle.words import (
     COMPASS,
     DISTURBANCES,
@@ -27,7 +28,6 @@ from cosim.vehicle.words import (
     Y_AXIS,
     clue,
     known_by,
-    words,
 )
 
 _TRACTOR = "tractor|truck|cab"
@@ -72,7 +72,7 @@ _RECOGNISED = Recognised(
         "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
         "b": known_by("half track|gauge|width", never=OTHER),
     },
-    order={"tau_right": words("right"), "tau_left": words("left")},
+    order=SIDES,
     conventions={
         "x": X_AXIS,
         "y": Y_AXIS,
@@ -109,11 +109,6 @@ def _motion(vehicle: fc.TractorTrailer, path: PathMotion) -> Motion:
     )
 
 
-def _wheels(drive_and_turning: Floats) -> Floats:
-    drive, turning = drive_and_turning.T
-    return np.column_stack([drive + turning, drive - turning]) / 2
-
-
 TRACTOR_TRAILER = Kind(
     name="tractor_trailer",
     title="tractor-trailer",
@@ -147,7 +142,7 @@ TRACTOR_TRAILER = Kind(
         Response("tau_left", "theta_0", -1),
         Response("tau_right", "v", 1),
     ),
-    excitation=Excitation(size=(20.0, 5.0), commands=_wheels, turned=lambda states: states[:, 3] - states[:, 2]),
+    excitation=Excitation(size=(20.0, 5.0), commands=wheel_torques, turned=lambda states: states[:, 3] - states[:, 2]),
     on_path=OnPath(_course, _state, _motion, steering_length=lambda vehicle: vehicle.hitch_length),
     example=Example(
         plant="truck",
