@@ -7,6 +7,7 @@ is set.
 import json
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -156,13 +157,31 @@ def test_two_at_once_do_not_disturb_each_other(vehicle: Vehicle, fmu: Path, robo
 
 
 PROGRAM = """
-import json, sys
+import faulthandler, json, os, sys
 import fmpy
+faulthandler.enable()
 fmu, interface, start, outputs = json.loads(sys.argv[1])
 result = fmpy.simulate_fmu(fmu, validate=False, fmi_type=interface, start_values=start, output=outputs, stop_time=1.0,
                            output_interval=0.02, relative_tolerance=1e-10)
-print(json.dumps([result[name][-1].tolist() for name in outputs]))
+print(json.dumps([result[name][-1].tolist() for name in outputs]), flush=True)
+os._exit(0)
 """
+
+
+def simulate_alone(folder: Path, *argument: Any) -> Any:
+    """Return the values at the end that FMPy finds in a process of its own.
+
+    A process that a signal ends is started a second time, with a warning: PythonFMU3's FMU has been seen to abort,
+    once in some thousand processes, with no code of ours in it.
+    """
+    command = [sys.executable, "-c", PROGRAM, json.dumps(argument)]
+    for attempt in (1, 2):
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode >= 0 or attempt == 2:
+            break
+        warnings.warn(f"FMPy alone died of signal {-done.returncode}: {done.stderr}", stacklevel=2)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
 def test_fmpy_simulates_it_alone_in_a_process(
@@ -172,14 +191,8 @@ def test_fmpy_simulates_it_alone_in_a_process(
     start: dict[str, Any] = to_variables(vehicle.roles, START | torques, start=True)
     start = {name: values if len(values) > 1 else values[0] for name, values in start.items()}
     outputs = [vehicle.roles[role].name for role in ("psi", "gamma")]
-    argument = json.dumps([str(fmu), vehicle.interface, start, outputs])
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, argument], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    ends = [
-        vehicle.roles[role].from_fmu(role, value)
-        for role, value in zip(("psi", "gamma"), json.loads(done.stdout), strict=True)
-    ]
+    values = simulate_alone(tmp_path, str(fmu), vehicle.interface, start, outputs)
+    ends = [vehicle.roles[role].from_fmu(role, value) for role, value in zip(("psi", "gamma"), values, strict=True)]
     robot = robots(fmu, vehicle.interface, vehicle.roles, "runge_kutta_4").start(**START)
     expected = robot.drive(np.full((50, 2), list(torques.values())))[-1, 2:4]
     # FMPy integrates Model Exchange with CVODE.
