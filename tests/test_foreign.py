@@ -184,6 +184,7 @@ def simulate_alone(folder: Path, *argument: Any) -> Any:
     return json.loads(done.stdout)
 
 
+@pytest.mark.filterwarnings("default:FMPy alone died")
 def test_fmpy_simulates_it_alone_in_a_process(
     vehicle: Vehicle, fmu: Path, robots: Callable[..., Robot], tmp_path: Path
 ) -> None:
