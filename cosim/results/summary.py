@@ -13,6 +13,7 @@ import xarray as xr
 
 from cosim.errors import InputError
 from cosim.results.expectations import RunOther, judge
+from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import MEASURES, settling_time, smallest_distance
 from cosim.results.provenance import Provenance
 from cosim.results.verdict import Verdict
@@ -62,6 +63,10 @@ class Summary:
         The scenario's.
     provenance : Provenance
         The scenario's file, changes, seed, versions, and why the run did not reach its end.
+    messages : tuple of LoggedMessage
+        What the FMUs logged: the first messages of the result, and the last.
+    messages_left_out : int
+        Number of messages of the result between these.
     """
 
     scenario: str
@@ -74,6 +79,8 @@ class Summary:
     verdicts: tuple[Verdict, ...]
     title: str = ""
     provenance: Provenance = field(default_factory=Provenance)
+    messages: tuple[LoggedMessage, ...] = ()
+    messages_left_out: int = 0
 
     @property
     def completed(self) -> bool:
@@ -133,6 +140,7 @@ def summary_of(result: xr.Dataset) -> Summary:
 def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdicts: tuple[Verdict, ...]) -> Summary:
     time = result["time"].values
     nearest = smallest_distance(result)
+    messages, left_out = logged_messages(result)
     return Summary(
         scenario=name,
         status=result.attrs["status"],
@@ -144,6 +152,8 @@ def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdict
         verdicts=verdicts,
         title=result.attrs["title"],
         provenance=Provenance.of(result.attrs),
+        messages=messages,
+        messages_left_out=left_out,
     )
 
 

@@ -523,6 +523,8 @@ def test_messages_have_robot_and_time(make: Make, tmp_path: Path) -> None:
         assert set(result.message_status.values) == {"Warning"}
         assert set(result.message_category.values) <= {"stub", "logStatusWarning", "status", "logAll", ""}
         assert (result.message_count == 1).all()
+        messages = json.loads(cosim.summary_of(result).to_json())["messages"]
+        assert [f"{entry['robot']}, t = {entry['time']:g} s: {entry['text']}" for entry in messages] == said
 
 
 @pytest.mark.parametrize("isolate", ["", 'isolate="process"'])
@@ -535,6 +537,7 @@ def test_messages_of_a_failure_are_kept_as_data(make: Make, tmp_path: Path, isol
     assert str(row.message_status.values) == "Error"
     assert float(row.message_time) == failed.value.time == 0.5
     assert str(row.message_text.values) in str(failed.value)
+    assert str(row.message_text.values) in [message.text for message in cosim.summary_of(result).messages]
 
 
 # Our own ----------------------------------------------------------------------------------------------------

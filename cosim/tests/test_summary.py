@@ -160,6 +160,43 @@ def test_errors_that_are_no_numbers_are_not_settled(scenario: Scenario) -> None:
     assert summarise(scenario, made_up(errors, errors)).followers[0].settling_time is None
 
 
+def with_messages(number: int) -> xr.Dataset:
+    """Return a result with this number of messages, of both robots in turn."""
+    texts = {
+        "robot": ["ab"[i % 2] for i in range(number)],
+        "status": ["Warning"] * number,
+        "category": ["logEvents"] * number,
+        "text": [f"message {i}" for i in range(number)],
+    }
+    columns = {f"message_{name}": ("message", np.array(values, dtype=np.str_)) for name, values in texts.items()}
+    columns["message_time"] = ("message", np.arange(number) * 0.5)
+    columns["message_count"] = ("message", np.full(number, 3))
+    return made_up(np.zeros(5001), np.zeros(5001)).assign_coords(columns)
+
+
+def test_messages_of_fmus_are_data_of_the_summary(scenario: Scenario) -> None:
+    told = json.loads(summarise(scenario, with_messages(2)).to_json())
+    common = {"status": "Warning", "category": "logEvents", "count": 3}
+    assert told["messages"] == [
+        {"time": 0.0, "robot": "a", "text": "message 0", **common},
+        {"time": 0.5, "robot": "b", "text": "message 1", **common},
+    ]
+    assert told["messages_left_out"] == 0
+
+
+@pytest.mark.parametrize(("number", "left_out"), [(0, 0), (99, 0), (100, 0), (101, 1), (1000, 900)])
+def test_a_summary_holds_the_first_and_the_last_messages(scenario: Scenario, number: int, left_out: int) -> None:
+    summary = summarise(scenario, with_messages(number))
+    numbers = [int(message.text.removeprefix("message ")) for message in summary.messages]
+    assert numbers == [i for i in range(number) if i < 50 or i >= number - 50]
+    assert summary.messages_left_out == left_out == number - len(numbers)
+
+
+def test_a_result_of_an_earlier_version_has_no_messages(scenario: Scenario) -> None:
+    summary = summarise(scenario, made_up(np.zeros(5), np.zeros(5)))
+    assert (summary.messages, summary.messages_left_out) == ((), 0)
+
+
 def test_a_result_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "result.nc"
     result = made_up(np.zeros(5), np.zeros(5))
