@@ -203,7 +203,8 @@ def test_a_figure_of_numbers_that_ran_away(ran: Path, runaway: float, samples: i
     result.attrs["status"] = "incomplete"
     for variable in result.data_vars.values():
         variable[-2:] = runaway
-    drawn(result)
+    limits = [limit for axes in drawn(result).axes for limit in (*axes.get_xlim(), *axes.get_ylim())]
+    assert max(map(abs, limits)) < 100
 
 
 def test_axes_of_a_run_that_ended_early_show_what_led_there(ran: Path) -> None:

@@ -473,7 +473,8 @@ def test_a_tolerance_of_fixed_steps_is_refused(make: Make, tmp_path: Path, solve
 def test_a_time_limit_may_be_there_for_nothing(make: Make, tmp_path: Path) -> None:
     """Whether the plant is isolated may depend on --untrusted."""
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" time_limit="5 s"/>')
-    Simulation(read_scenario(path)).close()
+    result = cosim.run(path)
+    assert json.loads(result.attrs["plants"])["car"]["process"] == "the harness"
 
 
 def test_what_needs_a_tool_says_so_where_it_cannot_be_started(make: Make, tmp_path: Path) -> None:

@@ -63,4 +63,5 @@ def test_clocks_that_the_importer_must_let_tick(
 @pytest.mark.parametrize("causality", ["input", "output"])
 def test_clocks_that_need_not_tick(tmp_path: Path, causality: str) -> None:
     fmu = clocked(tmp_path, f'causality="{causality}" intervalVariability="triggered"')
-    cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>'))
+    result = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>'))
+    assert result.attrs["status"] == "completed"
