@@ -65,7 +65,8 @@ def dataset(
     robots = (setup.leader, *setup.followers)
     coordinates |= who_is_who(scenario, robots, setup.fmus, logged)
     variables = {
-        name: (("time", *channel.dims), arrays[name], channel.attributes) for name, channel in recorder.channels.items()
+        name: (("time", *variable.dims), arrays[name], variable.attributes)
+        for name, variable in recorder.variables.items()
     }
     desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
     formation = np.full_like(desired, np.nan)

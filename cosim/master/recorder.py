@@ -1,4 +1,4 @@
-"""The records of a run: one preallocated array a signal, filled row by row."""
+"""The records of a run: one preallocated array a result variable, filled row by row."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from cosim.errors import Failure
 from cosim.master.observer import Watched
-from cosim.results.channel import Channel
+from cosim.results.result_variable import ResultVariable
 
 
 class Recorder:
-    """An observer that keeps all channels over the samples of a run; samples that are not recorded are NaN.
+    """An observer that keeps all result variables over the samples of a run; a sample that is not recorded is NaN.
 
     Parameters
     ----------
     samples
         How many samples the whole run has.
-    channels
-        The signals.
+    variables
+        The variables of the result.
 
     Attributes
     ----------
@@ -28,8 +28,8 @@ class Recorder:
         How many samples are recorded.
     """
 
-    def __init__(self, samples: int, channels: Sequence[Channel]) -> None:
-        self.channels = {channel.name: channel for channel in channels}
+    def __init__(self, samples: int, variables: Sequence[ResultVariable]) -> None:
+        self.variables = {variable.name: variable for variable in variables}
         self.recorded = 0
         self._samples = samples
         self._arrays: dict[str, NDArray[np.float64]] = {}
@@ -39,11 +39,11 @@ class Recorder:
         self._step = 0.0
 
     def of(self, name: str) -> NDArray[np.float64]:
-        """Return the place of a channel (samples, ...), to write into."""
-        return self._arrays.setdefault(name, np.full((self._samples, *self.channels[name].shape), np.nan))
+        """Return the array (samples, ...) of a variable, to write into."""
+        return self._arrays.setdefault(name, np.full((self._samples, *self.variables[name].shape), np.nan))
 
     def keep(self, name: str, place: NDArray[np.float64]) -> None:
-        """Take an array (samples, ...) into which a channel is written."""
+        """Take an array (samples, ...) into which a variable is written."""
         self._arrays[name] = place
 
     def follow(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -55,12 +55,12 @@ class Recorder:
     def ask(
         self, rows: NDArray[np.int_], dtype: np.dtype[np.void], telemetry: Callable[[float], NDArray[np.float64]]
     ) -> None:
-        """Ask at each tick for records of numbers, one field a channel and one record a row.
+        """Ask at each tick for records of numbers: one field for each variable, one record for each row.
 
         Parameters
         ----------
         rows
-            The rows of the channels that the records are of.
+            The rows of the variables that the records fill.
         dtype
             The type of a record.
         telemetry
@@ -72,7 +72,7 @@ class Recorder:
         self._telemetry.append((store.view(np.float64).reshape(self._samples, -1), telemetry))
 
     def started(self, run: Watched) -> None:
-        """Take note of the communication step."""
+        """Keep the communication step."""
         self._step = run.clock.step
 
     def ticked(self, tick: int) -> None:
@@ -87,11 +87,11 @@ class Recorder:
         """Do nothing: the records stay."""
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded part of every channel, by name."""
+        """Return the recorded part of every variable, by name."""
         arrays = {name: array[: self.recorded] for name, array in self._arrays.items()}
-        for name in self.channels.keys() - arrays.keys():
-            arrays[name] = np.full((self.recorded, *self.channels[name].shape), np.nan)
+        for name in self.variables.keys() - arrays.keys():
+            arrays[name] = np.full((self.recorded, *self.variables[name].shape), np.nan)
             for rows, store in self._records:
                 if name in (store.dtype.names or ()):
                     arrays[name][:, rows] = store[name][: self.recorded]
-        return {name: arrays[name] for name in self.channels}
+        return {name: arrays[name] for name in self.variables}

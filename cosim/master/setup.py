@@ -15,15 +15,15 @@ from cosim.control.leader_view import check_view
 from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
 from cosim.fmu.package import Fmu
-from cosim.master.channels import channels_of, recorded_signals
 from cosim.master.common_effects import check_common_effects
+from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup
 from cosim.master.robots import followers_of, leader_of
 from cosim.master.timing import timed
 from cosim.master.used_fmus import open_fmus
 from cosim.master.velocities import check_velocities
-from cosim.results.channel import Channel
 from cosim.results.expectations import Recorded, Recording, check
+from cosim.results.result_variable import ResultVariable
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.signals.places import desired_samples
@@ -53,10 +53,10 @@ class Setup:
         The control law of each controller that is used, by its id.
     gains : tuple
         Those of each follower.
-    channels : tuple of Channel
-        The channels to record.
+    result_variables : tuple of ResultVariable
+        The variables that are recorded.
     signals : dict
-        The signals that expectations can name: channels and variables computed from them.
+        The signals that expectations can name: recorded variables, and those computed from them.
     others : dict
         Scenarios that this one is compared with, each with its own set-up, by file.
     """
@@ -68,7 +68,7 @@ class Setup:
     fmus: Mapping[str, Fmu]
     laws: Mapping[str, Law]
     gains: tuple[Any, ...]
-    channels: tuple[Channel, ...]
+    result_variables: tuple[ResultVariable, ...]
     signals: Mapping[str, Recorded]
     others: Mapping[Path, tuple[Scenario, Setup]]
 
@@ -113,9 +113,9 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     _check_views(leader, followers)
     check_velocities(scenario, leader, followers, laws)
     columns = run_columns([robot.kind for robot in (leader, *followers)])
-    channels = channels_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
-    _check_size(scenario, sum(channel.bytes_per_sample for channel in channels))
-    signals = recorded_signals(scenario, channels, columns, laws)
+    variables = result_variables_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
+    _check_size(scenario, sum(variable.bytes_per_sample for variable in variables))
+    signals = recorded_signals(scenario, variables, columns, laws)
     others: dict[Path, tuple[Scenario, Setup]] = {}
 
     def prepare(path: Path) -> Recording:
@@ -135,7 +135,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         fmus={name: fmu for name, fmu in fmus.items() if name in _plants_of(scenario)},
         laws=laws,
         gains=gains,
-        channels=channels,
+        result_variables=variables,
         signals=signals,
         others=others,
     )

@@ -334,7 +334,7 @@ class Simulation:
 
     def _start_recorder(self) -> Recorder:
         """Return a recorder with all values known before the run, and keep the places of the rest."""
-        recorder = Recorder(self.scenario.ticks + 1, self.setup.channels)
+        recorder = Recorder(self.scenario.ticks + 1, self.setup.result_variables)
         recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
         recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
         for team in self._teams:
@@ -353,7 +353,7 @@ class Simulation:
             "measured_leader_pose": measured[:, 0],
             commands: torque[:, 1:],
         }.items():
-            if name in recorder.channels:
+            if name in recorder.variables:
                 recorder.keep(name, place)
         return recorder
 

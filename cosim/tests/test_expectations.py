@@ -22,10 +22,10 @@ from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
 from cosim.master.simulation import Simulation
 from cosim.results import expectations
-from cosim.results.channel import Channel
 from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
 from cosim.results.files import load
 from cosim.results.metrics import MEASURES, smallest_distance
+from cosim.results.result_variable import ResultVariable
 from cosim.results.verdict import Verdict
 from cosim.scenario import grammar, reader
 from cosim.scenario.grammar import children_of
@@ -386,14 +386,14 @@ def test_what_the_team_cannot_have(scenario: Scenario) -> None:
 
 
 def test_what_is_recorded_by_component_and_robot() -> None:
-    channels = [
-        Channel("pose", ("robot", "pose_component"), (2, 2), "m, rad", ""),
-        Channel("leader_torque", ("torque_component",), (2,), "N.m, N.m", ""),
-        Channel("weights", ("robot", "weights_component"), (2, 2), "1", ""),
-        Channel("det_R", ("robot",), (2,), "1", "", "the model is singular"),
+    variables = [
+        ResultVariable("pose", ("robot", "pose_component"), (2, 2), "m, rad", ""),
+        ResultVariable("leader_torque", ("torque_component",), (2,), "N.m, N.m", ""),
+        ResultVariable("weights", ("robot", "weights_component"), (2, 2), "1", ""),
+        ResultVariable("det_R", ("robot",), (2,), "1", "", "the model is singular"),
     ]
     labels = {"pose_component": "xp", "torque_component": "ds", "weights_component": "vw"}
-    known = recorded(channels, labels, ["a", "b"], {"weights": ["b"], "det_R": ["a"]})
+    known = recorded(variables, labels, ["a", "b"], {"weights": ["b"], "det_R": ["a"]})
     assert known["pose"] == Recorded({"x": "m", "p": "rad"}, ("a", "b"))
     assert known["leader_torque"] == Recorded({"d": "N.m", "s": "N.m"}, ("leader",))
     assert known["weights"] == Recorded({"v": "1", "w": "1"}, ("b",))

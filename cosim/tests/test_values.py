@@ -166,7 +166,7 @@ def test_a_scenario_that_was_pickled_is_set_up_alike() -> None:
                 for part in ("name", "vehicle", "pose", "kind", "source", "actuator"):
                     assert getattr(one, part) == getattr(two, part)
             assert other.gains == setup.gains
-            assert other.channels == setup.channels
+            assert other.result_variables == setup.result_variables
             np.testing.assert_array_equal(other.desired.q, setup.desired.q)
 
 

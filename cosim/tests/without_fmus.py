@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.control.team import find_law
 from cosim.fmu.binding import Binding
-from cosim.master.channels import channels_of, recorded_signals
+from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.scenario.reader import read_scenario
@@ -33,7 +33,7 @@ def mock_setup(scenario: Scenario) -> Setup:
     leader = _robot(scenario, LEADER, scenario.leader)
     followers = tuple(_robot(scenario, follower.id, follower) for follower in scenario.followers)
     columns = run_columns([robot.kind for robot in (leader, *followers)])
-    channels = channels_of(columns, len(followers), False, laws.values())
+    variables = result_variables_of(columns, len(followers), False, laws.values())
     desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
     return Setup(
         leader=leader,
@@ -43,8 +43,8 @@ def mock_setup(scenario: Scenario) -> Setup:
         fmus={},
         laws=laws,
         gains=tuple(laws[follower.controller].gains for follower in scenario.followers),
-        channels=channels,
-        signals=recorded_signals(scenario, channels, columns, laws),
+        result_variables=variables,
+        signals=recorded_signals(scenario, variables, columns, laws),
         others={},
     )
 

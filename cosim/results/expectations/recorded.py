@@ -1,11 +1,11 @@
-"""The signals that a run will record, as far as expectations need to know them."""
+"""The signals that a run will record, with the facts that expectations need."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from cosim.results.channel import Channel
+from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import LEADER
 
 DERIVED = {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
@@ -32,7 +32,7 @@ class Recorded:
 
 
 def recorded(
-    channels: Iterable[Channel],
+    variables: Iterable[ResultVariable],
     labels: Mapping[str, Sequence[str]],
     followers: Sequence[str],
     owners: Mapping[str, Sequence[str]],
@@ -41,8 +41,8 @@ def recorded(
 
     Parameters
     ----------
-    channels
-        The channels that are recorded.
+    variables
+        The variables that are recorded.
     labels
         The components' names by the dimension, such as ``pose_component``.
     followers
@@ -51,12 +51,12 @@ def recorded(
         For each signal that not every follower has, who has it.
     """
     known = {name: Recorded({"": unit}, tuple(followers)) for name, unit in DERIVED.items()}
-    for channel in channels:
-        components = next((labels[dim] for dim in channel.dims if dim != "robot"), ("",))
-        known[channel.name] = Recorded(
-            units=units_by_component(components, channel.units),
-            robots=tuple(owners.get(channel.name, followers)) if "robot" in channel.dims else (LEADER,),
-            tells_singularity=bool(channel.singular_at_zero),
+    for variable in variables:
+        components = next((labels[dim] for dim in variable.dims if dim != "robot"), ("",))
+        known[variable.name] = Recorded(
+            units=units_by_component(components, variable.units),
+            robots=tuple(owners.get(variable.name, followers)) if "robot" in variable.dims else (LEADER,),
+            tells_singularity=bool(variable.singular_at_zero),
         )
     return known
 

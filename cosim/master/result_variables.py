@@ -1,4 +1,4 @@
-"""The channels of a run, and the signals that expectations can name."""
+"""The variables that a result holds, and the signals that expectations can name."""
 
 from __future__ import annotations
 
@@ -8,67 +8,71 @@ from typing import Any
 from cosim.control.team import Law
 from cosim.errors import InputError
 from cosim.master.identity import is_taken
-from cosim.results.channel import Channel
 from cosim.results.expectations import Recorded, recorded
+from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import RunColumns
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
-"""Names in a result that no channel can have: dimensions, and variables that are computed from channels."""
+"""Names that no recorded variable can have: the dimensions, and the variables that are computed from recorded ones."""
 
 
-def channels_of(columns: RunColumns, n: int, told: bool, laws: Iterable[Law]) -> tuple[Channel, ...]:
-    """Return the channels of a run.
+def result_variables_of(
+    columns: RunColumns, n: int, leader_measured: bool, laws: Iterable[Law]
+) -> tuple[ResultVariable, ...]:
+    """Return the variables that a run records.
 
     Parameters
     ----------
     columns
-        Where the entries of the robots' kinds of vehicle stand.
+        The columns of the arrays, by the robots' kinds of vehicle.
     n
-        How many followers there are.
-    told
-        Whether followers get another pose of the leader than the true one.
+        Number of followers.
+    leader_measured
+        Whether the followers receive a measured pose of the leader instead of the true one.
     laws
         The control laws, whose telemetry is recorded.
 
     Raises
     ------
     InputError
-        A law's signal has the name of another.
+        A law's signal has a name that is taken.
     """
     pose, velocity, command, called = columns.pose, columns.velocity, columns.command, columns.commands
     poses, velocities, commands = (len(of.labels) for of in (pose, velocity, command))
     pose_units, velocity_units, command_units = (", ".join(of.units) for of in (pose, velocity, command))
     along = f"{called}_component"
-    channels = {
-        channel.name: channel
-        for channel in (
-            Channel("leader_pose", ("pose_component",), (poses,), pose_units, "pose of the virtual leader"),
-            Channel(
+    variables = {
+        variable.name: variable
+        for variable in (
+            ResultVariable("leader_pose", ("pose_component",), (poses,), pose_units, "pose of the virtual leader"),
+            ResultVariable(
                 "leader_velocity",
                 ("velocity_component",),
                 (velocities,),
                 velocity_units,
                 "velocities of the virtual leader",
             ),
-            Channel(
+            ResultVariable(
                 f"leader_{called}", (along,), (commands,), command_units, f"{called} that drives the virtual leader"
             ),
-            Channel("pose", ("robot", "pose_component"), (n, poses), pose_units, "pose"),
-            Channel("velocity", ("robot", "velocity_component"), (n, velocities), velocity_units, "pseudo-velocities"),
-            Channel("measured_pose", ("robot", "pose_component"), (n, poses), pose_units, "pose as measured"),
-            Channel(called, ("robot", along), (n, commands), command_units, f"{called} as applied"),
-            Channel("desired_range", ("robot",), (n,), "m", "desired range"),
-            Channel("desired_bearing", ("robot",), (n,), "rad", "desired bearing"),
+            ResultVariable("pose", ("robot", "pose_component"), (n, poses), pose_units, "pose"),
+            ResultVariable(
+                "velocity", ("robot", "velocity_component"), (n, velocities), velocity_units, "pseudo-velocities"
+            ),
+            ResultVariable("measured_pose", ("robot", "pose_component"), (n, poses), pose_units, "pose as measured"),
+            ResultVariable(called, ("robot", along), (n, commands), command_units, f"{called} as applied"),
+            ResultVariable("desired_range", ("robot",), (n,), "m", "desired range"),
+            ResultVariable("desired_bearing", ("robot",), (n,), "rad", "desired bearing"),
         )
     }
-    if told:
+    if leader_measured:
         name = "measured_leader_pose"
-        channels[name] = Channel(
+        variables[name] = ResultVariable(
             name, ("pose_component",), (poses,), pose_units, "pose of the virtual leader as followers are told"
         )
-    taken = {*channels, *RESERVED, *(dim for channel in channels.values() for dim in channel.dims)}
-    telemetry: dict[str, tuple[Any, Channel]] = {}
+    taken = {*variables, *RESERVED, *(dim for variable in variables.values() for dim in variable.dims)}
+    telemetry: dict[str, tuple[Any, ResultVariable]] = {}
     for law in laws:
         for signal in law.controller_type.signals:
             parts = signal.components
@@ -80,23 +84,23 @@ def channels_of(columns: RunColumns, n: int, told: bool, laws: Iterable[Law]) ->
                     law.source.where,
                 )
             about = (signal.unit, signal.description, signal.singular_at_zero, float(signal.singular_below))
-            telemetry[signal.name] = (signal, Channel(signal.name, dims, shape, *about))
-    return (*channels.values(), *(channel for _, channel in telemetry.values()))
+            telemetry[signal.name] = (signal, ResultVariable(signal.name, dims, shape, *about))
+    return (*variables.values(), *(variable for _, variable in telemetry.values()))
 
 
 def recorded_signals(
-    scenario: Scenario, channels: Sequence[Channel], columns: RunColumns, laws: Mapping[str, Law]
+    scenario: Scenario, variables: Sequence[ResultVariable], columns: RunColumns, laws: Mapping[str, Law]
 ) -> dict[str, Recorded]:
-    """Return the signals that expectations can name, by name: channels and variables computed from them.
+    """Return the signals that expectations can name, by name: recorded variables, and those computed from them.
 
     Parameters
     ----------
     scenario
         The scenario.
-    channels
-        The channels of its run.
+    variables
+        The variables that its run records.
     columns
-        Where the entries of the robots' kinds of vehicle stand.
+        The columns of the arrays, by the robots' kinds of vehicle.
     laws
         The control law of each controller that is used, by its id.
     """
@@ -106,4 +110,4 @@ def recorded_signals(
         for signal in laws[follower.controller].controller_type.signals:
             names |= {f"{signal.name}_component": tuple(signal.components)} if signal.components else {}
             owners.setdefault(signal.name, []).append(follower.id)
-    return recorded(channels, names, [follower.id for follower in scenario.followers], owners)
+    return recorded(variables, names, [follower.id for follower in scenario.followers], owners)

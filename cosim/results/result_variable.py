@@ -1,4 +1,4 @@
-"""A signal that is recorded of a run."""
+"""A variable of a result: its name, dimensions, units and description."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Channel:
-    """A recorded signal.
+class ResultVariable:
+    """A variable of a result.
 
     Attributes
     ----------
     name : str
-        Its name.
+        Name in ``result.nc``.
     dims, shape : tuple
         Dimensions and shape after ``time``.
     units, long_name : str
@@ -35,10 +35,10 @@ class Channel:
     @property
     def attributes(self) -> dict[str, str | float]:
         """The attributes of the variable in a result."""
-        told: dict[str, str | float] = {"units": self.units, "long_name": self.long_name}
+        attributes: dict[str, str | float] = {"units": self.units, "long_name": self.long_name}
         if self.singular_at_zero:
-            told |= {"singular_at_zero": self.singular_at_zero, "singular_below": self.singular_below}
-        return told
+            attributes |= {"singular_at_zero": self.singular_at_zero, "singular_below": self.singular_below}
+        return attributes
 
     @property
     def bytes_per_sample(self) -> int:
