@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compiled import compiled
 from cosim.errors import InputError, SimulationError
-from cosim.plant.calls import compiled
 from cosim.plant.constant_step import misfit
 from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.instance import Instance

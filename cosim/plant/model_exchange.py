@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.plant.calls import c_function, compiled
+from cosim.compiled import compiled
+from cosim.plant.calls import c_function
 from cosim.plant.failures import COMPLETE, DERIVE, END, EVENT, FINE, ITERATE, WARNING
 
 FUNCTIONS = {

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compiled import PLAIN
 from cosim.errors import printable
-from cosim.plant.calls import PLAIN
 from cosim.plant.failures import PlantError
 from cosim.plant.message import LastMessages, Message
 from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, exactly, send

@@ -13,7 +13,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.plant.calls import c_function, compiled
+from cosim.compiled import compiled
+from cosim.plant.calls import c_function
 from cosim.plant.failures import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
 from cosim.plant.instance import Instance
 from cosim.plant.model_exchange import FUNCTIONS, SCRATCH, enter_event_mode, integrate, leave_event_mode, work_size

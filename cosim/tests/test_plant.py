@@ -21,11 +21,12 @@ from scipy.integrate import solve_ivp
 
 import cosim
 import plants
+from cosim.compiled import COMPILED, compiled
 from cosim.errors import InputError, SimulationError
 from cosim.fmu.package import open_fmu
 from cosim.master.members import in_own_process
 from cosim.master.simulation import Simulation
-from cosim.plant.calls import COMPILED, c_function, compiled
+from cosim.plant.calls import c_function
 from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding, read_scenario

@@ -1,0 +1,106 @@
+"""How functions of the harness are compiled with Numba, and called by their addresses: one way for all of them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+PLAIN = "FORMATION_PLAIN_STEPPING"
+"""The environment variable that makes the harness alone do without Numba: an FMU may be made of Python and Numba."""
+
+COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and PLAIN not in os.environ
+"""Whether Numba is used; without it, it is not even imported."""
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compile a function, and keep the result on disk where there is a place for it.
+
+    Python's lock is released while it runs: an FMU may log from a thread of its own, for which a step waits.
+    """
+    if not COMPILED:
+        return function
+    import numba
+
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+    try:
+        dispatcher: Any = numba.njit(cache=True, **options)(function)
+        file = dispatcher._cache._cache_file
+        fresh = hasattr(file, "_source_stamp")
+    except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
+        fresh = False
+    if not fresh:
+        dispatcher = numba.njit(**options)(function)
+        return dispatcher  # type: ignore[no-any-return]
+    # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
+    file._source_stamp = _sources()
+    return dispatcher  # type: ignore[no-any-return]
+
+
+@cache
+def _sources() -> str:
+    """Return a checksum of the sources of all rooms that have compiled code."""
+    here = Path(__file__).parent
+    rooms = ("control", "master", "plant", "signals")
+    files = sorted(file for room in rooms for file in (here / room).rglob("*.py"))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in (Path(__file__), *files))).hexdigest()
+
+
+# Compiled functions by their addresses -----------------------------------------------------------------------------
+
+_functions: list[Callable[..., Any]] = []
+"""Those that have an address without compilation: their places here."""
+
+
+def address_of(function: Callable[..., Any], *arguments: Any) -> int:
+    """Return the address of a compiled function that returns nothing, for arguments of just these types.
+
+    A compiled caller that takes the address instead of the function has a signature of plain numbers and arrays:
+    Numba keeps it on disk, and it need not be compiled anew for each function.
+    """
+    if not COMPILED:
+        if function not in _functions:
+            _functions.append(function)
+        return _functions.index(function)
+    import numba
+
+    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+    function.compile(types)  # type: ignore[attr-defined]
+    overload = function.overloads[types]  # type: ignore[attr-defined]
+    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
+def _call_plain(address: int, arguments: tuple[Any, ...]) -> int:
+    _functions[address](*arguments)
+    return 0
+
+
+def _make_call() -> Callable[[int, tuple[Any, ...]], int]:
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def call(_: Any, address: Any, arguments: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            kinds = tuple(arguments)
+            convention = context.call_conv
+            callee = builder.inttoptr(values[0], convention.get_function_type(types.none, kinds).as_pointer())
+            given = [builder.extract_value(values[1], place) for place in range(len(kinds))]
+            status, _result = convention.call_function(builder, callee, types.none, kinds, given)
+            return builder.zext(status.is_error, context.get_value_type(types.int64))
+
+        return types.int64(types.int64, arguments), generate
+
+    return call  # type: ignore[no-any-return]
+
+
+call: Callable[[int, tuple[Any, ...]], int] = _make_call() if COMPILED else _call_plain
+"""``call(address, arguments)`` calls a function by its address; not zero if it has raised an exception.
+
+By Numba's own calling convention, so the arguments must have just the types that `address_of` was given. Without
+compilation an exception is raised."""
