@@ -96,7 +96,7 @@ def _make_call() -> Callable[[int, tuple[Any, ...]], int]:
 
         return types.int64(types.int64, arguments), generate
 
-    return call  # type: ignore[no-any-return]
+    return call  # type: ignore[return-value]
 
 
 call: Callable[[int, tuple[Any, ...]], int] = _make_call() if COMPILED else _call_plain
