@@ -35,6 +35,18 @@ static void log_message(const Instance *base, Status status, const char *categor
     }
 }
 
+/* Refuses what the model description says this FMU does not offer, whatever the rest of the arguments is. */
+static fmi3Status lacks(fmi3Instance c, const char *function_name, const char *reason, ...)
+{
+    return (fmi3Status)instance_lacks(c, function_name, reason);
+}
+
+/* Refuses to name any of n things of a kind that this FMU has none of, whatever the rest of the arguments is. */
+static fmi3Status has_none(fmi3Instance c, const Function *function, size_t n, ...)
+{
+    return (fmi3Status)instance_has_none(c, function, n);
+}
+
 /* ---- general ---- */
 
 const char *fmi3GetVersion(void)
@@ -178,7 +190,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference valueReferenc
                           fmi3Float64 values[], size_t nValues)
 {
     static const Function function = {"fmi3GetFloat64", ANY_MODE, ANY_MODE};
-    if (nValues != nValueReferences) return (fmi3Status)instance_lacks(c, function.name, wrong_count);
+    if (nValues != nValueReferences) return lacks(c, function.name, wrong_count);
     return (fmi3Status)instance_get_reals(c, &function, valueReferences, nValueReferences, values);
 }
 
@@ -186,7 +198,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference valueReferenc
                           const fmi3Float64 values[], size_t nValues)
 {
     static const Function function = {"fmi3SetFloat64", SETTABLE, SETTABLE};
-    if (nValues != nValueReferences) return (fmi3Status)instance_lacks(c, function.name, wrong_count);
+    if (nValues != nValueReferences) return lacks(c, function.name, wrong_count);
     return (fmi3Status)instance_set_reals(c, &function, valueReferences, nValueReferences, values);
 }
 
@@ -233,17 +245,13 @@ fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference valueReferences
                              fmi3##TYPE values[], size_t nValues)                                                      \
     {                                                                                                                  \
         static const Function function = {"fmi3Get" #TYPE, ANY_MODE, ANY_MODE};                                        \
-        (void)valueReferences;                                                                                         \
-        (void)values;                                                                                                  \
-        return (fmi3Status)instance_has_none(c, &function, nValueReferences + nValues);                                \
+        return has_none(c, &function, nValueReferences + nValues, valueReferences, values);                            \
     }                                                                                                                  \
     fmi3Status fmi3Set##TYPE(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,      \
                              const fmi3##TYPE values[], size_t nValues)                                                \
     {                                                                                                                  \
         static const Function function = {"fmi3Set" #TYPE, SETTABLE_DISCRETE, SETTABLE_DISCRETE};                      \
-        (void)valueReferences;                                                                                         \
-        (void)values;                                                                                                  \
-        return (fmi3Status)instance_has_none(c, &function, nValueReferences + nValues);                                \
+        return has_none(c, &function, nValueReferences + nValues, valueReferences, values);                            \
     }
 
 NO_VARIABLES(Float32)
@@ -261,38 +269,28 @@ fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference valueReference
                          size_t valueSizes[], fmi3Binary values[], size_t nValues)
 {
     static const Function function = {"fmi3GetBinary", ANY_MODE, ANY_MODE};
-    (void)valueReferences;
-    (void)valueSizes;
-    (void)values;
-    return (fmi3Status)instance_has_none(c, &function, nValueReferences + nValues);
+    return has_none(c, &function, nValueReferences + nValues, valueReferences, valueSizes, values);
 }
 
 fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                          const size_t valueSizes[], const fmi3Binary values[], size_t nValues)
 {
     static const Function function = {"fmi3SetBinary", SETTABLE_DISCRETE, SETTABLE_DISCRETE};
-    (void)valueReferences;
-    (void)valueSizes;
-    (void)values;
-    return (fmi3Status)instance_has_none(c, &function, nValueReferences + nValues);
+    return has_none(c, &function, nValueReferences + nValues, valueReferences, valueSizes, values);
 }
 
 fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         fmi3Clock values[])
 {
     static const Function function = {"fmi3GetClock", ANY_MODE, ANY_MODE};
-    (void)valueReferences;
-    (void)values;
-    return (fmi3Status)instance_has_none(c, &function, nValueReferences);
+    return has_none(c, &function, nValueReferences, valueReferences, values);
 }
 
 fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         const fmi3Clock values[])
 {
     static const Function function = {"fmi3SetClock", SETTABLE_DISCRETE, SETTABLE_DISCRETE};
-    (void)valueReferences;
-    (void)values;
-    return (fmi3Status)instance_has_none(c, &function, nValueReferences);
+    return has_none(c, &function, nValueReferences, valueReferences, values);
 }
 
 /* ---- saved states ---- */
@@ -341,7 +339,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
 {
     static const Function function = {"fmi3GetDirectionalDerivative", EVALUABLE, EVALUABLE};
     if (nSeed != nKnowns || nSensitivity != nUnknowns) {
-        return (fmi3Status)instance_lacks(c, function.name, "there must be a seed for each known, a result for each unknown");
+        return lacks(c, function.name, "there must be a seed for each known, a result for each unknown");
     }
     return (fmi3Status)instance_differentiate(c, &function, false, unknowns, nUnknowns, knowns, nKnowns, seed, sensitivity);
 }
@@ -352,7 +350,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
 {
     static const Function function = {"fmi3GetAdjointDerivative", EVALUABLE, EVALUABLE};
     if (nSeed != nUnknowns || nSensitivity != nKnowns) {
-        return (fmi3Status)instance_lacks(c, function.name, "there must be a seed for each unknown, a result for each known");
+        return lacks(c, function.name, "there must be a seed for each unknown, a result for each known");
     }
     return (fmi3Status)instance_differentiate(c, &function, true, unknowns, nUnknowns, knowns, nKnowns, seed, sensitivity);
 }
@@ -360,19 +358,15 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                     const fmi3Int32 orders[], fmi3Float64 values[], size_t nValues)
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)orders;
-    (void)values;
-    (void)nValues;
-    return (fmi3Status)instance_lacks(c, "fmi3GetOutputDerivatives", "not offered: maxOutputDerivativeOrder is 0");
+    return lacks(c, "fmi3GetOutputDerivatives", "not offered: maxOutputDerivativeOrder is 0", valueReferences,
+                 nValueReferences, orders, values, nValues);
 }
 
 /* ---- Co-Simulation ---- */
 
 fmi3Status fmi3EnterStepMode(fmi3Instance c)
 {
-    return (fmi3Status)instance_lacks(c, "fmi3EnterStepMode", "there is no event mode to come from: hasEventMode is false");
+    return lacks(c, "fmi3EnterStepMode", "there is no event mode to come from: hasEventMode is false");
 }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
@@ -476,8 +470,7 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominal
 fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 eventIndicators[], size_t nEventIndicators)
 {
     static const Function function = {"fmi3GetEventIndicators", EVALUABLE, NEVER};
-    (void)eventIndicators;
-    return (fmi3Status)instance_has_none(c, &function, nEventIndicators);
+    return has_none(c, &function, nEventIndicators, eventIndicators);
 }
 
 static fmi3Status count(fmi3Instance c, const Function *function, size_t n, size_t *result)
@@ -505,40 +498,32 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *nEventIndicato
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c)
 {
-    return (fmi3Status)instance_lacks(c, "fmi3EvaluateDiscreteStates",
-                                      "not offered: providesEvaluateDiscreteStates is false");
+    return lacks(c, "fmi3EvaluateDiscreteStates", "not offered: providesEvaluateDiscreteStates is false");
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance c)
 {
-    return (fmi3Status)instance_lacks(c, "fmi3EnterConfigurationMode", "not offered: there are no structural parameters");
+    return lacks(c, "fmi3EnterConfigurationMode", "not offered: there are no structural parameters");
 }
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance c)
 {
-    return (fmi3Status)instance_lacks(c, "fmi3ExitConfigurationMode", "not offered: there are no structural parameters");
+    return lacks(c, "fmi3ExitConfigurationMode", "not offered: there are no structural parameters");
 }
 
 static const char *const no_element_dependencies = "not offered: providesPerElementDependencies is false";
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference valueReference, size_t *nDependencies)
 {
-    (void)valueReference;
-    (void)nDependencies;
-    return (fmi3Status)instance_lacks(c, "fmi3GetNumberOfVariableDependencies", no_element_dependencies);
+    return lacks(c, "fmi3GetNumberOfVariableDependencies", no_element_dependencies, valueReference, nDependencies);
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference dependent, size_t elementIndicesOfDependent[],
                                        fmi3ValueReference independents[], size_t elementIndicesOfIndependents[],
                                        fmi3DependencyKind dependencyKinds[], size_t nDependencies)
 {
-    (void)dependent;
-    (void)elementIndicesOfDependent;
-    (void)independents;
-    (void)elementIndicesOfIndependents;
-    (void)dependencyKinds;
-    (void)nDependencies;
-    return (fmi3Status)instance_lacks(c, "fmi3GetVariableDependencies", no_element_dependencies);
+    return lacks(c, "fmi3GetVariableDependencies", no_element_dependencies, dependent, elementIndicesOfDependent,
+                 independents, elementIndicesOfIndependents, dependencyKinds, nDependencies);
 }
 
 static const char *const no_clocks = "not offered: there are no clocks";
@@ -546,84 +531,53 @@ static const char *const no_clocks = "not offered: there are no clocks";
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                   fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)intervals;
-    (void)qualifiers;
-    return (fmi3Status)instance_lacks(c, "fmi3GetIntervalDecimal", no_clocks);
+    return lacks(c, "fmi3GetIntervalDecimal", no_clocks, valueReferences, nValueReferences, intervals, qualifiers);
 }
 
 fmi3Status fmi3GetIntervalFraction(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                    fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)counters;
-    (void)resolutions;
-    (void)qualifiers;
-    return (fmi3Status)instance_lacks(c, "fmi3GetIntervalFraction", no_clocks);
+    return lacks(c, "fmi3GetIntervalFraction", no_clocks, valueReferences, nValueReferences, counters, resolutions,
+                 qualifiers);
 }
 
 fmi3Status fmi3GetShiftDecimal(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                fmi3Float64 shifts[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)shifts;
-    return (fmi3Status)instance_lacks(c, "fmi3GetShiftDecimal", no_clocks);
+    return lacks(c, "fmi3GetShiftDecimal", no_clocks, valueReferences, nValueReferences, shifts);
 }
 
 fmi3Status fmi3GetShiftFraction(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                 fmi3UInt64 counters[], fmi3UInt64 resolutions[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)counters;
-    (void)resolutions;
-    return (fmi3Status)instance_lacks(c, "fmi3GetShiftFraction", no_clocks);
+    return lacks(c, "fmi3GetShiftFraction", no_clocks, valueReferences, nValueReferences, counters, resolutions);
 }
 
 fmi3Status fmi3SetIntervalDecimal(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                   const fmi3Float64 intervals[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)intervals;
-    return (fmi3Status)instance_lacks(c, "fmi3SetIntervalDecimal", no_clocks);
+    return lacks(c, "fmi3SetIntervalDecimal", no_clocks, valueReferences, nValueReferences, intervals);
 }
 
 fmi3Status fmi3SetIntervalFraction(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                    const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)counters;
-    (void)resolutions;
-    return (fmi3Status)instance_lacks(c, "fmi3SetIntervalFraction", no_clocks);
+    return lacks(c, "fmi3SetIntervalFraction", no_clocks, valueReferences, nValueReferences, counters, resolutions);
 }
 
 fmi3Status fmi3SetShiftDecimal(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                const fmi3Float64 shifts[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)shifts;
-    return (fmi3Status)instance_lacks(c, "fmi3SetShiftDecimal", no_clocks);
+    return lacks(c, "fmi3SetShiftDecimal", no_clocks, valueReferences, nValueReferences, shifts);
 }
 
 fmi3Status fmi3SetShiftFraction(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                 const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 {
-    (void)valueReferences;
-    (void)nValueReferences;
-    (void)counters;
-    (void)resolutions;
-    return (fmi3Status)instance_lacks(c, "fmi3SetShiftFraction", no_clocks);
+    return lacks(c, "fmi3SetShiftFraction", no_clocks, valueReferences, nValueReferences, counters, resolutions);
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clockReference, fmi3Float64 activationTime)
 {
-    (void)clockReference;
-    (void)activationTime;
-    return (fmi3Status)instance_lacks(c, "fmi3ActivateModelPartition", no_clocks);
+    return lacks(c, "fmi3ActivateModelPartition", no_clocks, clockReference, activationTime);
 }
