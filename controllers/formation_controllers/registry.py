@@ -36,6 +36,35 @@ class Installed:
     version: str
     entry_point: EntryPoint
 
+    def load(self) -> type[Controller[Any]]:
+        """Import its class.
+
+        Raises
+        ------
+        IncompatibleInterface
+            It speaks another version of the interface.
+        ControllerError
+            It cannot be imported, is no controller, or its statements are faulty.
+        """
+        which = f"controller {self.name!r} of {self.package} {self.version}"
+        try:
+            loaded = self.entry_point.load()
+        except Exception as error:  # whatever someone's module does when imported
+            raise ControllerError(f"{which} cannot be imported: {error}") from error
+        from formation_controllers.controller import Controller
+
+        if not (isinstance(loaded, type) and issubclass(loaded, Controller)):
+            raise ControllerError(f"{which} is {loaded!r}: expected a subclass of {Controller.__name__}")
+        if not hasattr(loaded, "interface"):
+            raise ControllerError(f"{which} states no interface: expected a version such as {INTERFACE_VERSION!r}")
+        fault = interface_fault(loaded.interface)
+        if fault:
+            raise IncompatibleInterface(f"{which} {fault}")
+        fault = statement_fault(loaded)
+        if fault:
+            raise ControllerError(f"{which} {fault}")
+        return loaded
+
 
 def installed() -> dict[str, Installed]:
     """Return all installed controllers by name, without importing them.
@@ -73,24 +102,7 @@ def load(name: str) -> type[Controller[Any]]:
     known = installed()
     if name not in known:
         raise UnknownController(unknown("controller", name, known))
-    which = f"controller {name!r} of {known[name].package} {known[name].version}"
-    try:
-        loaded = known[name].entry_point.load()
-    except Exception as error:  # whatever someone's module does when imported
-        raise ControllerError(f"{which} cannot be imported: {error}") from error
-    from formation_controllers.controller import Controller
-
-    if not (isinstance(loaded, type) and issubclass(loaded, Controller)):
-        raise ControllerError(f"{which} is {loaded!r}: expected a subclass of {Controller.__name__}")
-    if not hasattr(loaded, "interface"):
-        raise ControllerError(f"{which} states no interface: expected a version such as {INTERFACE_VERSION!r}")
-    fault = interface_fault(loaded.interface)
-    if fault:
-        raise IncompatibleInterface(f"{which} {fault}")
-    fault = statement_fault(loaded)
-    if fault:
-        raise ControllerError(f"{which} {fault}")
-    return loaded
+    return known[name].load()
 
 
 def statement_fault(law: type[Controller[Any]]) -> str:

@@ -10,7 +10,7 @@ from lxml import etree
 
 import plants
 from cosim.cli.console import warn
-from cosim.control.team import installed
+from cosim.control.installed_laws import installed
 from cosim.errors import InputError
 from cosim.missing_file import absent
 from cosim.results.expectations import understood

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from cosim.control.exception_origin import innermost, told
+from cosim.control.installed_laws import installed
 from cosim.control.leader_view import alike, as_seen_by
-from cosim.errors import InputError, SimulationError, nearest
+from cosim.errors import InputError, SimulationError
 from cosim.scenario.scenario import ControllerSource, Setting
 
 
@@ -42,20 +43,6 @@ class Law:
     gains: Any
 
 
-def installed(name: str) -> fc.Installed:
-    """Return the installed controller of a name.
-
-    Raises
-    ------
-    InputError
-        No installed package offers it: names those that are offered.
-    """
-    known = fc.installed()
-    if name not in known:
-        raise InputError(f"no installed package offers a controller {name!r}: {nearest(name, list(known))}")
-    return known[name]
-
-
 def find_law(source: ControllerSource) -> Law:
     """Find the installed law that a scenario asks for, and check its gains.
 
@@ -73,7 +60,7 @@ def find_law(source: ControllerSource) -> Law:
     except fc.ControllerError as error:
         raise InputError(str(error), source.where) from None
     try:
-        law = fc.load(source.name)
+        law = found.load()
     except fc.ControllerError as error:
         raise InputError(_imported(error, found), source.where) from None
     return Law(source, found.package, found.version, law, _gains(source.id, law, source.gains))
