@@ -43,7 +43,7 @@ class ModelGains(Gains):
     I_1: float = gain(
         15.0, "I_c + I_f, I_θ1", "kg.m2", "inertia of the turning body about its axle, (56), (57)", at_least=0
     )
-    I_2: float = gain(10.0, "I_f, I_θ0", "kg.m2", "inertia of what turns with omega, (56), (57)", above=0)
+    I_2: float = gain(10.0, "I_f, I_θ0", "kg.m2", "inertia of the part that turns with omega, (56), (57)", above=0)
     S_0: float = gain(0.0, "a_0 m_0", "kg.m", "first moment of the tractor's mass about its axle, (57)")
     d_x: float = gain(25.0, "d_m1", "N.s/m", "damping along x, (1)", at_least=0)
     d_y: float = gain(25.0, "d_m2", "N.s/m", "damping along y, (1)", at_least=0)

@@ -110,7 +110,7 @@ class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
         Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (59)"),
         Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (59)"),
         Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (58)"),
-        Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat, of what turns with omega, (58)"),
+        Signal("steering_rate_estimate", "rad/s", "estimated steering or angular velocity omega_hat, (58)"),
         Signal("speed_wanted", "m/s", "first entry of alpha_1, (58)"),
         Signal("steering_rate_wanted", "rad/s", "second entry of alpha_1, (58)"),
         Signal("weight_norm", "N", "Frobenius norm of the networks' weights Theta, (58)"),

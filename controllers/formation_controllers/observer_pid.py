@@ -42,7 +42,7 @@ OBSERVER_SIGNALS: Final = (
     Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (32)"),
     Signal("bearing_rate_estimate", "rad/s", "estimated rate of the bearing, second entry of q_hat_dot, (32)"),
     Signal("speed_estimate", "m/s", "estimated linear velocity v_hat, (32)"),
-    Signal("steering_rate_estimate", "rad/s", "estimated velocity omega_hat, of what turns with omega, (32)"),
+    Signal("steering_rate_estimate", "rad/s", "estimated steering or angular velocity omega_hat, (32)"),
 )
 
 

@@ -20,7 +20,7 @@ class LimitGains(GuardGains):
         math.inf,
         "-",
         "N.m",
-        "integrals and adaptation are held at ticks at which a torque is beyond it; infinity never holds them",
+        "torque beyond which integrals and adaptation are held; inf: never",
         above=0,
         finite=False,
     )

@@ -19,8 +19,7 @@ class GuardGains(Gains):
         0.0,
         "-",
         "1",
-        "smallest magnitude of det R, drive gain, cosine of the steering angle and range over length that the law "
-        "divides by; zero leaves the law as printed",
+        "smallest magnitude of a divisor, such as det R; 0: the law as printed",
         at_least=0,
         below=1,
         reason="a cosine is at most 1",
@@ -56,7 +55,7 @@ TORQUE_SIGNALS: Final = (
     Signal(
         "drive_gain",
         "1",
-        "(1, 1) entry of B2, (3), of wheel torques times the wheel radius: 1/cos_steering, never zero",
+        "(1, 1) entry of B2, (3); of wheel torques: 1/cos_steering",
         singular_at_zero="the law is singular",
         singular_below=NEAR,
     ),
