@@ -37,7 +37,7 @@ CONTENT = {
 STRANGERS = {"fmpy": "FMPy", "formation_controllers": "controllers", "plants": "plants"}
 
 WIDTH, HEIGHT, GAP, RISE = 210, 62, 24, 40
-"""Of a room, and between rooms in a row and between floors [pixels]."""
+"""Width and height of a room, distance between rooms in a row and between floors [pixels]."""
 
 STYLE = """
   .room { fill: #8881; stroke: #24292f; stroke-width: 1.2 }
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def known() -> dict[str, frozenset[str]]:
-    """Return for each room of cosim the rooms, and of `STRANGERS` those, that it imports."""
+    """Return for each room of cosim the rooms and the `STRANGERS` that it imports."""
     graph = grimp.build_graph("cosim", include_external_packages=True)
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
     excused = {arrow for contract in settings["contracts"] for arrow in contract.get("ignore_imports", ())}
@@ -99,7 +99,7 @@ def floors(arrows: Arrows) -> dict[str, int]:
 
 
 def without_shortcuts(arrows: Arrows) -> dict[str, frozenset[str]]:
-    """Return the arrows between rooms, without those whose end a longer way reaches too."""
+    """Return the arrows between rooms, without an arrow whose end a longer way reaches too."""
 
     def reached(rooms: Iterable[str]) -> set[str]:
         return {further for room in rooms for further in arrows[room] & arrows.keys()} | {
@@ -118,7 +118,9 @@ def with_table(page: str, arrows: Arrows) -> str:
     rows = ["| room | content | knows |", "|---|---|---|"]
     level = floors(arrows)
     for room in sorted(CONTENT.keys() & arrows.keys(), key=lambda room: (level[room], room)):
-        names = [f"`{name}`" for name in sorted(arrows[room] & CONTENT.keys())]
+        below = {other for other in CONTENT.keys() & arrows.keys() if level[other] > level[room]}
+        rooms = arrows[room] & CONTENT.keys()
+        names = ["every room below"] if rooms == below != set() else [f"`{name}`" for name in sorted(rooms)]
         strangers = [STRANGERS[name] for name in sorted(arrows[room] & STRANGERS.keys())]
         rows.append(f"| `{room}` | {CONTENT[room]} | {', '.join([*names, *strangers]) or 'nobody'} |")
     table = "\n".join(rows)
