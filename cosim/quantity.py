@@ -51,7 +51,7 @@ def quantity(text: str, unit: str | units.Unit) -> float:
         raise ValueError(f"{text!r} is not a number with a unit{advised}" if advised else str(error)) from None
     if given.exponents != wanted.exponents:
         problem = f"{given} does not fit" if name else "the unit is missing"
-        raise ValueError(f"{text!r}: {problem}; expected is a quantity such as '{number} {unit}'")
+        raise ValueError(f"{text!r}: {problem}; expected a quantity such as '{number} {unit}'")
     value = float(number) * given.factor / wanted.factor if given.factor != wanted.factor else float(number)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite number")

@@ -310,7 +310,7 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
         (["car_like", "car_like", "--parameter-a", "a=1 kg"], "kg does not fit"),
         (["car_like", "car_like", "--torque", "none.csv"], "there is no such file"),
         (["car_like", "car_like", "--torque", "{table}"], "has none of the columns tau_drive and tau_steer"),
-        (["car_like", "car_like", "--within", "1 kg"], "within 1 kg: expected is a number that is not negative, in a"),
+        (["car_like", "car_like", "--within", "1 kg"], "within 1 kg: expected a number that is not negative, in a"),
         (["car_like", "car_like", "--within", "z=1 m"], "has no role 'z' to compare"),
         (["car_like", "car_like", "--within", "x=1 deg"], "in a unit such as m"),
         (["car_like", "car_like", "--within", "-1 m"], "is not negative"),
@@ -333,7 +333,7 @@ def test_a_plant_that_cannot_be_started(compare, tmp_path: Path) -> None:
             ["car_like", "car_like", "--parameter", "a=1"],
             "--parameter a=1: error: parameter a of car_like.fmu: ",
         ),
-        (["{both}", "car_like", "--solver-a", "cvode"], "plant A: error: the FMU {both} is used by Co-Simulation and "),
+        (["{both}", "car_like", "--solver-a", "cvode"], "plant A: error: the FMU {both} runs in Co-Simulation with "),
         (["{both}", "car_like", "--solver-a", "cvode"], 'or state interface="model_exchange", whose solver takes it'),
         (["{fixed}", "car_like"], "has a fixed internal step of 0.03 s, which does not divide"),
         (["car_like", "{fixed}"], "has a fixed internal step of 0.03 s, which does not divide"),
@@ -384,7 +384,7 @@ def test_the_table_fits_80_columns() -> None:
 
 def test_from_python() -> None:
     assert cosim.compare_plants is compare_plants
-    with pytest.raises(cosim.InputError, match=r"the torques are an array \(3, 2\); expected are \(50, 2\)"):
+    with pytest.raises(cosim.InputError, match=r"the torques are an array \(3, 2\); expected \(50, 2\)"):
         compare_plants("car_like", "car_like", duration=1.0, torque=np.zeros((3, 2)))
     comparison = compare_plants("car_like", "car_like", duration=1.0, torque=np.zeros((50, 2)))
     assert comparison.kind is CAR_LIKE

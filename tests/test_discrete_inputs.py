@@ -114,9 +114,9 @@ def test_a_table_holds_from_row_to_row(tmp_path: Path, name: str, rows: str, exp
 @pytest.mark.parametrize(
     ("inputs", "more", "sentence"),
     [
-        ('<input name="enable"><sine value="1" period="1 s"/></input>', "", "'enable' is true or false, which takes no <sine> but <constant>, <step>, <pulse> and, held"),
-        ('<input name="gear"><ramp value="3" from="0 s" to="1 s"/></input>', "", "'gear' is a whole number, which takes no <ramp>"),
-        ('<input name="note"><table file="t.csv" column="it"/></input>', "", "'note' is a text, which takes no <table>"),
+        ('<input name="enable"><sine value="1" period="1 s"/></input>', "", "'enable' is true or false and takes no <sine>; it takes <constant>, <step>, <pulse> and <table>"),
+        ('<input name="gear"><ramp value="3" from="0 s" to="1 s"/></input>', "", "'gear' is a whole number and takes no <ramp>"),
+        ('<input name="note"><table file="t.csv" column="it"/></input>', "", "'note' is a text and takes no <table>"),
         ('<input name="enable" value="maybe"/>', "", "value=\"maybe\" of <constant>: 'maybe' is neither true nor false"),
         ('<input name="gear" value="1.5"/>', "", "'1.5' is not a whole number"),
         ('<input name="gear" value="1 m"/>', "", "'1 m' is not a whole number"),

@@ -109,7 +109,7 @@ def test_an_interface_that_cannot_be_used(inspect, tmp_path: Path) -> None:
     fmu = make_fmu(tmp_path, fmi="3.0")
     printed, warned = inspect(rewritten(fmu, tmp_path / "s.fmu", ("<CoSimulation", "<ScheduledExecution")))
     assert "Scheduled Execution not supported" in printed
-    assert "is FMI 3.0 Scheduled Execution; expected is Co-Simulation or Model Exchange of" in warned
+    assert "is FMI 3.0 Scheduled Execution; expected Co-Simulation or Model Exchange of" in warned
 
 
 def test_model_exchange_of_fmi_1(inspect, tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_an_fmu_that_hangs_is_ended(self_test: Callable[..., tuple[str, str]], t
     printed, _ = self_test(path, "--time-limit", "0.5", status=1)
     assert "failed: it did not end within 0.5 s; its process was ended" in printed
     _, errors = self_test(path, "--time-limit", "0", status=2)
-    assert "expected is a number of seconds greater than zero" in errors
+    assert "expected a number of seconds greater than zero" in errors
 
 
 def test_values_beyond_the_end_are_missed(
@@ -206,7 +206,7 @@ def parameter(name: str, value: str) -> Files:
 
 BROKEN: dict[str, tuple[Files, str]] = {
     "no_xml": ({MANIFEST.name: "<fmiReferences>"}, r"manifest\.xml:1: is not well-formed XML: "),
-    "other_root": ({MANIFEST.name: "<manifest/>"}, "the root element is manifest; expected is fmiReferences"),
+    "other_root": ({MANIFEST.name: "<manifest/>"}, "the root element is manifest; expected fmiReferences"),
     "other_standard": (
         {MANIFEST.name: ROOT.format("").replace("fmi-ls-ref", "fmi-ls-xcp")},
         "is the manifest of 'org.fmi-standard.fmi-ls-xcp', not of org.fmi-standard.fmi-ls-ref",
@@ -240,7 +240,7 @@ BROKEN: dict[str, tuple[Files, str]] = {
     ),
     "remote": (
         {MANIFEST.name: ROOT.format(RESULT.replace("out.csv", "https://example.org/out.csv"))},
-        "is no file in the FMU: expected is a relative path",
+        "is no file in the FMU: expected a relative path",
     ),
     "no_name_of_a_file": (
         {MANIFEST.name: ROOT.format(RESULT.replace("out.csv", "a%00b"))},

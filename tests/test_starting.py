@@ -93,8 +93,8 @@ def test_a_new_scenario_of_any_size(followers: int, tmp_path: Path) -> None:
         (["x" * 101 + ".xml"], "use at most 100 letters"),
         (["there.xml"], "error: there.xml exists: --force overwrites"),
         (["none/mine.xml"], "none/mine.xml cannot be written: No such file"),
-        (["mine.xml", "--followers", "0"], "--followers 0: expected is a number from 1 to 50"),
-        (["mine.xml", "--followers", "51"], "--followers 51: expected is a number from 1 to 50"),
+        (["mine.xml", "--followers", "0"], "--followers 0: expected a number from 1 to 50"),
+        (["mine.xml", "--followers", "51"], "--followers 51: expected a number from 1 to 50"),
     ],
 )
 def test_a_new_scenario_that_cannot_be(

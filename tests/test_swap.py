@@ -255,7 +255,7 @@ def test_what_is_open_is_said_and_refused_until_it_is_filled_in(
         (
             {"tau_drive": "motor_right", "tau_steer": "motor_left", "gamma": "battery"},
             "as a car_like vehicle, its inputs 'motor_right' and 'motor_left' are for a right and a left wheel, and no "
-            "input steers. If that is wrong, --binding car=FILE.xml says which variable plays which role",
+            "input steers. If that is wrong, assign its variables to roles with --binding car=FILE.xml",
         ),
         ({"tau_steer": "der(tau)"}, "it has only 'tau_drive' that could be a torque, in N.m, N, a pure number or"),
     ],

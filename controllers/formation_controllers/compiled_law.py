@@ -81,7 +81,7 @@ class CompiledLaw(Controller[G], Generic[G]):
         super().__init__(team, gains)
         if not states_all(team.vehicle):
             raise ControllerError(
-                f"{type(self).__name__} needs a vehicle that states its formation and torques, and a "
+                f"{type(self).__name__} needs a vehicle that states its formation and torques, which "
                 f"{team.vehicle.kind} does not"
             )
         self._records = TeamRecords(

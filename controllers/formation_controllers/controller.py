@@ -327,6 +327,6 @@ class Controller(ABC, Generic[G]):
     def _checked_velocity(self, velocity: ArrayLike | None) -> Floats:
         if velocity is None:
             raise ControllerError(
-                f"{type(self).__name__} needs the measured velocities of the followers: pass velocity"
+                f"{type(self).__name__} needs the measured velocities of the followers: pass them as velocity"
             )
         return checked("velocity", velocity, self._velocity.shape, names(self.team.vehicle.velocity))

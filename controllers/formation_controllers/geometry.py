@@ -220,7 +220,7 @@ def input_matrix(pose: ArrayLike, vehicle: Vehicle) -> Floats:
     """
     geometry = geometry_of(vehicle)
     if geometry.torques == UNKNOWN:
-        raise ControllerError(f"the vehicle {vehicle!r} does not state what its torques do")
+        raise ControllerError(f"the vehicle {vehicle!r} states no torques")
     poses, _, shape = _pairs(pose, pose, len(vehicle.pose))
     b = np.empty((len(poses), 4))
     _input_matrix(poses, geometry, b)

@@ -108,7 +108,7 @@ def _check_on(law: type[Controller[Any]], gains: tuple[Gains, ...], vehicle: Veh
     except ControllerError:
         assert controller.to_bytes() == state, f"{name}: a refused step changes its state"
     else:
-        raise AssertionError(f"{name}: it takes a pose that is not a number")
+        raise AssertionError(f"{name}: it accepts a pose that is not a number")
 
 
 def _check_telemetry(name: str, controller: Controller[Any], size: int) -> None:

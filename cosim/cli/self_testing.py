@@ -17,7 +17,7 @@ from cosim.fmu.self_test import Replay, replay
 def self_test(fmu: Path, time_limit: float) -> int:
     """Replay the reference experiments of an FMU, print how it agrees with them, and return the exit status."""
     if not time_limit > 0.0:
-        raise InputError(f"--time-limit {time_limit:g}: expected is a number of seconds greater than zero")
+        raise InputError(f"--time-limit {time_limit:g}: expected a number of seconds greater than zero")
     package = open_package(fmu)
     try:
         found = read_experiments(package)

@@ -25,7 +25,7 @@ def new(options: argparse.Namespace) -> int:
             "a letter or digit first"
         )
     if not 1 <= options.followers <= MAX_FOLLOWERS:
-        raise InputError(f"--followers {options.followers}: expected is a number from 1 to {MAX_FOLLOWERS}")
+        raise InputError(f"--followers {options.followers}: expected a number from 1 to {MAX_FOLLOWERS}")
     _refuse_to_overwrite([path] if path.exists() and not options.force else [])
     write(path, scenario_text(path.stem, options.vehicle, options.followers).encode())
     out().print(f"wrote {safe(str(path))}", soft_wrap=True)

@@ -425,7 +425,7 @@ def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
             found[role.name] = number * given.factor / own.factor
     if not found or not 0 <= number < math.inf:
         fitting = ", ".join(dict.fromkeys(role.unit for role in roles))
-        raise InputError(f"within {text}: expected is a number that is not negative, in a unit such as {fitting}")
+        raise InputError(f"within {text}: expected a number that is not negative, in a unit such as {fitting}")
     return found
 
 

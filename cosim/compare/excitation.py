@@ -28,7 +28,7 @@ def given(
         values = np.array(torque, dtype=np.float64)
         shape = (ticks, len(kind.command))
         if values.shape != shape or not np.isfinite(values).all():
-            raise InputError(f"the torques are an array {values.shape}; expected are {shape} finite numbers")
+            raise InputError(f"the torques are an array {values.shape}; expected {shape} finite numbers")
         return values, "an array"
     where = Location(f"--torque {torque}")
     table = read_table(Path(torque), where)
@@ -71,9 +71,7 @@ def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tupl
     shape = _shape(step * np.arange(ticks, dtype=np.float64), seed)
     own = kind.excitation
     if own is None:
-        raise InputError(
-            f"a {kind.name} vehicle does not say what moves it well: give its commands with --torque TABLE.csv"
-        )
+        raise InputError(f"the kind {kind.name} states no commands for a comparison: give them with --torque TABLE.csv")
     scale = np.array(own.size)
     for _ in range(_ATTEMPTS):
         torques = own.commands(shape * scale)

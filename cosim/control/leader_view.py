@@ -50,7 +50,7 @@ def check_view(vehicle: Vehicle, leader: Vehicle) -> None:
     Raises
     ------
     InputError
-        One of the two kinds does not say how it moves along a path.
+        One of the two kinds states no motion along a path.
     """
     for one in (vehicle, leader) if not alike(vehicle, leader) else ():
         _on_path(one)
@@ -60,7 +60,7 @@ def _on_path(vehicle: Vehicle) -> OnPath:
     on_path = kind_named(vehicle.kind).on_path
     if on_path is None:
         raise InputError(
-            f"a {vehicle.kind} vehicle does not say how it moves along a path: its leader and followers must be "
+            f"the kind {vehicle.kind} states no motion along a path: its leader and followers must be "
             f"{vehicle.kind} vehicles, too"
         )
     return on_path

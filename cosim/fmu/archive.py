@@ -139,7 +139,7 @@ def _places(path: Path, archive: zipfile.ZipFile, where: Location | None) -> dic
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
         if entry.flag_bits & _ENCRYPTED:
-            raise InputError(f"{path} is not an FMU: File {entry.filename!r} is encrypted", where)
+            raise InputError(f"{path} is not an FMU: its entry {entry.filename!r} is encrypted", where)
         if name.endswith("/"):  # a folder
             continue
         first = places.setdefault(place, entry)

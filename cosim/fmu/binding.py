@@ -215,8 +215,8 @@ def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSo
         return BoundRole(role, played_by, _read_as(role, description, variable, element, source))
     if not may_be_started(description, variable):
         raise ValueError(
-            f"has no start value of {variable.name!r} that could be set; if a parameter gives the initial value of "
-            f'{role.name!r}, a binding names it: initial="..."'
+            f"has no start value of {variable.name!r} that can be set; if a parameter gives the initial value of "
+            f'{role.name!r}, name it in a binding: initial="..."'
         )
     return BoundRole(role, played_by, played_by)
 
@@ -240,7 +240,7 @@ def _constant(role: Role, text: str) -> float | str:
         return text
     value = quantity(text, role.unit)
     if value <= 0:
-        raise ValueError(f"{text!r} is no length; expected is one greater than zero")
+        raise ValueError(f"{text!r} is no length; expected a length greater than zero")
     return value
 
 

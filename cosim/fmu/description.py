@@ -111,7 +111,7 @@ def _root(path: Path) -> etree._Element:
     """Return the root element; refuse one that is not of FMI."""
     root = etree.parse(path, PARSER).getroot()
     if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
-        raise ValueError(f"it begins with <{root.tag}>; expected is <fmiModelDescription fmiVersion=...>")
+        raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
     return root
 
 

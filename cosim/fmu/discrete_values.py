@@ -158,14 +158,14 @@ def _together(variable: Variable, acting_now: Sequence[Discrete]) -> Discrete:
 def _course(
     wave: Wave, source: InputSource, variable: Variable, times: NDArray[np.float64]
 ) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the values of a signal, and which of them it has at each communication point; -1 where it does not act."""
+    """Return the values of a signal, and the index of its value at each tick; -1 where it does not act."""
     if variable.type != "String" and (tabled := wave.table()) is not None:
         return _tabled(*tabled, wave, variable, times)
     if not wave.keeps_a_value:
         usable = ", ".join(f"<{name}>" for name in children_of("input") if WAVES[name].keeps_a_value)
         raise wave.written.error(
-            f"the input {source.name!r} is {_kind(variable)}, which takes no <{wave.element}> but {usable}"
-            f"{' and, held from row to row, <table>' if variable.type != 'String' else ''}"
+            f"the input {source.name!r} is {_kind(variable)} and takes no <{wave.element}>; it takes {usable}"
+            f"{' and <table>' if variable.type != 'String' else ''}"
         )
     try:
         value = discrete_value(variable, wave.value)
@@ -187,7 +187,7 @@ def _tabled(
         if number != round(number) or (known is not None and int(number) not in known):
             wanted = "a whole number" if known is None else f"one of {', '.join(map(str, known))}"
             raise InputError(
-                f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected is {wanted}", where
+                f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected {wanted}", where
             )
         values.append(bool(number) if variable.type == "Boolean" else int(number))
     which = np.searchsorted(table.time, times * (1 + 1e-12) + ROUNDING, side="right") - 1

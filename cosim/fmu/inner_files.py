@@ -44,7 +44,7 @@ class FmuFiles:
         except ValueError:
             raise self.error(file, element, f"source={source!r} is no URI") from None
         if parts.scheme or parts.netloc or not parts.path:
-            raise self.error(file, element, f"source={source!r} is no file in the FMU: expected is a relative path")
+            raise self.error(file, element, f"source={source!r} is no file in the FMU: expected a relative path")
         root = self._package.directory.resolve()
         try:
             path = (root / file.parent / unquote(parts.path)).resolve()
@@ -88,7 +88,7 @@ class FmuFiles:
         except (LookupError, ValueError) as error:
             raise self.error(file, 0, f"is not well-formed XML: {error}") from None
         if tag(found) != root:
-            raise self.error(file, found, f"the root element is {tag(found)}; expected is {root}")
+            raise self.error(file, found, f"the root element is {tag(found)}; expected {root}")
         return found
 
     def number(self, file: Path, element: etree._Element, name: str) -> float | None:

@@ -168,7 +168,7 @@ def choose_interface(package: Package, wanted: str, where: Location | None) -> s
             if about is not None
         ]
         raise InputError(
-            f"the FMU {package.path} is FMI {version} {' and '.join(kinds) or 'of another kind'}; expected is "
+            f"the FMU {package.path} is FMI {version} {' and '.join(kinds) or 'of another kind'}; expected "
             "Co-Simulation or Model Exchange of FMI 1.0, 2.0 or 3.0",
             where,
         )

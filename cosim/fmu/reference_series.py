@@ -83,7 +83,7 @@ class SeriesReader:
             header = [name.strip() for name in next(rows, [])]
             if len(header) < 2 or len(set(header)) < len(header):
                 raise self._files.error(
-                    file, 1, "its first line names no columns, or one twice: expected is time,NAME,..."
+                    file, 1, "its first line names no columns, or one twice: expected time,NAME,..."
                 )
             variables = [self._stimulus(file, name) if stimuli else self._variables.get(name) for name in header[1:]]
             if not stimuli:

@@ -18,7 +18,7 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
     if fmu.interface == CO_SIMULATION and source.tolerance is not None:
         if source.model is not None:
             raise InputError(
-                f'a built-in model has a parameter for it: <parameter name="tolerance" value="{source.tolerance:g}"/>',
+                f'a built-in model takes its tolerance as <parameter name="tolerance" value="{source.tolerance:g}"/>',
                 source.where,
             )
         if fmu.description.fmiVersion == "1.0":
@@ -30,8 +30,7 @@ def check_solver(fmu: Fmu, source: PlantSource) -> None:
             else ""
         )
         raise InputError(
-            f"the FMU {fmu.path} is used by Co-Simulation and brings its own solver: remove "
-            f"{' and '.join(given)}{other}",
+            f"the FMU {fmu.path} runs in Co-Simulation with a solver of its own: remove {' and '.join(given)}{other}",
             source.where,
         )
     solver = source.solver or DEFAULT_SOLVER

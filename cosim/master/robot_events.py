@@ -49,7 +49,7 @@ def changes_of(
             if value.variable.variability != "tunable" and not value.is_input:
                 raise InputError(
                     f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
-                    "tunable one can change in the course of a run",
+                    "tunable parameter can change during a run",
                     value.where,
                 )
         inputs.check_free(values)

@@ -140,7 +140,7 @@ def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
     for bound in roles:
         if bound is not None and bound.played_by is not None and bound.played_by.variable is variable:
             raise InputError(
-                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: name the role",
+                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: write that name",
                 source.where,
             )
     if variable.dimensions:

@@ -43,8 +43,8 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
         if event.torque is not None:
             if any(other.stops and other.time <= event.time for other in events_of(scenario, LEADER)):
                 raise InputError(
-                    "the leader has stopped for good when this torque is to drive it: if it is to go on later, give it "
-                    "torques of zero instead of a <stop>",
+                    "this torque comes after the <stop> of the leader, which is for good: to let the leader go on "
+                    "later, give it torques of zero instead of a <stop>",
                     event.where,
                 )
             start = tick_at(event.time, scenario.step)

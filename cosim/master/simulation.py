@@ -200,7 +200,7 @@ class Simulation:
             if values.shape != (len(commands),) or not np.isfinite(values).all():
                 units = ", ".join(dict.fromkeys(role.unit for role in commands))
                 count = _NUMBERS.get(len(commands), str(len(commands)))
-                raise InputError(f"the torque of {robot} is {torque!r}; expected are {count} finite numbers [{units}]")
+                raise InputError(f"the torque of {robot} is {torque!r}; expected {count} finite numbers [{units}]")
             override[row] = np.full(self._now.torque.shape[1], np.nan)
             override[row][: len(commands)] = values
         return override

@@ -122,11 +122,11 @@ def load_result(path: str | Path) -> xr.Dataset:
     file = path / "result.nc" if path.is_dir() else path
     if not file.is_file():
         what = f"the folder {path} holds no result.nc" if path.is_dir() else f"there is no file {path}"
-        raise InputError(f"{what}; expected is the result of a run, runs/NAME/result.nc, or its folder")
+        raise InputError(f"{what}; expected the result of a run, runs/NAME/result.nc, or its folder")
     try:
         return load(file)
     except Exception as error:  # the libraries raise many kinds
         with suppress(OSError), file.open("rb") as stream:
             if stream.read(len(_HDF5)) != _HDF5:
-                raise InputError(f"{file} is no netCDF file; expected is the result of a run, result.nc") from None
+                raise InputError(f"{file} is no netCDF file; expected the result of a run, result.nc") from None
         raise InputError(f"{file} cannot be read as the result of a run: {type(error).__name__}: {error}") from None

@@ -140,7 +140,7 @@ def _check_names(root: etree._Element, places: Mapping[etree._Element, Location]
     for element, place in places.items():
         name = etree.QName(element)
         if element is root and name.text not in [f"{{{NAMESPACE}}}{expected}" for expected in roots]:
-            raise InputError(f"the root element is {name.text}; expected is <{roots[0]} xmlns={NAMESPACE!r}>", place)
+            raise InputError(f"the root element is {name.text}; expected <{roots[0]} xmlns={NAMESPACE!r}>", place)
         if name.namespace != NAMESPACE:
             raise InputError(f"the element {name.text} is not part of the scenario language", place)
 
@@ -237,7 +237,7 @@ def _read_bytes(path: Path) -> bytes:
     place = Location(str(path))
     too_large = InputError(f"is larger than {MAX_BYTES // 1024**2} MiB, so it is no scenario file", place)
     archive = InputError(
-        'is an archive (zip), perhaps an FMU; expected is XML. "formation inspect" shows an FMU, which a <plant> '
+        'is an archive (zip), perhaps an FMU; expected XML. "formation inspect" shows an FMU, which a <plant> '
         "or --plant names",
         place,
     )

@@ -37,7 +37,7 @@ def reason(data: bytes, index: int, code: int, opened: Sequence[tuple[str, int]]
     if code == _CODE[errors.XML_ERROR_TAG_MISMATCH]:
         if name in (tag for tag, _ in opened):
             return f"</{last}> is missing before </{name}>: <{last}> of line {line} is not closed"
-        return f"</{name}> closes nothing; expected is </{last}>, for <{last}> of line {line}"
+        return f"</{name}> closes nothing; expected </{last}>, for <{last}> of line {line}"
     if code == _CODE[errors.XML_ERROR_UNCLOSED_TOKEN]:
         missing = (
             "the --> of this comment" if after.startswith("<!--") else "the > of this tag, or a closing quote in it,"
@@ -104,5 +104,5 @@ def _unexpected(before: str, after: str) -> str:
     if tag.endswith(("'", '"')):
         return "a space is missing between two attributes, or a quote is one too many"
     if match := re.search(r"\s([\w:.-]+)\s*$", tag):
-        return f'the attribute {match[1]!r} has no value; expected is {match[1]}="..."'
+        return f'the attribute {match[1]!r} has no value; expected {match[1]}="..."'
     return f"{character!r} is not expected in a tag"

@@ -266,7 +266,7 @@ class Expectation(Written):
 
 
 def _unread(scenario: Scenario, changes: Sequence[Change]) -> NoReturn:
-    raise InputError(f"the scenario {scenario.name!r} was not read from a text, so there is none to change")
+    raise InputError(f"the scenario {scenario.name!r} was not read from a file, so it cannot be edited")
 
 
 @dataclass(frozen=True)

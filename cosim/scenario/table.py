@@ -74,7 +74,7 @@ class Table:
         except UnitError as error:
             raise _error(self.path, 1, f"the column {name!r}: {error}", where) from None
         if given.exponents != wanted.exponents:
-            has = f"is in {self.columns[name]}, but expected is a unit such as {wanted}"
+            has = f"is in {self.columns[name]}, but expected a unit such as {wanted}"
             if self.columns[name] == "1":
                 has = f"has no unit: name it '{name} [{wanted}]' in the first line, with its true unit"
             raise _error(self.path, 1, f"the column {_shown(name)} {has}", where)

@@ -65,7 +65,7 @@ def _set(base: etree._Element, rule: etree._Element, places: Places) -> None:
 def _replace(base: etree._Element, rule: etree._Element, places: Places) -> None:
     nodes = _selected(base, rule, "select", places)
     if len(nodes) != 1 or not is_element(nodes[0]):
-        _refuse(rule, f'select="{rule.get("select")}" selects {len(nodes)} nodes: expected is one element', places)
+        _refuse(rule, f'select="{rule.get("select")}" selects {len(nodes)} nodes: expected one element', places)
     (old,) = nodes
     parent = old.getparent()
     if parent is None:

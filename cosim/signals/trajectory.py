@@ -58,7 +58,7 @@ def _flat_motion(trajectory: Trajectory, path: Any, vehicle: Vehicle, times: NDA
     on_path = kind_named(vehicle.kind).on_path
     if on_path is None:
         raise InputError(
-            f"a {vehicle.kind} vehicle does not say how it moves along a path: give the leader a <pose> and commands "
+            f"the kind {vehicle.kind} states no motion along a path: give the leader a <pose> and commands "
             "instead of a <trajectory>",
             trajectory.where,
         )

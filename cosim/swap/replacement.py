@@ -158,7 +158,7 @@ def _replacement(
     if proposal.refusal:
         raise InputError(
             f"the FMU {fmu} cannot be the plant {plant!r}: as a {proposal.kind.name} vehicle, "
-            f"{proposal.refusal}. If that is wrong, --binding {plant}=FILE.xml says which variable plays which role"
+            f"{proposal.refusal}. If that is wrong, assign its variables to roles with --binding {plant}=FILE.xml"
         )
     probe = probed(package, proposal) if drive and (proposal.open or proposal.doubts) else None
     if probe is not None:

@@ -112,7 +112,7 @@ def test_what_is_missing_is_named_for_every_kind_of_vehicle(describe: Describe) 
     [
         (
             {"initial": "parameters"},
-            "has no start value of 'x' that could be set; if a parameter gives the initial value",
+            "has no start value of 'x' that can be set; if a parameter gives the initial value",
         ),
         ({"units": "none"}, "has 'x' without a unit: a binding states it"),
         ({"fmi": "1.0", "units": "names"}, 'it does not define: a binding states the unit, unit="m"'),
@@ -571,7 +571,7 @@ def test_a_binding_twice(tmp_path: Path) -> None:
         (f'<binding xmlns="{NAMESPACE}" vehicle="car_like">\n<role name="x"', "car.xml:2:"),
         (f'<binding xmlns="{NAMESPACE}" vehicle="boat"/>', "car.xml:1:1: "),
         (f'<binding xmlns="{NAMESPACE}"/>', "car.xml:1:1: "),
-        ('<binding vehicle="car_like"/>', "car.xml:1:1: the root element is binding; expected is <binding xmlns="),
+        ('<binding vehicle="car_like"/>', "car.xml:1:1: the root element is binding; expected <binding xmlns="),
         (f'<scenario xmlns="{NAMESPACE}" name="x"/>', "car.xml:1:1: the root element is "),
         (f'<!DOCTYPE a []>\n<binding xmlns="{NAMESPACE}" vehicle="car_like"/>', "car.xml:1:13: "),
         (f'<binding xmlns="{NAMESPACE}" vehicle="car_like">\n\n<role name="x" name="y"/></binding>', "car.xml:3:"),

@@ -104,7 +104,7 @@ def test_not_xml(tmp_path: Path, content: bytes, line: int, column: int) -> None
         (b"<a>x < 1</a>", 1, 7, "write &lt; for the character itself"),
         (b"<a v='<1'/>", 1, 7, "write &lt; for a < in a value"),
         (b"<a>\n  <b>\n  <c/>\n</a>", 4, 3, "</b> is missing before </a>: <b> of line 2 is not closed"),
-        (b"<a>\n  <b>x</d>\n</a>", 2, 9, "</d> closes nothing; expected is </b>, for <b> of line 2"),
+        (b"<a>\n  <b>x</d>\n</a>", 2, 9, "</d> closes nothing; expected </b>, for <b> of line 2"),
         (b"<a>\n  <b>", 2, 6, "it ends, but <b> of line 2 is not closed: </b> is missing"),
         (b"<a>\n<b", 2, 1, "the > of this tag, or a closing quote in it, is missing"),
         (b"<a>\n<!-- ", 2, 1, "the --> of this comment is missing"),
@@ -150,9 +150,7 @@ def test_nested_without_end(tmp_path: Path) -> None:
 def test_another_root(tmp_path: Path) -> None:
     path = tmp_path / "other.xml"
     path.write_text("<svg/>")
-    assert "the root element is svg; expected is <scenario xmlns='urn:formation-cosim:scenario:1'>" in str(
-        refused(path)
-    )
+    assert "the root element is svg; expected <scenario xmlns='urn:formation-cosim:scenario:1'>" in str(refused(path))
 
 
 @pytest.mark.parametrize(
@@ -258,7 +256,7 @@ def test_an_archive_is_no_scenario(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", "<model/>")
     for read in (read_document, read_binding_document):
-        with pytest.raises(InputError, match=r"is an archive \(zip\), perhaps an FMU; expected is XML"):
+        with pytest.raises(InputError, match=r"is an archive \(zip\), perhaps an FMU; expected XML"):
             read(path)
 
 
@@ -268,7 +266,7 @@ def test_an_archive_is_no_scenario(tmp_path: Path) -> None:
         ('x="1 mm"', 'xx="1 mm"', 36, "<noise> has no attribute 'xx': did you mean 'x'? Known: from, gamma"),
         ('psi="0 deg"', 'pis="0 deg"', 43, "<pose> has no attribute 'pis': did you mean 'psi'? Known: gamma, psi"),
         ("tau_drive=", "tau_dirve=", 44, "<torque> has no attribute 'tau_dirve': did you mean 'tau_drive'?"),
-        ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, "expected is a quantity such as '9 N.m/s'"),
+        ('<saturation limit="200 N.m"/>', '<rate limit="9 N.m"/>', 39, "expected a quantity such as '9 N.m/s'"),
         ('limit="200 N.m"', 'limit="200 Nm"', 39, "'200 Nm' is not a number with a unit: write '200 N.m'"),
     ],
 )  # fmt: skip

@@ -336,7 +336,7 @@ KNOWN = {
         ("itae", "2 m/s", {"signal": "speed"}, "which is in m.s2/s: cannot"),
         ("peak", "1 parsec", {"signal": "range_error"}, "'parsec' is not known"),
         ("peak", "1e999 m", {"signal": "range_error"}, "is not a finite number"),
-        ("peak", "0 m", {"signal": "range_error"}, "is not greater than zero, so it cannot hold"),
+        ("peak", "0 m", {"signal": "range_error"}, "is not greater than zero, so the expectation cannot hold"),
         ("peak", "1 m", {"signal": "pose"}, "the signal 'pose' needs component=..., one of x, gamma"),
         ("peak", "1 m", {"signal": "pose", "component": "gama"}, "did you mean 'gamma'?"),
         ("peak", "1 m", {"signal": "range_error", "component": "x"}, "'range_error' has no components: leave"),
@@ -344,7 +344,7 @@ KNOWN = {
         ("peak", "1", {"signal": "weight_norm", "robots": ("follower_2",)}, "'follower_2' has no signal 'weight_norm'"),
         ("rms", "1 m", {"signal": "range_error", "start": 1.005, "stop": 1.015}, "holds too few of the samples"),
         ("itae", "1 m.s2", {"signal": "range_error", "start": 1.0, "stop": 1.01}, "holds too few of the samples"),
-        ("regular", "", {"robots": ("follower_2",)}, "'follower_2' has no controller that tells how near"),
+        ("regular", "", {"robots": ("follower_2",)}, "'follower_2' has no controller that signals singularities"),
         ("distance", "1 s", {}, "the bound of the distance, which is in m: cannot"),
         ("distance", "-1 m", {}, "is not greater than zero, so it would hold whatever happens"),
         ("distance", "0 m", {}, "is not greater than zero, so it would hold whatever happens"),
@@ -381,7 +381,7 @@ def test_what_the_team_cannot_have(scenario: Scenario) -> None:
     with pytest.raises(InputError, match="a single follower has no distance"):
         check(alone, KNOWN, no_other)
     untold = replace(scenario, expectations=(expecting("regular"),))
-    with pytest.raises(InputError, match=r"no follower has a controller that tells .*: leave <regular> out"):
+    with pytest.raises(InputError, match=r"no follower has a controller that signals singularities: remove <regular>"):
         check(untold, {"range_error": KNOWN["range_error"]}, no_other)
 
 

@@ -105,7 +105,7 @@ def test_another_root_element(car: Path, tmp_path: Path) -> None:
     path = tmp_path / "a.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", "<model/>")
-    assert "it begins with <model>; expected is <fmiModelDescription fmiVersion=...>" in refused(path)
+    assert "it begins with <model>; expected <fmiModelDescription fmiVersion=...>" in refused(path)
 
 
 def test_no_binary_for_this_machine(car: Path, tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_geometry_is_that_of_the_parameters(fmu: Fmu) -> None:
         ("mass", "30 kg", "has no parameter 'mass'"),
         ("m_C", "30 kg", "did you mean 'm_c'?"),
         ("m_c", "-30 kg", "-30 kg is out of bounds; it must be at least"),
-        ("m_c", "30", "the unit is missing; expected is a quantity such as '30 kg'"),
+        ("m_c", "30", "the unit is missing; expected a quantity such as '30 kg'"),
         ("m_c", "30 m", "does not fit"),
         ("m_c", "heavy", "is not a number with a unit"),
         ("drive", "all_wheel", "is none of its items"),
@@ -212,7 +212,7 @@ OPENED = {
     "truncated": "is not an FMU: File is not a zip file",
     "crc": "cannot be unpacked: Bad CRC-32 for file 'binaries/",
     "description_crc": "is not an FMU: Bad CRC-32 for file 'modelDescription.xml'",
-    "encrypted": "is not an FMU: File 'modelDescription.xml' is encrypted",
+    "encrypted": "is not an FMU: its entry 'modelDescription.xml' is encrypted",
     "no_description": "is not an FMU: it holds no modelDescription.xml",
     "two_descriptions": "has the entry 'modelDescription.xml' twice",
     "no_xml": "has no valid model description: Start tag expected",

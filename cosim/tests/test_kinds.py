@@ -53,12 +53,12 @@ def test_a_kind_of_another_package_is_one_like_ours(bring: Bring) -> None:
     ("loaded", "fault"),
     [
         (ImportError("no module named wheels"), "cannot be imported: ImportError: no module named wheels"),
-        ("rover", "is 'rover': expected is a cosim.vehicle.kind.Kind"),
-        (DIFFERENTIAL_DRIVE, "names itself 'differential_drive': expected is the name of its entry point"),
-        (replace(ROVER, command=()), "has no command: expected is a tuple of Role"),
+        ("rover", "is 'rover': expected a cosim.vehicle.kind.Kind"),
+        (DIFFERENTIAL_DRIVE, "names itself 'differential_drive': expected the name of its entry point"),
+        (replace(ROVER, command=()), "has no command: expected a tuple of Role"),
         (replace(ROVER, pose=ROVER.pose[:2]), "has another pose than expected: x [m], y [m] and a heading [rad]"),
-        (replace(ROVER, command=ROVER.pose), "has 'x' in its command as output: expected is input"),
-        (replace(ROVER, probe=(1.0,)), "has a probe of 1 entries: expected are 3, as the pose has"),
+        (replace(ROVER, command=ROVER.pose), "has 'x' in its command as output: expected input"),
+        (replace(ROVER, probe=(1.0,)), "has a probe of 1 entries: expected 3, as many as the pose has"),
         (
             replace(ROVER, command=(replace(ROVER.command[0], unit="N"), ROVER.command[1])),
             "gives 'tau_right' in N, but 'tractor_trailer' gives it in N.m",

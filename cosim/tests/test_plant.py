@@ -449,16 +449,16 @@ def test_followers_without_velocities(make: Make, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("said", "names"),
     [
-        ('solver="cvode"', "own solver: remove solver"),
-        ('solver_step="20 ms"', "own solver: remove solver_step"),
-        ('solver="euler" solver_step="5 ms"', "own solver: remove solver and solver_step"),
+        ('solver="cvode"', "remove solver"),
+        ('solver_step="20 ms"', "remove solver_step"),
+        ('solver="euler" solver_step="5 ms"', "remove solver and solver_step"),
     ],
 )
 def test_a_solver_for_what_brings_its_own_is_refused(make: Make, tmp_path: Path, said: str, names: str) -> None:
     more = '; or state interface="model_exchange", whose solver takes it'
     for fmu, end in ((make(), names), (make(interface="both"), names + more)):
         path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {said}/>')
-        with pytest.raises(InputError, match=f"is used by Co-Simulation and brings .*{re.escape(end)}$"):
+        with pytest.raises(InputError, match=f"runs in Co-Simulation with a solver of its own: .*{re.escape(end)}$"):
             Simulation(read_scenario(path))
 
 
@@ -504,7 +504,7 @@ def test_an_input_that_plays_a_role_is_named_by_the_role(make: Make, tmp_path: P
         path = tmp_path / f"{name}.xml"
         path.write_text(text.replace("  <leader", f"  {added}\n  <leader"), "utf-8")
         if name == "torque":
-            with pytest.raises(InputError, match=r"'torque' of stub\.fmu plays the role 'tau_drive': name the role"):
+            with pytest.raises(InputError, match=r"'torque' of stub\.fmu plays the role 'tau_drive': write that name"):
                 Simulation(read_scenario(path))
         else:
             Simulation(read_scenario(path)).close()

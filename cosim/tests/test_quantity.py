@@ -40,7 +40,7 @@ def test_what_is_written_otherwise_elsewhere(text: str, advice: str) -> None:
     [
         ("", "'' is not a number with a unit, such as '1 m'"),
         ("m 3", "'m 3' is not a number with a unit, such as '1 m'"),
-        ("3.5", "'3.5': the unit is missing; expected is a quantity such as '3.5 m'"),
+        ("3.5", "'3.5': the unit is missing; expected a quantity such as '3.5 m'"),
         ("3 kg", "'3 kg': kg does not fit"),
         ("1e400 m", "is not a finite number"),
         ("3 furlong", "'furlong' is not known"),

@@ -72,8 +72,8 @@ def test_quantities(text: str, unit: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("text", "unit", "sentence"),
     [
-        ("3", "m", "the unit is missing; expected is a quantity such as '3 m'"),
-        ("3 s", "m", "s does not fit; expected is a quantity such as '3 m'"),
+        ("3", "m", "the unit is missing; expected a quantity such as '3 m'"),
+        ("3 s", "m", "s does not fit; expected a quantity such as '3 m'"),
         ("3 parsec", "m", "'parsec' is not known"),
         ("three m", "m", "is not a number with a unit"),
         ("1e999 m", "m", "is not a finite number"),

@@ -86,9 +86,9 @@ def test_a_held_command_is_held_beyond_an_override(short_line: Scenario) -> None
     ("torques", "sentence"),
     [
         ({"follower1": (0.0, 0.0)}, "the scenario has no robot 'follower1': did you mean 'follower_1'?"),
-        ({"follower_1": (0.0,)}, "the torque of follower_1 is (0.0,); expected are two finite numbers [N.m]"),
-        ({"follower_1": (0.0, float("nan"))}, "expected are two finite numbers"),
-        ({"follower_1": ("much", 0.0)}, "expected are two finite numbers"),
+        ({"follower_1": (0.0,)}, "the torque of follower_1 is (0.0,); expected two finite numbers [N.m]"),
+        ({"follower_1": (0.0, float("nan"))}, "expected two finite numbers"),
+        ({"follower_1": ("much", 0.0)}, "expected two finite numbers"),
     ],
 )
 def test_torques_that_cannot_be(simulation: Simulation, torques: dict[str, tuple[float, ...]], sentence: str) -> None:

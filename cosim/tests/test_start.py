@@ -278,5 +278,5 @@ def test_a_tolerance_that_cannot_be_told_is_refused(make: Make, tmp_path: Path) 
     with pytest.raises(InputError, match=r"one.xml:4:\d+: .* FMI 1.0 .* no tolerance"):
         cosim.Simulation(cosim.read_scenario(one))
     ours = scenario(tmp_path / "ours.xml", '<plant id="car" model="car_like" tolerance="1e-6"/>')
-    with pytest.raises(InputError, match='has a parameter for it: <parameter name="tolerance" value="1e-06"/>'):
+    with pytest.raises(InputError, match='takes its tolerance as <parameter name="tolerance" value="1e-06"/>'):
         cosim.Simulation(cosim.read_scenario(ours))

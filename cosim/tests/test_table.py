@@ -64,7 +64,7 @@ def test_one_row_is_a_table(tmp_path: Path) -> None:
         ("time [s];x [m]\n0;1\n", 1, "the first line has no commas"),
         ("time [s],x [m]\n", 1, "no rows"),
         ("time [s],x [m]\n\n\n", 1, "no rows"),
-        ("time [m],x [m]\n0,1\n", 1, "'time' is in m, but expected is a unit such as s"),
+        ("time [m],x [m]\n0,1\n", 1, "'time' is in m, but expected a unit such as s"),
         ("time,x [m]\n0,1\n", 1, "the column 'time' has no unit: name it 'time [s]' in the first line"),
         ("time (s),x [m]\n0,1\n", 1, "no column 'time [s]', but 'time (s)', 'x'"),
         ("time [sec],x [m]\n0,1\n", 1, "unit 'sec': write 's'"),
@@ -118,7 +118,7 @@ def test_a_long_text_is_shown_in_part(tmp_path: Path) -> None:
     ("name", "unit", "message"),
     [
         ("wimd", "N", "has no column 'wimd': did you mean 'wind'?"),
-        ("wind", "m", "the column 'wind' is in N, but expected is a unit such as m"),
+        ("wind", "m", "the column 'wind' is in N, but expected a unit such as m"),
         ("bare", "m", "the column 'bare' has no unit: name it 'bare [m]' in the first line"),
         ("odd", "m", "'furlong' is not known"),
         ("huge", "nm", "too large"),

@@ -187,7 +187,7 @@ def test_a_value_that_does_not_fit_is_refused_with_its_place(kind: str, value: s
 def test_a_table_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
     path.write_text("time [s],wind [m]\n0,1\n")
-    with pytest.raises(InputError, match="'wind' is in m, but expected is a unit such as N"):
+    with pytest.raises(InputError, match="'wind' is in m, but expected a unit such as N"):
         samples(wave("table", "", file=str(path), column="wind"))
     with pytest.raises(InputError, match="did you mean 'wind'") as caught:
         samples(wave("table", "", file=str(path), column="wimd"))

@@ -125,9 +125,9 @@ def _others() -> tuple[InstalledKind, ...]:
 def _fault(loaded: object, name: str, before: list[Kind]) -> str:
     """Return the fault of the object that an entry point names, as the end of a sentence; empty if there is none."""
     if not isinstance(loaded, Kind):
-        return f"is {loaded!r}: expected is a cosim.vehicle.kind.Kind"
+        return f"is {loaded!r}: expected a cosim.vehicle.kind.Kind"
     if loaded.name != name:
-        return f"names itself {loaded.name!r}: expected is the name of its entry point"
+        return f"names itself {loaded.name!r}: expected the name of its entry point"
     if fault := kind_fault(loaded):
         return fault
     for other in (*BUILT_IN, *before):
@@ -137,7 +137,7 @@ def _fault(loaded: object, name: str, before: list[Kind]) -> str:
                 if known.get(role.name, role.unit) != role.unit:
                     return (
                         f"gives {role.name!r} in {role.unit}, but {other.name!r} gives it in {known[role.name]}: "
-                        "expected is the same unit, or another name"
+                        "expected the same unit, or another name"
                     )
     return ""
 
@@ -150,15 +150,15 @@ def kind_fault(kind: Kind) -> str:
         ("command", kind.command, "input"),
     ):
         if not roles:
-            return f"has no {what}: expected is a tuple of Role"
+            return f"has no {what}: expected a tuple of Role"
         for role in roles:
             if role.causality != causality:
-                return f"has {role.name!r} in its {what} as {role.causality}: expected is {causality}"
+                return f"has {role.name!r} in its {what} as {role.causality}: expected {causality}"
     if [role.unit for role in kind.pose[:3]] != ["m", "m", "rad"] or [r.name for r in kind.pose[:2]] != ["x", "y"]:
         return "has another pose than expected: x [m], y [m] and a heading [rad] come first"
     every = [role.name for role in kind.roles]
     if twice := sorted({name for name in every if every.count(name) > 1}):
-        return f"has two roles named {twice[0]!r}: expected is a name for each"
+        return f"has two roles named {twice[0]!r}: expected a name for each"
     if kind.probe and len(kind.probe) != len(kind.pose):
-        return f"has a probe of {len(kind.probe)} entries: expected are {len(kind.pose)}, as the pose has"
+        return f"has a probe of {len(kind.probe)} entries: expected {len(kind.pose)}, as many as the pose has"
     return ""

@@ -334,7 +334,7 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
     def doprint(self, expression: sympy.Expr) -> str:
         for part in sympy.preorder_traversal(expression):
             if not (isinstance(part, _NODES) or type(part).__name__ in self._functions):
-                raise self._error(expression, f": {part} is not known there")
+                raise self._error(expression, f": C has no {part}")
         if expression.has(sympy.I, sympy.zoo, sympy.nan):
             raise self._error(expression)
         try:

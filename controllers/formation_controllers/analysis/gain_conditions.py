@@ -187,7 +187,7 @@ def check_gains(gains: ObserverPidGains, bounds: Bounds, desired_bearing: ArrayL
     require(gains, ObserverPidGains, bounds)
     largest = None if desired_bearing is None else _largest(desired_bearing)
     if len(set(gains.Lambda_0)) > 1 or len(set(gains.Lambda_1)) > 1:  # type: ignore[arg-type]
-        raise GainError("gains 'Lambda_0' and 'Lambda_1' must be the same for range and bearing: alpha and beta are")
+        raise GainError("gains 'Lambda_0' and 'Lambda_1' must be the same for range and bearing, as alpha and beta are")
     reports = [_report(alpha, beta, gains, bounds) for alpha, beta in orders_of_roots(gains)]
     report = max(reports, key=lambda report: min(condition.margin for condition in report.conditions))
     if largest is None:

@@ -50,7 +50,7 @@ class Bounded(Kind):
         what = f"the bound of the {self.element} of {str(self.subject)!r}"
         self.check_bound(self.measure.unit(self.subject.check(self, own.signals)), what)
         if self.attribute == "below" and self.bound <= 0:
-            raise self.written.error(f"{what} is not greater than zero, so it cannot hold")
+            raise self.written.error(f"{what} is not greater than zero, so the expectation cannot hold")
         self.check_samples(own.scenario)
 
     def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:

@@ -36,10 +36,8 @@ class Regular(Kind):
         self.check_within(own.scenario.horizon)
         telling = {robot for signal in own.signals.values() if signal.tells_singularity for robot in signal.robots}
         if not telling:
-            raise self.written.error(
-                "no follower has a controller that tells how near a singularity is: leave <regular> out"
-            )
-        self.check_robots(telling, "controller that tells how near a singularity is")
+            raise self.written.error("no follower has a controller that signals singularities: remove <regular>")
+        self.check_robots(telling, "controller that signals singularities")
         self.check_samples(own.scenario)
 
     def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
