@@ -57,7 +57,7 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
         (
             "formation_controllers",
             {
-                "cli/inventory.py",
+                "cli/listing.py",
                 "control/leader_view.py",
                 "control/team.py",
                 "master/robots.py",

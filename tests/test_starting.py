@@ -12,7 +12,7 @@ import pytest
 import cosim
 from cosim.cli import main
 from cosim.cli.completing import SHELLS
-from cosim.cli.helping import _EXAMPLES
+from cosim.cli.help_texts import _EXAMPLES
 from cosim.results.expectations import understood
 from cosim.scenario.examples import examples
 from cosim.scenario.reader import read_scenario

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cosim.cli.completing import SHELLS
 from cosim.cli.console import err, report
-from cosim.cli.helping import explain
+from cosim.cli.help_texts import explain
 from cosim.cli.options import Lazy, Parser
 from cosim.errors import FormationError
 
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _kinds() -> list[str]:
-    from cosim.scenario.template import kinds_with_example
+    from cosim.scenario.first_scenario import kinds_with_example
 
     return list(kinds_with_example())
 
@@ -96,19 +96,19 @@ def _compare_plants(options: argparse.Namespace) -> int:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from cosim.cli.inventory import inventory
+    from cosim.cli.listing import inventory
 
     return inventory(options)
 
 
 def _new(options: argparse.Namespace) -> int:
-    from cosim.cli.starting import new
+    from cosim.cli.new_scenario import new
 
     return new(options)
 
 
 def _examples(options: argparse.Namespace) -> int:
-    from cosim.cli.starting import copy_examples
+    from cosim.cli.new_scenario import copy_examples
 
     return copy_examples(options)
 

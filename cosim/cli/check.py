@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from contextlib import ExitStack
 
-from cosim.cli.breaches import rules_kept
 from cosim.cli.console import out, report, verbatim, warn
+from cosim.cli.fmi_rules import rules_kept
+from cosim.cli.named_scenarios import read
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
-from cosim.cli.reading import read
 from cosim.errors import FormationError, InputError
 from cosim.master.setup import set_up
 

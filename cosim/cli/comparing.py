@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cosim.cli.console import out, safe, table, warn
-from cosim.cli.reading import pairs
+from cosim.cli.named_scenarios import pairs
 from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
 from cosim.compare.figure import SHOWN, save_comparison_figure
 from cosim.errors import InputError, nearest

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cosim.cli.advice import advice
+from cosim.cli.remedies import advice
 from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160

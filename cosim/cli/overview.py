@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import broken, safe, table
-from cosim.fmu.facts import NAMES
+from cosim.fmu.capabilities import NAMES
 from cosim.fmu.solver import usual_step
 from cosim.master.members import in_own_process, tolerance_of, why_own_process
 from cosim.master.setup import Setup

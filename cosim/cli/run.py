@@ -14,10 +14,10 @@ import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.breaches import rules_kept
 from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
-from cosim.cli.keeping import set_aside
-from cosim.cli.reading import read
+from cosim.cli.earlier_results import set_aside
+from cosim.cli.fmi_rules import rules_kept
+from cosim.cli.named_scenarios import read
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
 from cosim.master.interrupt import HeldSignals

@@ -8,10 +8,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from cosim.cli.console import out, safe, table, warn
+from cosim.cli.named_scenarios import pairs
 from cosim.cli.overview import doubtful_plants
-from cosim.cli.reading import pairs
 from cosim.errors import InputError
-from cosim.fmu.facts import obstacle
+from cosim.fmu.capabilities import obstacle
 from cosim.master.setup import set_up
 from cosim.results.files import write
 from cosim.scenario.reader import read_scenario

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location
-from cosim.scenario.table import read_table
+from cosim.scenario.csv_table import read_table
 from cosim.vehicle.kind import Kind
 
 

@@ -14,9 +14,9 @@ from cosim.errors import InputError, nearest
 from cosim.fmu.model_description import Variable
 from cosim.plant.exchange import whole_range
 from cosim.plant.spec import WHOLE
+from cosim.scenario.csv_table import Table
 from cosim.scenario.grammar import children_of
 from cosim.scenario.scenario import InputSource
-from cosim.scenario.table import Table
 from cosim.signals.waves import WAVES, Wave, understood
 from plants import units
 

@@ -14,10 +14,10 @@ import fmpy
 from cosim.errors import InputError, Location
 from cosim.fmu.archive import unpack
 from cosim.fmu.binding import Binding, bind
-from cosim.fmu.brought_code import brought_code
+from cosim.fmu.bundled_code import brought_code
 from cosim.fmu.description import Reading, read
 from cosim.fmu.model_description import Interface, ModelDescription, Variable
-from cosim.fmu.plain_folder import plain_folder
+from cosim.fmu.unpack_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario.scenario import BindingSource
 
@@ -63,7 +63,7 @@ class Fmu(Package):
     binding : Binding
         Which variable plays which role.
     brought_code : str
-        Code that it brings and that a process can hold only once, in words; see `cosim.fmu.brought_code`.
+        Code that it brings and that a process can hold only once, in words; see `cosim.fmu.bundled_code`.
     """
 
     interface: str

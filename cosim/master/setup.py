@@ -26,7 +26,7 @@ from cosim.results.expectations import Recorded, Recording, check
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
-from cosim.signals.places import desired_samples
+from cosim.signals.desired_places import desired_samples
 from cosim.signals.trajectory import leader_motion
 from cosim.vehicle.columns import RunColumns, run_columns
 from cosim.vehicle.path import Motion

@@ -17,9 +17,9 @@ from lxml import etree
 
 from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
-from cosim.scenario.selection import assign, selected_or_added
-from cosim.scenario.tree import take_out
+from cosim.scenario.tree_edits import take_out
 from cosim.scenario.xpath_advice import unclosed
+from cosim.scenario.xpath_selection import assign, selected_or_added
 
 Change = Callable[[etree._Element], None]
 

@@ -10,7 +10,7 @@ from typing import NoReturn
 from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.edits import Change, as_changes
-from cosim.scenario.written import Written
+from cosim.scenario.written_element import Written
 
 LEADER = "leader"
 

@@ -14,8 +14,8 @@ from lxml import etree
 
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of, described_children
-from cosim.scenario.selection import assign, select, selected_or_added
-from cosim.scenario.tree import insert, is_element, put, take_out
+from cosim.scenario.tree_edits import insert, is_element, put, take_out
+from cosim.scenario.xpath_selection import assign, select, selected_or_added
 
 MAX_ELEMENTS = 200_000
 """Of a scenario with all its variants: a rule that inserts many elements into many multiplies them."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cosim.clock import ROUNDING
 from cosim.errors import InputError
+from cosim.scenario.csv_table import read_table
 from cosim.scenario.scenario import Trajectory
-from cosim.scenario.table import read_table
 from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Motion, PathMotion
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError, SimulationError
 from cosim.fmu.binding import start_of
-from cosim.fmu.facts import obstacle
+from cosim.fmu.capabilities import obstacle
 from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Package, choose_interface, experiment_number, interfaces
 from cosim.plant.failures import PlantError

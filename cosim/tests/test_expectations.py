@@ -17,7 +17,7 @@ import xarray as xr
 
 from cosim.cli import main, run
 from cosim.errors import InputError, Location, SimulationError
-from cosim.kinds_in import kinds_in
+from cosim.kinds_by_element import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
 from cosim.master.simulation import Simulation

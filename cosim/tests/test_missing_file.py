@@ -8,8 +8,8 @@ import pytest
 from cosim.errors import InputError, Location
 from cosim.fmu.package import open_package
 from cosim.missing_file import absent
+from cosim.scenario.csv_table import read_table
 from cosim.scenario.document import read_document
-from cosim.scenario.table import read_table
 
 
 @pytest.mark.parametrize(

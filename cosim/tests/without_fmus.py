@@ -14,7 +14,7 @@ from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import LEADER, Scenario
-from cosim.signals.places import desired_samples
+from cosim.signals.desired_places import desired_samples
 from cosim.tests.driving import scenario as written
 from cosim.vehicle.car_like import CAR_LIKE
 from cosim.vehicle.columns import run_columns

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from cosim.kinds_in import kinds_in
+from cosim.kinds_by_element import kinds_in
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded, recorded
 from cosim.results.verdict import Verdict

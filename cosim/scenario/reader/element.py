@@ -11,7 +11,7 @@ from lxml import etree
 from cosim.errors import InputError, Location, nearest
 from cosim.scenario.document import Document
 from cosim.scenario.scenario import Setting
-from cosim.scenario.written import Written
+from cosim.scenario.written_element import Written
 
 _T = TypeVar("_T")
 

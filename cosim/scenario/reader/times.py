@@ -9,7 +9,7 @@ from typing import Self
 from cosim.clock import Clock, whole
 from cosim.quantity import whole_steps
 from cosim.scenario.reader.element import Element
-from cosim.scenario.written import Written
+from cosim.scenario.written_element import Written
 
 MAX_TICKS = 10_000_000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from cosim.errors import InputError, nearest
-from cosim.kinds_in import kinds_in
+from cosim.kinds_by_element import kinds_in
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
 from cosim.signals.effects.effect import Effect, EffectKind, Rows

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.kinds_in import kinds_in
+from cosim.kinds_by_element import kinds_in
 from cosim.scenario.scenario import InputSource, WaveSource
 from cosim.signals.random import random_stream
 from cosim.signals.waves.wave import Sampling, Wave

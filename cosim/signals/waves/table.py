@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.scenario.csv_table import Table, read_table
 from cosim.scenario.scenario import WaveSource
-from cosim.scenario.table import Table, read_table
 from cosim.signals.waves.wave import Sampling, Wave
 
 

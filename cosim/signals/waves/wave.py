@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import acting
+from cosim.scenario.csv_table import Table
 from cosim.scenario.scenario import WaveSource
-from cosim.scenario.table import Table
 from plants import units
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import cosim.fmu.plain_folder
-from cosim.fmu.plain_folder import plain_folder
+import cosim.fmu.unpack_folder
+from cosim.fmu.unpack_folder import plain_folder
 
 ODD = ["Jürgen", "a+b", "a#b", "a b", "100%", "日本"]
 
@@ -37,5 +37,5 @@ def test_the_usual_one_if_it_is_plain(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_the_usual_one_if_there_is_no_other(odd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cosim.fmu.plain_folder, "_bases", lambda: iter([str(odd), str(tmp_path / "missing")]))
+    monkeypatch.setattr(cosim.fmu.unpack_folder, "_bases", lambda: iter([str(odd), str(tmp_path / "missing")]))
     assert plain_folder("formation-test-").parent == odd

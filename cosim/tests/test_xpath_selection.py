@@ -12,7 +12,7 @@ from cosim.master.setup import set_up
 from cosim.scenario.document import parse_document
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_scenario
-from cosim.scenario.selection import selected_or_added
+from cosim.scenario.xpath_selection import selected_or_added
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 

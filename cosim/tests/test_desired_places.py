@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_simpson
 
 from cosim.errors import Location
 from cosim.scenario.scenario import Entries, Follower, PlaceChange
-from cosim.signals.places import desired_samples
+from cosim.signals.desired_places import desired_samples
 
 WHERE = Location("scenario.xml", 1)
 START = (3.1, math.pi / 4)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError, Location
-from cosim.scenario import table
-from cosim.scenario.table import Table, read_table
+from cosim.scenario import csv_table
+from cosim.scenario.csv_table import Table, read_table
 from plants import units
 
 WHERE = Location("scenario.xml", 12, 5)
@@ -141,10 +141,10 @@ def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert str(WHERE) in caught.value.message
     path = written(tmp_path, "time [s],x [m]\n0,1\n1,2\n")
     assert len(read_table(path, WHERE).time) == 2
-    monkeypatch.setattr(table, "MAX_CELLS", 5)
+    monkeypatch.setattr(csv_table, "MAX_CELLS", 5)
     with pytest.raises(InputError, match="6 cells, more than 5"):
         read_table(path, WHERE)
-    monkeypatch.setattr(table, "MAX_BYTES", 5)
+    monkeypatch.setattr(csv_table, "MAX_BYTES", 5)
     with pytest.raises(InputError, match="is larger than"):
         read_table(path, WHERE)
 

@@ -8,7 +8,7 @@ from typing import Any
 from lxml import etree
 
 from cosim.scenario.grammar import children_of
-from cosim.scenario.tree import insert, is_element
+from cosim.scenario.tree_edits import insert, is_element
 from cosim.scenario.xpath_advice import advice, unclosed
 
 _NAMED_VALUE = re.compile(

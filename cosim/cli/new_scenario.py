@@ -10,8 +10,8 @@ from cosim.cli.console import out, safe
 from cosim.errors import InputError, OutputError
 from cosim.results.files import write
 from cosim.scenario.examples import examples
+from cosim.scenario.first_scenario import MAX_FOLLOWERS, scenario_text
 from cosim.scenario.grammar import matches
-from cosim.scenario.template import MAX_FOLLOWERS, scenario_text
 
 
 def new(options: argparse.Namespace) -> int:
