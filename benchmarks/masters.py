@@ -46,19 +46,16 @@ from typing import Any
 import fmpy
 import numpy as np
 from field import Entry, Field, Worker
-from lxml import etree
+from teams import STEP, sensor_noise, team_scenario
 
 import plants
 from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
-from cosim.signals.sensors import PoseSensor
 from plants.factory import store
 from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import host
 
 HERE = Path(__file__).parent
-SCENARIO = HERE.parent / "scenarios" / "clmr_line.xml"
-STEP = 0.02
 ROUND = 0.1  # duration of a round of one master, about [s]
 MOST_SAMPLES = 200_000  # FMUs times ticks in a round
 LOOP_TICKS = {1: 500, 10: 300, 100: 60, 1000: 12}  # of a round of the closed loop, from that many followers on
@@ -221,43 +218,19 @@ def enough_ticks(worker: Worker, most: int) -> int:
 # Three: the closed loop -------------------------------------------------------------------------------------
 
 
-def team_scenario(followers: int, ticks: int, folder: Path) -> Path:
-    """Return the scenario with as many followers, copies of its own, for as many ticks."""
-    tree = etree.parse(str(SCENARIO))
-    root = tree.getroot()
-    space = f"{{{root.nsmap[None]}}}"
-    root.find(f"{space}simulation").set("horizon", f"{(ticks + 1) * STEP:.2f} s")
-    root.remove(root.find(f"{space}expect"))  # it speaks of times after that
-    own = root.findall(f"{space}follower")
-    for i in range(len(own), followers):
-        copy = etree.fromstring(etree.tostring(own[i % len(own)]))
-        copy.set("id", f"follower_{i + 1}")
-        root.append(copy)
-    for extra in own[followers:]:
-        root.remove(extra)
-    path = folder / f"clmr_line_{followers}.xml"
-    tree.write(str(path), xml_declaration=True, encoding="UTF-8")
-    return path
-
-
 def loop_job(scenario_path: Path, ticks: int, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the scenario's plants as a job, and the rest of its closed loop as numbers."""
     scenario = read_scenario(scenario_path)
     with ExitStack() as cleanup:
         setup = set_up(scenario, cleanup, {})
         robots = (setup.leader, *setup.followers)
-        names = [robot.name for robot in robots]
-        channels = [[role.name for role in robot.kind.pose] for robot in robots]
-        sensor = PoseSensor(scenario.seed, names, channels, [robot.sensor for robot in robots], scenario.step)
-        noise = np.zeros((ticks, len(robots), 4))
-        for k in range(ticks):
-            sensor.measure(k, np.zeros((len(robots), 4)), noise[k])
+        noise = sensor_noise(scenario, robots, ticks)
         (controller,) = scenario.controllers.values()
         vehicle = setup.followers[0].vehicle
         limit = setup.followers[0].actuator[0].amount
         job = {
             "fmu": str(setup.leader.fmu.path),
-            "start": [dict(zip(channels[0], robot.pose, strict=True)) for robot in robots],
+            "start": [dict(zip((role.name for role in robot.kind.pose), robot.pose, strict=True)) for robot in robots],
             "torque": [[0.0, 0.0]] * len(robots),
             "step": scenario.step,
             "samples": 1,
@@ -282,7 +255,7 @@ def loop_costs(
     """Return the seconds per tick of the closed loop under every master, and why some have none."""
     ticks = LOOP_TICKS[max(least for least in LOOP_TICKS if least <= followers)]
     total = (rounds + 1) * ticks
-    scenario = team_scenario(followers, total, folder)
+    scenario = team_scenario(followers, total + 1, folder)
     job, loop = loop_job(scenario, total, folder)
     with Field(entries, pythons, 1 + followers) as field:
 

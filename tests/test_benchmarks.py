@@ -24,6 +24,38 @@ def test_masters(tmp_path: Path) -> None:
     assert (tmp_path / "masters.png").stat().st_size > 10_000
 
 
+def test_closed_loop_against_c(tmp_path: Path) -> None:
+    short = ("--followers", 4, "--rounds", 1, "--ticks", 250)
+    printed = run(BENCHMARKS / "closed_loop.py", *short, "--json", tmp_path / "times.json")
+    assert "4 followers, 250 ticks: " in printed
+    result = json.loads((tmp_path / "times.json").read_text(encoding="utf-8"))["4"]
+    motion = {"pose", "velocity", "measured_pose", "torque", "range", "bearing", "weight_norm", "torque_command"}
+    parts = {"plants alone, ours", "plants alone, C", "law alone, ours", "law alone, C"}
+    assert result["apart"].keys() > motion | parts
+    assert max(result["apart"].values()) <= 1e-10
+    assert result["nanoseconds"]["loop, all recorded"]["ratio"]["min"] > 0
+
+
+def test_closed_loop_refuses_another_motion_in_c() -> None:
+    code = """
+import closed_loop, numpy as np
+ours = np.ones(3)
+for wrong in (ours + 1e-9, ours * np.nan, ours[1:]):
+    try:
+        closed_loop.apart(ours, wrong, "the pose")
+    except SystemExit as refusal:
+        print(refusal)
+print(closed_loop.apart(ours, ours + 1e-12, "the pose") > 0)
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=BENCHMARKS, capture_output=True, text=True, check=False, timeout=300)
+    first, second, third, rounding = done.stdout.splitlines()
+    assert first == "the pose is 1e-09 off in C: a comparison would mean nothing"
+    assert second == "the pose is nan off in C: a comparison would mean nothing"
+    assert third == "the pose has shape (3,), and (2,) in C"
+    assert rounding == "True"
+
+
 def test_profile_of_a_run() -> None:
     assert "whole process" in run(BENCHMARKS / "profile_run.py", "--runs", 1)
 
