@@ -390,7 +390,7 @@ def test_velocities_under_names_that_tell_nothing(
     printed, warned = swap(scenario, "--plant", f"car={fmu}", status=2)
     assert '\'Tempo\' could be it; if so, add <role name="v" variable="Tempo"/>' in printed
     assert "offers no v and no omega, but its followers need the leader's velocities" in warned
-    assert '\'rates[2]\' could be omega, which the binding says with <role name="omega" variable="rates[2]"/>' in warned
+    assert '\'rates[2]\' could be omega: add to the binding <role name="omega" variable="rates[2]"/>' in warned
     assert main(["inspect", str(fmu)]) == 0
     assert "'rates[2]'" in " ".join(capsys.readouterr().out.split())
     binding = scenario.with_name("stub.binding.xml")

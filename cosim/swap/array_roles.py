@@ -12,16 +12,16 @@ from cosim.vehicle.kind import Kind, Role
 
 
 class Told(Enum):
-    """How it is known that an element plays a role."""
+    """The evidence that an element of an array plays a role."""
 
     BY_THE_FMU = "by the FMU"
     """The name of the array and all units up to the element fit, or a description gives the order."""
     BY_PLACE = "by place"
-    """Only its place in the array speaks for it, so the user is asked."""
+    """Only its place in the array is evidence, so the user is asked."""
 
 
 def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
-    """Return how it is known that an element of an array plays a role; None if it does not."""
+    """Return the evidence that an element of an array plays a role; None if there is none."""
     found = next((s for s in kind.series if s.role(number.words, number.size, number.place)), None)
     if found is None or role.name not in found.roles:
         return None

@@ -37,7 +37,7 @@ def in_english(words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def without_start(words: tuple[str, ...]) -> tuple[str, ...] | None:
-    """Return the words of an initial value without those that say that it is one; None if it is none."""
+    """Return the words of an initial value without words such as "initial"; None if it is no initial value."""
     if STARTING.isdisjoint(words) and words[-1:] != ("0",):
         return None
     rest = tuple(word for word in words if word not in STARTING)
@@ -78,7 +78,7 @@ def _words_of_clues() -> Iterator[str]:
 
 
 def doubtful(role: str, kind: Kind, description: str) -> bool:
-    """Return whether the description of a role's player speaks of another convention than the kind's."""
+    """Return whether a description of a variable contradicts the convention of the role that it plays."""
     pattern = kind.recognised.conventions.get(role)
     text = re.sub(r"(?i)(counter|anti)[ -]?clockwise", "", description)
     return pattern is not None and re.search(rf"(?i)\b({pattern})\b", text) is not None

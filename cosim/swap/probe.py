@@ -43,13 +43,13 @@ class Probe:
     Attributes
     ----------
     inputs : tuple of str
-        Those that were given, one after the other and, if there are two or more, all together.
+        The inputs that the drive has set: one after the other and, if there are two or more, all together.
     amplitude : float
         Amplitude of the inputs, in the FMU's own units.
     changes : dict
-        By the output: how far it is, after `DURATION`, from where it is without any input; one number for each run.
+        By the output: its difference after `DURATION` to the run without any input, one number for each run.
     problem : str
-        Why nothing is known; empty if something is.
+        Reason why there are no movements; empty if there are.
     """
 
     inputs: tuple[str, ...] = ()
@@ -59,7 +59,7 @@ class Probe:
 
 
 def probed(package: Package, proposal: Proposal) -> Probe:
-    """Drive an FMU in processes of its own and return its movements, or why they are not known."""
+    """Drive an FMU in processes of its own and return its movements, or the reason why there are none."""
     if sentence := obstacle(package):
         return Probe(problem=sentence)
     numbers = Numbers(package.description)
@@ -174,7 +174,7 @@ def _block(numbers: Iterable[Number]) -> tuple[Block, list[int]]:
 
 
 def _step(description: ModelDescription) -> float:
-    """Return a communication step that is a multiple of the one of the default experiment, if that divides a second."""
+    """Return a communication step: a multiple of the default experiment's step, if that divides a second."""
     own = experiment_number(description, "stepSize") or _STEP
     step = own * max(1, round(_STEP / own))
     return step if step <= DURATION / 5 else _STEP

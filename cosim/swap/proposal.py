@@ -1,7 +1,7 @@
 """Proposals: which variables of an FMU play the roles of a vehicle, where their names and units make it obvious.
 
-Nothing is guessed that only the FMU's author knows: a unit that is not stated, a sign, a length. It stays open: `OPEN`
-stands for it in the binding, which is refused until the user has filled it in.
+A proposal does not guess facts that only the FMU's author knows: a unit that is not stated, a sign, a length. `OPEN`
+stands for them in the binding, and a binding with `OPEN` is refused until the user has filled it in.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ class Suggestion:
     role : Role
         The role.
     source : RoleSource or None
-        As a binding says it; None of an optional role for which there is nothing.
+        The role in a binding; None for an optional role without a player.
     open : tuple of str
         Open questions for the user, each a sentence.
     doubts : tuple of str
         Doubts that the user should check, each a sentence.
     candidates : tuple of str
-        Where nothing plays it, the numbers that may do so, and among which the user must choose.
+        For a role without a player: the numbers that may play it, among which the user must choose.
     """
 
     role: Role
@@ -86,12 +86,12 @@ class Proposal:
 
     @property
     def open(self) -> tuple[Suggestion, ...]:
-        """Those in which something is to be filled in."""
+        """The suggestions in which the user must fill in something."""
         return tuple(suggestion for suggestion in self.suggestions if suggestion.open)
 
     @property
     def doubts(self) -> tuple[Suggestion, ...]:
-        """Those at which the user should look."""
+        """The suggestions that the user should check."""
         return tuple(suggestion for suggestion in self.suggestions if suggestion.doubts)
 
     @property
@@ -110,7 +110,7 @@ class Proposal:
 
     @property
     def plausible(self) -> bool:
-        """Whether the FMU seems to be such a vehicle: at least half of pose and torque are there, of each something."""
+        """Whether the FMU seems to be such a vehicle: half of the roles are there, some of pose and some of torque."""
         found = [[role for role in roles if role not in self.missing] for roles in (self.kind.pose, self.kind.command)]
         return not self.refusal and all(found) and sum(map(len, found)) > len(self.missing)
 
@@ -175,7 +175,7 @@ def _proposed(description: ModelDescription, kind: Kind, numbers: Numbers) -> Pr
 def velocity_hints(
     description: ModelDescription, kind: Kind, roles: Collection[str], played: Collection[str]
 ) -> list[str]:
-    """Return which outputs of an FMU could be velocities that its binding does not name, a sentence for each role.
+    """Return sentences, one for each velocity without a player, on the outputs of an FMU that could play it.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def velocity_hints(
     numbers = Numbers(description)
     sought = (_sought(Suggestion(role), description, numbers, played) for role in kind.velocity if role.name in roles)
     return [
-        f"{_listed(map(repr, s.candidates))} could be {s.role.name}, which the binding says with "
+        f"{_listed(map(repr, s.candidates))} could be {s.role.name}: add to the binding "
         f"{_element(s.role, s.candidates[0], description, numbers)}"
         for s in sought
         if s.candidates
@@ -212,10 +212,10 @@ def binding_xml(proposal: Proposal, file: str) -> str:
     root = etree.Element(f"{{{NAMESPACE}}}binding", {"vehicle": kind.name}, {None: NAMESPACE})
     about = (
         f"Which variables of {file} play the roles of a {kind.name} vehicle, proposed by their names and units. "
-        "Look through it: names tell no signs. A role that is not mentioned is played by the variable of its name."
+        "Check it: names do not show signs. A role without an entry is played by the variable of its name."
     )
     if proposal.open:
-        about += f' Where it says "{OPEN}", fill in what the comment asks for.'
+        about += f' Replace each "{OPEN}" as its comment asks.'
     root.addprevious(_comment(textwrap.fill(about, 110, subsequent_indent=" " * 5)))
     for suggestion in proposal.suggestions:
         for sentence in (*suggestion.open, *suggestion.doubts):
@@ -304,14 +304,14 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
 
 
 def _told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
-    """Return how it is known that an element of an array plays a role by its place; None of all others."""
+    """Return the evidence that an element of an array plays a role by its place; None for any other number."""
     if number.size == 1 or number.name == role.name:
         return None
     return told(role, kind, number, numbers, description)
 
 
 def _asked(suggestion: Suggestion, fit: _Fit) -> str:
-    """Return the question whether a number plays a role for which nothing speaks but its place in an array."""
+    """Return the question whether a number plays a role if its place in an array is the only evidence."""
     assert suggestion.source is not None
     said = attributes(suggestion.source)
     del said["name"]
@@ -327,7 +327,7 @@ def _suggest_enumeration(role: Role, description: ModelDescription) -> Suggestio
     if variable is not None and variable.causality == role.causality and variable.type == "Enumeration":
         return Suggestion(role, _by_name(role))
     source = RoleSource(name=role.name, value=OPEN, where=_HERE)
-    return Suggestion(role, source, (f"state {role.meaning}; the FMU does not tell it",))
+    return Suggestion(role, source, (f"state {role.meaning}; the FMU does not state it",))
 
 
 def _rank(role: Role, kind: Kind, number: Number, words: tuple[str, ...]) -> tuple[int, int] | None:
@@ -346,7 +346,7 @@ def _rank(role: Role, kind: Kind, number: Number, words: tuple[str, ...]) -> tup
 
 
 def _best(found: list[_Fit]) -> list[_Fit]:
-    """Return those that fit best, one of each number: variables with the same value reference are the same number."""
+    """Return the numbers that fit best, each once: variables with the same value reference are the same number."""
     least = min((fit.rank for fit in found), default=None)
     best = {(f.number.variable.valueReference, f.number.element): f for f in reversed(found) if f.rank == least}
     return list(reversed(best.values()))
@@ -423,7 +423,7 @@ def _element(role: Role, name: str, description: ModelDescription, numbers: Numb
 
 
 def _could_be(role: Role, description: ModelDescription, numbers: Numbers) -> list[str]:
-    """Return the names of numbers that could play a role by their unit; if there are none, of those without a unit."""
+    """Return the names of numbers that could play a role by their unit; if none, of numbers without one."""
 
     def fits(number: Number, *, stated: bool) -> bool:
         if bool(unit_name(number.variable) or number.hint) != stated:

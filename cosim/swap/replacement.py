@@ -29,7 +29,7 @@ from cosim.vehicle.kinds import kind_named, kinds
 from plants import UnitError
 
 BINDING_SUFFIX = ".binding.xml"
-"""How the names of the files end that hold a binding."""
+"""The end of the name of a file that holds a binding."""
 
 _NS = "{" + NAMESPACE + "}"
 
@@ -41,7 +41,7 @@ class Replacement:
     Attributes
     ----------
     plant : str
-        Which plant.
+        The id of the plant.
     package : Package
         The FMU.
     kind : Kind
@@ -49,7 +49,7 @@ class Replacement:
     proposal : Proposal or None
         The proposal of a binding; None if a binding is given.
     roles : tuple of RoleSource
-        The same as a binding has it.
+        The roles of the binding.
     binding : Path or None
         The binding's file; None if none is needed.
     probe : Probe or None
@@ -105,9 +105,9 @@ def swap(
     fmus
         By the id of the plant, the FMU that takes its place.
     bindings
-        Likewise the file with the binding, where there is one; for others it is proposed.
+        By the id of the plant, the file of the binding. For a plant without one, a binding is proposed.
     variant
-        The file to be written; without it, beside the scenario, named after both. Bindings go beside it.
+        The file to be written; default: beside the scenario, named after scenario and FMU. Bindings go beside it.
     cleanup
         Receives the clean-up callbacks.
     drive
@@ -168,7 +168,7 @@ def _replacement(
 
 
 def _kind_of_plant(scenario: Scenario, plant: str) -> Kind | None:
-    """Return the kind of the vehicles that are such a plant, as their initial poses tell; None if they do not."""
+    """Return the kind of vehicle of a plant by the initial poses of its robots; None if they fit several kinds."""
     for robot in _robots(scenario).values():
         for kind in kinds():
             if robot.plant == plant and set(robot.pose.values) == {role.name for role in kind.pose}:
@@ -386,7 +386,7 @@ def _changing(event: etree._Element) -> list[etree._Element]:
 def _contradiction(role: Role, constant: str, value: str) -> str | None:
     """Return why a value of a role does not go with the constant that a binding has for it; None if it does."""
     if constant == OPEN:
-        return f"the binding is to say what {role.name} is"
+        return f"the binding must state {role.name}"
     try:
         check_constant(role, quantity(constant, role.unit) if role.unit else constant, value)
     except (ValueError, UnitError) as error:

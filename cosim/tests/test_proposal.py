@@ -394,7 +394,7 @@ def test_the_kind_that_fits_best_comes_first(tmp_path: Path) -> None:
     drives = "its inputs 'torque_right' and 'torque_left' are for a right and a left wheel, and "
     assert [propose(describe(tmp_path, TRAILER), kind).refusal for kind in (CAR_LIKE, DIFFERENTIAL_DRIVE)] == [
         f"{drives}no input steers",
-        f"{drives}it speaks of a trailer or a hitch: it seems to be a tractor with a trailer",
+        f"{drives}it mentions a trailer or a hitch: it seems to be a tractor with a trailer",
     ]
 
 

@@ -51,9 +51,9 @@ class RunColumns:
     Attributes
     ----------
     pose, velocity, command : Columns
-        Those of each group.
+        The columns of each group.
     commands : str
-        How a result names what drives the robots: ``torque``, or ``command`` if some command is no torque.
+        Name of the commands in a result: ``torque``, or ``command`` if some command is no torque.
     """
 
     pose: Columns

@@ -31,13 +31,13 @@ from cosim.vehicle.words import (
 )
 
 _STANDING = 1e-6
-"""Speed [m/s] below which a turn is no curvature of a path."""
+"""Speed [m/s] below which a robot turns on the spot, so that its path has no curvature."""
 
 
 def _refusal(evidence: Evidence) -> str:
     drives = evidence.driven_by_wheels
     if drives and evidence.trailing:
-        return f"{drives}, and it speaks of a trailer or a hitch: it seems to be a tractor with a trailer"
+        return f"{drives}, and it mentions a trailer or a hitch: it seems to be a tractor with a trailer"
     return evidence.steers_only
 
 
@@ -69,7 +69,7 @@ _RECOGNISED = Recognised(
 
 
 def _course(_: fc.DifferentialDrive, state: Sequence[float]) -> Course:
-    """Return where it is on a path; one that turns on the spot is on a straight one, and no rate is known."""
+    """Return its course on a path; a robot that turns on the spot is on a straight path. The rate is not known."""
     x, y, heading, v, omega = state
     return Course(x, y, heading, v, omega / v if abs(v) > _STANDING else 0.0, 0.0)
 

@@ -23,7 +23,7 @@ class Evidence:
     said : collection of str
         The words of its name and description.
     missing : collection of str
-        The roles for which there is nothing.
+        The roles without a candidate.
     has : callable
         Returns whether the name of any of its variables has one of some words.
     """
@@ -66,7 +66,7 @@ class Evidence:
 
     @property
     def trailing(self) -> bool:
-        """Whether anything speaks of a trailer or a hitch."""
+        """Whether a name or a description mentions a trailer or a hitch."""
         return bool(_TRAILING & set(self.said)) or self.has(_TRAILING)
 
 

@@ -1,4 +1,4 @@
-"""A kind of vehicle: all that the harness knows of it, in one object.
+"""A kind of vehicle: all its facts for the harness, in one object.
 
 `Kind` states the roles of a plant of the kind with their units, its geometry for controllers, the words by which a
 foreign FMU is recognised, how two plants are compared, and how it moves along a path.
@@ -24,7 +24,7 @@ class Role:
     """The purpose of a variable: its name, the causality that it must have, and its unit.
 
     A role without a unit is played by an enumeration, all others by a real variable. A plant may lack an optional role.
-    Its meaning says where zero is and which way is positive. `items` are those of the enumeration.
+    Its meaning states where zero is and which way is positive. `items` are the items of the enumeration.
     """
 
     name: str
@@ -42,16 +42,16 @@ def units_of(roles: Iterable[Role]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Recognised:
-    """How the variables of a foreign FMU are recognised as those of a vehicle.
+    """Words and rules by which the variables of a foreign FMU are recognised as roles of a vehicle.
 
     Attributes
     ----------
     by_role : dict
         Words that are evidence for a role, besides its own name.
     order : dict
-        Words of a description that tell the commands of an array from one another.
+        Words of a description that distinguish the commands of an array.
     conventions : dict
-        By the role, a part of a regular expression: words of a description that speaks of another convention.
+        By the role, a part of a regular expression: words of a description that uses another convention.
     refusal : callable
         Returns why an FMU is clearly another kind of vehicle; empty if it is not.
     """
@@ -64,7 +64,7 @@ class Recognised:
 
 @dataclass(frozen=True)
 class Response:
-    """Which command alone moves which role from rest, and whether up (1) or down (-1)."""
+    """A command that alone moves a role from rest, and its direction: up (1) or down (-1)."""
 
     command: str
     role: str
@@ -73,16 +73,16 @@ class Response:
 
 @dataclass(frozen=True)
 class Excitation:
-    """How a plant is moved well in a comparison: by a course of drive and one of turning.
+    """Commands that move a plant well in a comparison: one course of driving and one of turning.
 
     Attributes
     ----------
     size : tuple of float
-        How large drive and turning are in the first attempt, in the units of the commands.
+        Amplitudes of driving and turning in the first attempt, in the units of the commands.
     commands : callable
         Returns the commands (T, commands) for drive and turning (T, 2).
     turned : callable
-        Returns from states (T, entries) the angle [rad] that turning changes, and that must stay far from 90 degrees.
+        Returns from states (T, entries) the angle [rad] that turning changes. It must stay far from 90 degrees.
     """
 
     size: tuple[float, float]
@@ -97,7 +97,7 @@ class OnPath:
     Attributes
     ----------
     course : callable
-        Returns from a vehicle and its state (entries) where on a path it is.
+        Returns from a vehicle and its state (entries) its course on a path.
     state : callable
         Returns from a vehicle and a course the state (entries) that it has there.
     motion : callable
@@ -115,7 +115,7 @@ class OnPath:
 
 @dataclass(frozen=True)
 class ExampleLaw:
-    """The control law of a first scenario, with gains that go well."""
+    """The control law of a first scenario, with gains that work."""
 
     id: str
     name: str
@@ -135,7 +135,7 @@ ADAPTIVE_PID = ExampleLaw(
 
 @dataclass(frozen=True)
 class Example:
-    """Values with which ``formation new`` writes a scenario that goes well.
+    """Values with which ``formation new`` writes a scenario that meets its expectations.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class Kind:
     Attributes
     ----------
     name, title : str
-        As scenarios name it, and for people.
+        Its name in scenarios, and its name in texts.
     pose, velocity, command : tuple of Role
         Outputs of a plant, and its commands. The pose begins with x, y and a heading.
     geometry : dict
@@ -188,11 +188,11 @@ class Kind:
     responses : tuple of Response
         Movements that a short drive of a foreign FMU must show.
     excitation : Excitation or None
-        How plants are moved in a comparison; without it, commands must be given.
+        The commands of a comparison; without it, the user must give commands.
     on_path : OnPath or None
-        How it moves along a path; without it, it is no leader of other kinds or along a trajectory.
+        Its motion along a path; without it, the vehicle leads no other kind, and along no trajectory.
     example : Example or None
-        How a first scenario is written; without it, none is.
+        Values of a first scenario; without it, ``formation new`` writes none.
     """
 
     name: str

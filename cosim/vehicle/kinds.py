@@ -61,7 +61,7 @@ def _by_name(kind: Kind) -> tuple[Any, tuple[str]]:
     return kind_named, (kind.name,)
 
 
-copyreg.pickle(Kind, _by_name)  # a kind has functions, and is itself in every process: its name stands for it
+copyreg.pickle(Kind, _by_name)  # a kind has functions, which do not pickle: its name is sent to another process
 
 
 def installed() -> tuple[InstalledKind, ...]:
@@ -115,7 +115,7 @@ def _others() -> tuple[InstalledKind, ...]:
         try:
             loaded = point.load()
             fault = _fault(loaded, point.name, [f.kind for f in found.values() if f.kind is not None])
-        except Exception as error:  # whatever someone's module does when imported
+        except Exception as error:  # a foreign module can raise anything when it is imported
             loaded, fault = None, f"cannot be imported: {type(error).__name__}: {error}"
         sentence = f"{which} {fault}" if fault else ""
         found[point.name] = InstalledKind(point.name, package, version, None if fault else loaded, sentence)

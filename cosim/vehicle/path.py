@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 
 class Course(NamedTuple):
-    """Where a vehicle is on a path: reference point [m], heading [rad], speed [m/s], curvature [1/m] and its rate."""
+    """Course on a path: reference point [m], heading [rad], speed [m/s], curvature [1/m] and its rate."""
 
     x: float
     y: float

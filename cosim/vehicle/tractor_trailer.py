@@ -36,7 +36,7 @@ _TRACTOR = "tractor|truck|cab"
 def _refusal(evidence: Evidence) -> str:
     drives = evidence.driven_by_wheels
     if drives and not evidence.trailing and {"theta_0", "theta_1"} & set(evidence.missing):
-        return f"{drives}, and nothing speaks of a trailer or a hitch: it seems to be a differential-drive robot"
+        return f"{drives}, and no name mentions a trailer or a hitch: it seems to be a differential-drive robot"
     return evidence.steers_only
 
 

@@ -8,7 +8,7 @@ from cosim.vehicle.path import Floats
 from cosim.vehicle.words import words
 
 SIDES = {"tau_right": words("right"), "tau_left": words("left")}
-"""Words of a description that tell the wheels' torques from one another."""
+"""Words of a description that distinguish the wheels' torques."""
 
 
 def wheel_torques(drive_and_turning: Floats) -> Floats:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Clue:
-    """Words that tell a role.
+    """Words that are evidence for a role.
 
     Attributes
     ----------
     groups : tuple of frozenset
-        Of each group, a word must be there.
+        The name must have a word of each group.
     alone : bool
-        Whether no other word may be there, but for those that say nothing.
+        Whether the name may have no other word, except words that do not distinguish roles.
     with_unit : bool
         Whether the words are no evidence for a variable without a unit.
     """
@@ -27,7 +27,7 @@ class Clue:
 
 @dataclass(frozen=True)
 class Recognition:
-    """How a role is known: by one of several clues, the best one first, and by the absence of some words."""
+    """Recognition of a role: one of several clues must fit, the best one first, and some words must be absent."""
 
     clues: tuple[Clue, ...]
     never: frozenset[str]
@@ -54,11 +54,11 @@ class Series:
     words : frozenset
         Words of its name.
     sizes : tuple of int
-        How many elements it has.
+        Possible numbers of elements.
     roles : tuple of str
-        Which roles they would be.
+        The roles of the elements, in their order.
     telling : bool
-        Whether its name says so, if the units fit as well.
+        Whether the name is enough evidence, if the units fit as well.
     """
 
     words: frozenset[str]
@@ -124,4 +124,4 @@ Y_AXIS = "east|south|right|front|ost|osten|süd|süden|rechts"
 FORWARD = "reverse|backwards?|rückwärts"
 COMPASS = "clockwise|north|compass|im uhrzeigersinn|nord|norden|kompass"
 TURNING = "clockwise|right|im uhrzeigersinn|rechts"
-# The last five: words of a description that speaks of another convention than ours, as parts of a regular expression.
+# The last five: words of a description that uses another convention than ours, as parts of a regular expression.
