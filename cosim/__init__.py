@@ -10,7 +10,7 @@ or step by step:
 ...     while not simulation.finished:
 ...         simulation.step()
 
-and later, of what ``formation run`` has left:
+and later, from the files of ``formation run``:
 
 >>> result = cosim.load_result("runs/clmr_line")
 >>> summary = cosim.summary_of(result)                       # the table, notes and verdicts, as data
@@ -80,7 +80,7 @@ def run(
     Raises
     ------
     InputError
-        The scenario is wrong or does not fit what is installed.
+        The scenario is wrong, or a package that it needs is not installed.
     SimulationError
         A plant or controller failed, or the motion diverged; its ``result`` holds everything up to then.
     RunInterrupted

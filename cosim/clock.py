@@ -70,5 +70,5 @@ def whole(number: float) -> int | None:
 
 
 def acting(times: NDArray[np.float64], start: float, stop: float) -> NDArray[np.bool_]:
-    """Return which communication points [s] lie in a window: its start is included, its end excluded."""
+    """Return the mask of communication points [s] in a window: its start is included, its end excluded."""
     return (times >= start - ROUNDING) & (times < stop - ROUNDING)

@@ -26,10 +26,10 @@ def _restored(kind: type[BaseException], args: tuple[object, ...]) -> BaseExcept
 
 
 class Picklable(BaseException):
-    """An exception that is pickled by its fields, whatever its constructor takes."""
+    """An exception that is pickled by its fields, without a call of its constructor."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how it is made again: without its constructor, which takes something other than the text."""
+        """Return the steps to make it again: without its constructor, which takes other arguments than the text."""
         return _restored, (type(self), self.args), self.__dict__
 
 
@@ -90,9 +90,9 @@ class Failure:
     Attributes
     ----------
     robot : str
-        Which robot failed; empty if the run was interrupted.
+        The robot that failed; empty if the run was interrupted.
     time : float
-        Communication point [s] at which it was noticed.
+        Communication point [s] at which the failure was noticed.
     variable : str
         Variable that has diverged or was not finite, such as ``v``; empty if it is not about one variable.
     message : str

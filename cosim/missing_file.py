@@ -8,11 +8,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 MAX_NAMES = 5000
-"""Upper limit for the names of a folder among which the nearest is searched."""
+"""Upper limit for the number of names in a folder that are compared with the missing one."""
 
 
 def absent(path: Path) -> str:
-    """Return the sentence that there is no such file, with the one that is perhaps meant."""
+    """Return the sentence that there is no such file, with the name of a similar file."""
     sentence = "there is no such file"
     text = str(path)
     before, scheme, after = text.partition("file:/")  # a path has no "//"

@@ -64,7 +64,7 @@ class ScenarioItem(pytest.Item):
         known = dict.fromkeys(verdict.known_failure for verdict in summary.verdicts if not verdict.passed)
         if known:
             pytest.xfail("; ".join(known))
-        if not summary.passed:  # pytest was told to treat marked failures as any other (--runxfail)
+        if not summary.passed:  # the option --runxfail: pytest treats a marked failure like any other
             raise _NotAsExpected(summary)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
@@ -95,7 +95,7 @@ def is_scenario(path: Path) -> bool:
     """Return whether a file is a scenario or a variant of one, by the root element within its first 64 KiB.
 
     No entity is expanded: parsing ends at a document type declaration. Such a file, or one that is broken before its
-    root element is complete, counts as a scenario if it names the namespace, so that its test says what is wrong.
+    root element is complete, counts as a scenario if it names the namespace, so that its test reports the fault.
     """
     try:
         with path.open("rb") as file:
@@ -126,7 +126,7 @@ def _found(name: str, attributes: object, *_: object) -> None:
 
 
 def _report(summary: Summary) -> Iterable[str]:
-    """Return a line on each verdict, those that are not as expected first, and the notes."""
+    """Return a line for each verdict, unexpected ones first, and the notes."""
     for verdict in sorted(summary.verdicts, key=lambda verdict: verdict.as_marked):
         yield f"{verdict.where}: {verdict.outcome}: {verdict}"
     for note in summary.notes:

@@ -59,7 +59,7 @@ def quantity(text: str, unit: str | units.Unit) -> float:
 
 
 def meant(text: str) -> str:
-    """Return the quantity that a text which is none was perhaps meant to be; empty if none comes to mind."""
+    """Return the quantity that a faulty text probably means; empty if there is no likely one."""
     plain = _OTHER_MINUS.sub("-", unicodedata.normalize("NFKC", text.strip()))
     comma = _DECIMAL_COMMA.match(plain)
     if comma and len(comma[2]) != 3:  # three digits may be thousands

@@ -44,7 +44,7 @@ def _provenance(path: Path) -> Provenance | None:
     try:
         with h5netcdf.File(path, "r") as result:  # xarray would decode all variables, too
             return Provenance.of(result.attrs) if "changes" in result.attrs else None
-    except Exception:  # whatever it is, it is no result that could be kept
+    except Exception:  # no result that can be kept
         return None
 
 

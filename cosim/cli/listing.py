@@ -22,7 +22,7 @@ _FOLDER = Path("scenarios")
 def inventory(_: argparse.Namespace) -> int:
     """Print built-in plants, installed controllers, scenarios and where their schema is.
 
-    The scenarios are those in ./scenarios; where there are none, those that come with Formation.
+    Lists the scenarios in ./scenarios or, if there are none, the scenarios that come with Formation.
     """
     console = out()
     listed = table(console, "Plants")

@@ -154,7 +154,7 @@ def _settings(settings: Iterable[Setting]) -> Iterator[str]:
 
 
 def _effects(sources: Sequence[EffectSource], roles: Iterable[Role], times: Times) -> str:
-    """Return effects in words; those that differ only in their channels together."""
+    """Return effects in words; effects that differ only in their channels are joined."""
     channels: dict[tuple[str, str], list[str]] = {}
     for effect in understood_effects(sources, units_of(roles), times, ""):
         about = (effect.text, _window(effect.start, effect.stop, math.inf))

@@ -51,7 +51,9 @@ def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iter
     """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
-        with ExitStack() as ending:  # the plants end last: whatever an FMU does then, everything is written and printed
+        with (
+            ExitStack() as ending
+        ):  # the plants end last: everything is written and printed before an FMU can fail at its end
             yield _run_scenario(path, options, outcomes, names, ending)
 
 

@@ -19,7 +19,7 @@ EXPECTATION_FAILED, NOT_TO_THE_END, INTERRUPTED = 1, SimulationError.exit_status
 def show(options: argparse.Namespace) -> int:
     """Print the summary of each result and draw the figure if asked for; return the most serious exit status.
 
-    The exit status is the one that the run had: 0 all expectations hold, 1 one failed, 3 it failed, 130 it was
+    The exit status equals the run's: 0 all expectations hold, 1 one failed, 3 it failed, 130 it was
     interrupted; 2 if there is no such result.
     """
     if options.figure is not None and len(options.results) > 1:

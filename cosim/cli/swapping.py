@@ -38,7 +38,7 @@ def swap_plants(options: argparse.Namespace) -> int:
         for note in swapped.notes:
             warn(note)
         opens = [_report(replacement) for replacement in swapped.replacements]
-        for replacement in swapped.replacements if any(opens) else ():  # else the check will say so
+        for replacement in swapped.replacements if any(opens) else ():  # else the check reports it
             if sentence := obstacle(replacement.package):
                 warn(sentence)
     variant = shlex.quote(str(swapped.variant))

@@ -101,7 +101,7 @@ class PlantComparison:
     Attributes
     ----------
     kind : Kind
-        Which vehicle both are.
+        The kind of vehicle of both.
     plants : tuple of dict
         Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
     geometry : dict
@@ -150,7 +150,7 @@ class PlantComparison:
 
     @property
     def late(self) -> str:
-        """The plant, "A" or "B", whose outputs are the other's one communication step late; empty if neither is."""
+        """The plant, "A" or "B", that is one communication step late; empty if neither is."""
         pose = len(self.kind.pose)
         first, second = (states[:, :pose] for states in self.states)
         return one_step_late(first, second, TOLERANCE, [role.unit == "rad" for role in self.kind.pose])
@@ -219,7 +219,7 @@ def compare_plants(
     duration, step
         How long, and the communication step [s].
     pose
-        Entries of the initial pose by their roles, in the roles' units; those left out are as they are for this.
+        Entries of the initial pose by their roles, in the roles' units. An entry that is left out is the kind's.
     torque
         A CSV file with the columns ``time [s]`` and the commands by their roles, or an array (steps, commands).
         Without it, steps and sines in all, so large that the first plant moves well but steers far from 90 degrees.
@@ -407,7 +407,7 @@ def _tolerances(kind: Kind, within: Iterable[str]) -> dict[str, float]:
 
 
 def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
-    """Return a tolerance for each of the roles whose unit it fits; zero needs no unit."""
+    """Return a tolerance for each role with a fitting unit; zero needs no unit."""
     try:
         number, name = split(value)
         given = units.parse(name)

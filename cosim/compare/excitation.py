@@ -1,4 +1,4 @@
-"""The torques under which plants are compared: given ones, or steps and sines that move a vehicle well."""
+"""The torques of a comparison: given by the user, or steps and sines that move a vehicle well."""
 
 from __future__ import annotations
 
@@ -104,5 +104,5 @@ def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
 
 
 def _change(wanted: float, found: float) -> float:
-    """Return the factor by which a torque is to change; 1 for a torque without an effect."""
+    """Return the factor for a torque in the next attempt; 1 for a torque without an effect."""
     return min(max(wanted / found, 0.1), 10.0) if found > 1e-9 else 1.0

@@ -12,7 +12,7 @@ SMALL = 0.01
 
 
 def one_step_late(a: NDArray[np.float64], b: NDArray[np.float64], apart: float, angles: Sequence[bool]) -> str:
-    """Return the plant whose outputs are the other's one communication step late; empty if neither is.
+    """Return the plant that is one communication step behind the other; empty if neither is.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def one_step_late(a: NDArray[np.float64], b: NDArray[np.float64], apart: float, 
     apart
         A difference that does not matter, in the units of the states.
     angles
-        Which of the states are angles [rad].
+        Mask of the states that are angles [rad].
 
     Returns
     -------

@@ -84,7 +84,7 @@ class _DocumentType(Exception):
 
 
 class _RootElement(Exception):
-    """A document's root element begins, after which it cannot declare its type."""
+    """The root element begins: no document type can follow."""
 
 
 class _Beginning:
@@ -163,7 +163,7 @@ def _check_sizes(path: Path, sizes: dict[PurePosixPath, int], where: Location | 
 
 
 def _copy(path: Path, directory: Path, where: Location | None) -> str:
-    """Copy an unpacked FMU, which is then the same whatever becomes of the folder; return its checksum."""
+    """Copy an unpacked FMU, so that later changes of its folder have no effect; return its checksum."""
     if not (path / DESCRIPTION).exists():
         raise InputError(f"the folder {path} is no unpacked FMU: it holds no {DESCRIPTION}", where)
     files = dict(_files(path))

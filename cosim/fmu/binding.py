@@ -1,4 +1,4 @@
-"""Bindings: which variables of an FMU play the roles of a kind of vehicle, and how their numbers are to be read."""
+"""Bindings: the variables of an FMU that play the roles of a kind of vehicle, with unit, factor and offset."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class BoundVariable:
     variable : Variable
         The variable that holds it.
     element : int
-        Which of its elements it is, from 0 in row-major order; 0 of a scalar.
+        Index of its element, from 0 in row-major order; 0 for a scalar.
     """
 
     variable: Variable
@@ -73,7 +73,7 @@ class Binding:
     bound: dict[str, BoundRole]
 
     def of(self, roles: Iterable[Role]) -> tuple[BoundRole | None, ...]:
-        """Return the bound roles in the order given; None for an optional one that nothing plays."""
+        """Return the bound roles in the order given; None for an optional role without a player."""
         return tuple(self.bound.get(role.name) for role in roles)
 
     def described(self) -> dict[str, str]:
@@ -100,7 +100,7 @@ def bind(
     Raises
     ------
     InputError
-        The FMU is no vehicle of any kind, or the binding does not fit it: which roles, and why.
+        The FMU is no vehicle of any kind, or the binding does not fit it; the message names roles and reasons.
     """
     if declared is not None:
         kind = kind_named(declared.vehicle)
@@ -132,7 +132,7 @@ def bind(
 
 
 class _BindingError(ValueError):
-    """Something that a binding says makes no sense, whatever the FMU is."""
+    """A statement of a binding that is wrong for every FMU."""
 
 
 @dataclass(frozen=True)
@@ -276,7 +276,7 @@ def _found(
     if role.unit and variable.type not in NUMBER_TYPES:
         raise ValueError(f"has {name!r} as {variable.type}, not as {REAL_TYPES[description.fmiVersion[0] == '3']}")
     if role.unit:
-        start_of(variable)  # which must be such that it can be exchanged
+        start_of(variable)  # its causality and variability must allow the exchange
     return variable, element
 
 

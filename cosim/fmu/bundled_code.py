@@ -1,7 +1,7 @@
 """Code of an FMU that a process can hold only once: Python modules, libraries beside its binary, Java classes.
 
-The first `model` that Python imports, the first `libvendor.so.3` that the linker loads, is that of every later FMU in
-the process too, whatever file it came in; and what it has in memory outlasts the run.
+All FMUs of a process share the first `model` that Python imports and the first `libvendor.so.3` that the linker
+loads, also if they bring other files of that name. The memory of this code outlasts the run.
 """
 
 from __future__ import annotations
@@ -57,5 +57,5 @@ def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> s
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Return all files in a folder, those nearest to it first."""
+    """Return all files in a folder, sorted by depth."""
     return iter(sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda p: (len(p.parts), p)))

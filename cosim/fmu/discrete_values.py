@@ -76,7 +76,7 @@ def check_whole(variable: Variable, value: Discrete, text: str) -> None:
 
 
 def check_bounds(variable: Variable, value: float, text: str) -> None:
-    """Refuse a number that is beyond the bounds which the FMU states.
+    """Refuse a number beyond the FMU's bounds.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def start_of_discrete(variable: Variable) -> Discrete:
     Raises
     ------
     ValueError
-        The FMU states one that is no value of an enumeration; the FMU is the subject of the text.
+        The FMU's start value is no value of the enumeration; the FMU is the subject of the text.
     """
     text = variable.start if isinstance(variable.start, str) else ""
     if variable.type == "Enumeration":

@@ -71,7 +71,7 @@ class FmuFiles:
         return data
 
     def xml(self, file: Path, root: str) -> etree._Element:
-        """Return the root element of an XML file, which has this name in whatever namespace.
+        """Return the root element of an XML file; its name is checked, its namespace is not.
 
         Raises
         ------

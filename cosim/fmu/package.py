@@ -29,7 +29,7 @@ class Package:
     Attributes
     ----------
     path, sha256
-        The file, or the folder of one that was unpacked, and its checksum.
+        The file or the unpacked folder, and its checksum.
     description : ModelDescription
         Its model description.
     problems : tuple of str
@@ -59,9 +59,9 @@ class Fmu(Package):
     Attributes
     ----------
     interface : str
-        The one that is used: `CO_SIMULATION` or `MODEL_EXCHANGE`.
+        The interface that is used: `CO_SIMULATION` or `MODEL_EXCHANGE`.
     binding : Binding
-        Which variable plays which role.
+        The variable of each role.
     brought_code : str
         Code that it brings and that a process can hold only once, in words; see `cosim.fmu.bundled_code`.
     """
@@ -82,7 +82,7 @@ def open_package(path: Path, where: Location | None = None) -> Package:
     Raises
     ------
     InputError
-        The file is no FMU: why, and which file; `where` is the place that asks for it.
+        The file is no FMU. The message names file and reason; `where` is the place that names the FMU.
     """
     directory = plain_folder("formation-fmu-")
     try:
@@ -110,7 +110,7 @@ def open_fmu(
     Raises
     ------
     InputError
-        The file is not an FMU that can be used here: why, and which file.
+        The FMU cannot be used here; the message names file and reason.
     """
     package = open_package(path, where)
     try:
@@ -207,7 +207,7 @@ def check_binary(package: Package, identifier: str, where: Location | None) -> N
     Raises
     ------
     InputError
-        It has none: for which it has one.
+        It has none; the message names the platforms that it has.
     """
     platform = this_machine(package.description)
     folder = package.directory / "binaries" / platform

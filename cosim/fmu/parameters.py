@@ -21,7 +21,7 @@ from cosim.vehicle.kind import Role
 from plants import UnitError
 
 _WHOLE_TOLERANCE = 1e-9
-"""By how much a computed number may differ, relative to it, from the whole one that is meant."""
+"""Relative tolerance within which a computed number counts as a whole one."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ParameterValue:
 
     @property
     def is_input(self) -> bool:
-        """Whether it is an input, which has its value from the start of the run on."""
+        """Whether it is an input, set once for the whole run."""
         return bool(self.variable.causality == "input")
 
     @property
@@ -115,9 +115,9 @@ def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:
 
 
 def needs_a_role(description: ModelDescription, variable: Variable, text: str) -> bool:
-    """Return whether a value has a unit, but the FMU does not say clearly in which unit the parameter is.
+    """Return whether a value has a unit although the FMU's unit of the parameter is unknown or ambiguous.
 
-    Then the binding says it, of a parameter that plays a role.
+    For a parameter that plays a role, the binding then states the unit.
     """
     try:
         unit_of(description, variable)

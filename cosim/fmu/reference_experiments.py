@@ -50,7 +50,7 @@ class Experiment:
     start, stop, step
         Start, end and communication step [s].
     tolerance
-        The one that it states; None if it states none.
+        The tolerance that it states; None if it states none.
     values
         Start values of the FMU's variables, as text; an enumeration's is its number.
     stimuli, references
@@ -69,7 +69,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Experiments:
-    """All experiments of an FMU, and notes on those left out, with the reasons."""
+    """All experiments of an FMU, and notes that name the experiments left out, with reasons."""
 
     experiments: tuple[Experiment, ...]
     notes: tuple[str, ...]

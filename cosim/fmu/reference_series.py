@@ -45,7 +45,7 @@ class SeriesReader:
     Attributes
     ----------
     notes : list of str
-        Which columns are left out, and why.
+        Columns that are left out, with reasons.
     """
 
     def __init__(self, package: Package, files: FmuFiles) -> None:
@@ -135,7 +135,7 @@ class SeriesReader:
         return variable
 
     def _comparable(self, file: Path, names: Sequence[str], variables: Sequence[Any]) -> list[Any]:
-        """Return the variables of columns with None for those that are not compared, which is noted."""
+        """Return the variables of columns; None, and a note, for a column that is not compared."""
         unknown = [name for name, variable in zip(names, variables, strict=True) if variable is None]
         strange = [v.name for v in variables if v is not None and v.type not in _COMPARED]
         for left_out, why in ((unknown, "the FMU has no such variable"), (strange, "their values are no numbers")):

@@ -1,7 +1,7 @@
 """One experiment of an FMU in a process of its own: ``python -m cosim.fmu.replay FOLDER``, which `self_test` starts.
 
 FMPy drives the FMU, as any other importer might. The folder has a request in JSON, and is given the results as numbers,
-or a sentence on what failed.
+or a sentence that names the failure.
 """
 
 from __future__ import annotations

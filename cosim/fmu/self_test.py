@@ -30,7 +30,7 @@ from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 TOLERANCE = 1e-4
 """Relative tolerance of an experiment that states none."""
 ROUNDING = 1e-12
-"""Absolute tolerance added to it, for variables whose references are all zero."""
+"""Absolute tolerance that is added, for a variable whose references are all zero."""
 TIME_LIMIT = 60.0
 """Default time limit of an experiment [s]."""
 _MAX_TEXT = 2000

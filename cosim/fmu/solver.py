@@ -1,4 +1,4 @@
-"""Whether an FMU fits how it is to be stepped: the solver that is stated for it, and the communication step."""
+"""Checks that an FMU fits the solver that a scenario states for it, and the communication step."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def usual_step(fmu: Fmu) -> float:
     """Return the step [s] of an FMU's default experiment if it takes steps of constant length only, else 0.
 
     FMI 1.0 and 2.0 cannot state a fixed internal step, but many FMUs have one: they take constant steps only,
-    and the step of their default experiment is one that fits.
+    and the step of their default experiment fits.
     """
     usual = experiment_number(fmu.description, "stepSize")
     constant = not fmu.about_interface.canHandleVariableCommunicationStepSize

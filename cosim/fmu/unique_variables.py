@@ -1,7 +1,7 @@
-"""Variables of a library that the linker of Linux has once in a process, whatever libraries define them.
+"""Variables that the linker of Linux keeps once in a process, even if several libraries define them.
 
 In C++ these are static variables of inline functions and templates. Two FMUs made of one framework would share them,
-and no such library is ever unloaded, so that one run would find what another has left.
+and no such library is ever unloaded, so that a run would find values of an earlier run.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def unique_variable(library: Path) -> str:
         return ""
     try:
         return _found(data)
-    except (struct.error, IndexError, ValueError):  # a file that is cut short: the linker will say so
+    except (struct.error, IndexError, ValueError):  # a file that is cut short: the linker reports it
         return ""
 
 

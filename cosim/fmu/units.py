@@ -19,7 +19,7 @@ _ANGLE = units.BASE_UNITS.index("rad")
 
 
 class UnitContradiction(Picklable, UnitError):
-    """A unit's name says one thing and its definition in the FMU another.
+    """A unit's name contradicts its definition in the FMU.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def unit_of(description: ModelDescription, variable: Variable) -> units.Unit:
     Raises
     ------
     UnitContradiction
-        The unit has the name of one that measures the same, but another factor.
+        The unit has the name of a known unit of the same quantity, but another factor.
     plants.UnitError
-        The variable has no unit, or one that is not known.
+        The variable has no unit, or an unknown one.
     """
     name = unit_name(variable)
     if not name:
@@ -112,12 +112,12 @@ def _defined(variable: str, name: str, base: Any) -> units.Unit:
 def stated(description: ModelDescription, variable: Variable, text: str) -> units.Unit:
     """Return the unit of a variable for which a binding states one.
 
-    The binding decides where the FMU states no unit, one that nobody knows, or one that contradicts itself.
+    The binding decides where the FMU states no unit, an unknown one, or one that contradicts itself.
 
     Raises
     ------
     plants.UnitError
-        The FMU says clearly that it is another one.
+        The FMU clearly states another unit.
     """
     unit = units.parse(text)
     try:

@@ -1,4 +1,4 @@
-"""Folders to unpack FMUs in, whose path needs no encoding as a URI: many FMUs use the URI as the path."""
+"""Folders for unpacked FMUs. Their path needs no encoding as a URI, because many FMUs use the URI as the path."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 The text is parsed with expat, which reports line and column of each element and lets a document type
 declaration be refused at its first character: no entity is ever declared, so none is expanded and nothing
-outside the file is read but the files that a variant is of. The tree is lxml's, which checks it against the schema and
+outside the file is read except the bases of a variant. The tree is lxml's, which checks it against the schema and
 answers XPath.
 """
 
@@ -65,7 +65,7 @@ def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
 
     White space around the values of attributes is removed. Within them it is collapsed, as the schema reads it, but in
     paths and in names of variables it is kept. The paths in a document are relative to the folder of the file that is
-    read: those of a base in another folder are rewritten.
+    read: the paths of a base in another folder are rewritten.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Changes to a scenario before it is checked, as options of the command line ask for them.
 
-A change is made in the document itself, so that the text which is kept with a result is the text that was run. It sees
+A change is made in the document itself, so that a result keeps the text that was run. It sees
 elements without their namespace. Each change here is a value: two of the same are equal, and it can be pickled.
 """
 
@@ -88,7 +88,7 @@ def without_expectations() -> Edit:
 def as_changes(
     changes: Iterable[str | Change], horizon: float | str | None = None, expectations: bool = True
 ) -> list[Change]:
-    """Return a list of changes: those given, some as ``XPATH=VALUE``, and the changes of two options."""
+    """Return a list of changes: the given ones, also as ``XPATH=VALUE``, and the changes of two options."""
     made = [set_value(change) if isinstance(change, str) else change for change in changes]
     if horizon is not None:
         made.append(set_horizon(horizon))
@@ -164,7 +164,7 @@ def _set_horizon(root: etree._Element, horizon: str) -> None:
 
 
 def _seconds(time: str) -> float:
-    """Return a time [s]; NaN if it is none, which the reader refuses."""
+    """Return a time [s]; NaN for any other text, which the reader refuses."""
     try:
         return quantity(time, "s")
     except ValueError:

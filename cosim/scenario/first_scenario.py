@@ -18,14 +18,14 @@ _TEXT = """\
   <title>{title}</title>
   <description>
     A first scenario to change. "formation check {name}.xml" shows its content, "formation run {name}.xml" runs it and
-    writes what came of it to runs/{name}/.
+    writes the result to runs/{name}/.
   </description>
 
   <!-- {exchanged} are exchanged once a step, to the horizon. The same seed gives the same noise, bit for bit. -->
   <simulation horizon="60 s" step="20 ms" seed="1"/>
 
   <!-- The vehicle: a model of the house ("formation list" names them), or any FMU: fmu="my_robot.fmu" instead of
-       model="..." ("formation inspect my_robot.fmu" says what it needs). Every quantity has its unit. -->
+       model="..." ("formation inspect my_robot.fmu" shows the roles that it needs). Every quantity has its unit. -->
   <plant id="{id}" {plant}>
     {parameter}
   </plant>
@@ -35,7 +35,7 @@ _TEXT = """\
 {gains}
   </controller>
 
-  <!-- What the controllers see of the poses, and what the motors can do. Try <delay time="40 ms"/> in either. -->
+  <!-- Limits of sensors and motors. Try <delay time="40 ms"/> in either. -->
   <sensor>
     <noise {noise}/>
   </sensor>
@@ -49,7 +49,7 @@ _TEXT = """\
   <!-- Each follower starts at its pose and is to see the leader at this range and bearing: at a bearing of 30 deg the
        leader is ahead of it to the left. -->
 {followers}
-  <!-- What must hold: "formation run" ends with exit status 1 where it does not, so that this file is a test. -->
+  <!-- Expectations: if one fails, "formation run" ends with exit status 1, so that this file is a test. -->
   <expect>
     <settled by="50 s" range="0.1 m" bearing="2 deg"/>
 {peak}{distance}    <regular/>
@@ -77,7 +77,7 @@ def scenario_text(name: str, vehicle: str, followers: int) -> str:
     Parameters
     ----------
     name
-        The scenario's name, which is its file's as well.
+        The name of the scenario and of its file.
     vehicle
         The name of a kind of vehicle that has an example.
     followers

@@ -113,7 +113,7 @@ def _description_of(simple_type: str) -> str:
 
 
 def matches(simple_type: str, value: str) -> bool:
-    """Return whether a value matches a pattern of a simple type, and of those that it restricts; false without any."""
+    """Return whether a value matches the patterns of a simple type and of its base types; false without a pattern."""
     patterns: list[list[str]] = []
     while (found := _named("simpleType", simple_type)) is not None:
         restriction = found.find(_XS + "restriction")
@@ -127,7 +127,7 @@ def matches(simple_type: str, value: str) -> bool:
 
 
 def _sentence(message: str, element: etree._Element) -> str:
-    """Translate a message of libxml2 from the terms of XML Schema to those of a scenario."""
+    """Translate a message of libxml2 from the terms of XML Schema to the terms of a scenario."""
     message = message.replace(f"{{{NAMESPACE}}}", "")
     tag = local_name(element)
     attributes = attributes_of(tag)

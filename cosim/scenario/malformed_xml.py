@@ -61,7 +61,7 @@ def reason(data: bytes, index: int, code: int, opened: Sequence[tuple[str, int]]
 
 
 def _undecodable(data: bytes, index: int) -> str:
-    """Say which encoding the file seems to have, if the byte of an index is no part of a character in UTF-8."""
+    """Name the likely encoding of the file, if the byte of an index is no part of a character in UTF-8."""
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -39,7 +39,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Entries:
-    """Values [SI] by the names of a vehicle's pose entries or torques; which ones it has is known from its plant."""
+    """Values [SI] by the names of a vehicle's pose entries or torques; its plant has the names."""
 
     values: Mapping[str, float]
     where: Location
@@ -60,11 +60,11 @@ class RoleSource:
     factor, offset : str
         Quantities: the value is the factor times the variable, plus the offset. Empty for 1 and 0.
     initial : str
-        The parameter by which the initial value is given; empty if the variable has a start value.
+        The parameter that gives the initial value; empty if the variable's start value does.
     value : str
         A constant value instead of a variable.
     where : Location or None
-        Its place; None if no binding says it.
+        Its place in the file; None if no binding states it.
     """
 
     name: str
@@ -79,7 +79,7 @@ class RoleSource:
 
 @dataclass(frozen=True)
 class BindingSource:
-    """Which variables of an FMU play the roles of a vehicle."""
+    """The variables of an FMU that play the roles of a vehicle."""
 
     vehicle: str
     roles: tuple[RoleSource, ...]
@@ -93,9 +93,9 @@ class PlantSource:
     Attributes
     ----------
     binding : BindingSource or None
-        Which variables of the FMU play which role; None if they have the roles' names.
+        The variables of the FMU by their roles; None if they have the roles' names.
     interface : str
-        ``co_simulation`` or ``model_exchange``; empty for what the FMU offers, Co-Simulation first.
+        ``co_simulation`` or ``model_exchange``; empty for the first one that the FMU offers, Co-Simulation first.
     solver : str
         Of a Model Exchange FMU; empty for the default.
     solver_steps : int or None
@@ -166,7 +166,7 @@ class WaveSource(Written):
     Attributes
     ----------
     start, stop : float
-        When it begins and ends [s]; of a ramp, between which it rises.
+        Its begin and end [s]; a ramp rises between them.
     """
 
     start: float
@@ -294,9 +294,9 @@ class Scenario:
     places : tuple of Location
         Where each element of the text was written, in the order of the text.
     folder : Path
-        The file's folder, to which paths in the text are relative wherever it is read again.
+        The file's folder; paths in the text are relative to it, also when the text is read again elsewhere.
     read_again : callable
-        Reads the text with more changes: the reader, which knows scenarios and is not known by them.
+        Reads the text with more changes. It is the reader, handed in because this module must not import it.
     """
 
     path: Path
@@ -328,7 +328,7 @@ class Scenario:
     def edited(
         self, changes: Iterable[str | Change] = (), *, horizon: float | str | None = None, expectations: bool = True
     ) -> Scenario:
-        """Return the scenario with changes; no file is read but those with bindings.
+        """Return the scenario with changes; only files with bindings are read.
 
         Parameters
         ----------

@@ -24,7 +24,7 @@ Places = MutableMapping[etree._Element, Location]
 
 
 def vary(base: etree._Element, variant: etree._Element, places: Places) -> None:
-    """Change a scenario as a variant of it says.
+    """Apply the rules of a variant to a scenario.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _copied(element: etree._Element, places: Places) -> etree._Element:
 
 
 def _with_comments(rule: etree._Element) -> Iterator[list[etree._Element]]:
-    """Return the elements in a rule, each with the comments before it, and the last with those after it."""
+    """Return the elements in a rule, each with the comments before it, the last one with the comments after it, too."""
     group: list[etree._Element] = []
     for child in rule:
         group.append(child)

@@ -43,7 +43,7 @@ def unclosed(xpath: str) -> str:
 
 
 def advice(root: etree._Element, xpath: str) -> str:
-    """Return the end of a sentence that names XPaths which select something and are like one that does not."""
+    """Return the end of a sentence that names XPaths that select something and resemble one that selects nothing."""
     if len(xpath) > MAX_LENGTH:
         return ""
     tried = islice(_distinct(_candidates(root, xpath), xpath), MAX_TRIED)

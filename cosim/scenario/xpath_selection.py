@@ -36,7 +36,7 @@ def selected_or_added(root: etree._Element, xpath: str) -> list[Any]:
     """Return the nodes that an XPath selects; if there are none, a gain or parameter that it names is added.
 
     It is added for ``PARENT/gain[@name='NAME']/@value`` (or ``parameter``) if PARENT selects one element that can have
-    such a child. Whether the controller or the plant knows the name, they say themselves when they are looked for.
+    such a child. The controller or the plant refuses an unknown name later, when it is looked for.
 
     Raises
     ------

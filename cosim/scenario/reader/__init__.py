@@ -61,7 +61,7 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     text
         The resolved text, as a result keeps it.
     path
-        The file that it is of, to which other files are relative.
+        The file of the document, to which other files are relative.
 
     Raises
     ------

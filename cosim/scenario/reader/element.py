@@ -1,4 +1,4 @@
-"""The elements of a document that satisfies the schema, with those within them."""
+"""The elements of a document that satisfies the schema, with their children."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def settings(element: Element, tag: str) -> tuple[Setting, ...]:
 
 
 def known(element: Element, what: str, among: Mapping[str, object]) -> str:
-    """Return the id that an attribute names, which must be one of those that there are."""
+    """Return the id that an attribute names; refuse an unknown one."""
     key = element.get(what)
     if key not in among:
         raise element.error(f"the scenario has no {what} {key!r}: {nearest(key, list(among))}")

@@ -10,7 +10,7 @@ from cosim.scenario.scenario import Entries
 from cosim.vehicle.kinds import entries_of, faults, unit_of_entry
 
 DRIVING = ("torque", "command")
-"""Elements that drive a robot: the first one if its commands are torques, the second one whatever they are."""
+"""Elements that drive a robot: the first one for torques, the second one for any commands."""
 
 
 def pose(element: Element) -> Entries:
@@ -49,7 +49,7 @@ def _entries(element: Element, group: str) -> Entries:
 
 
 def _unit(element: Element, name: str, group: str, besides: Collection[str] = ()) -> str:
-    """Return the unit of an attribute that is an entry of a kind of vehicle; refuse one that is none."""
+    """Return the unit of an attribute, an entry of a kind of vehicle; refuse any other attribute."""
     if (unit := unit_of_entry(name, group)) is None:
         known = nearest(name, [*entries_of(group), *besides])
         raise element.error(f"<{element.kind}> has no attribute {name!r}: {known}{faults()}")

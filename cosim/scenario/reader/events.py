@@ -11,7 +11,7 @@ from cosim.scenario.scenario import LEADER, Event
 
 
 def events(element: Element, times: Times, followers: list[str]) -> Iterator[Event]:
-    """Read an event, which is one for each robot that it happens to."""
+    """Read an event as one event for each robot that it names."""
     time = times.beginning(element, "at")
     named = robots(element, [LEADER, *followers])
     driven = driving(element)

@@ -14,7 +14,7 @@ from cosim.vehicle.kinds import kind_named
 
 
 def plant(element: Element, times: Times, untrusted: tuple[Path, ...]) -> PlantSource:
-    """Read a plant; one whose FMU lies in an untrusted folder is isolated."""
+    """Read a plant; an FMU in an untrusted folder is isolated."""
     model, fmu = element.attributes.get("model"), element.attributes.get("fmu")
     if (model is None) == (fmu is None):
         raise element.error("a <plant> needs either model=... (a built-in model) or fmu=... (a file)")

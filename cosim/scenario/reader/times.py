@@ -38,14 +38,14 @@ class Times(Clock):
         return _whole(element, f"{name} {time:g} s", time / self.step, self.step, least)
 
     def exact(self, element: Written, name: str) -> float:
-        """Return a time [s] at which something jumps, and which must therefore fall on a tick."""
+        """Return the time [s] of a jump; refuse a time that falls on no tick."""
         time = element.quantity(name, "s")
         if problem := self.off_tick(time):
             raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> {problem}')
         return time
 
     def beginning(self, element: Written, name: str, *, exact: bool = True) -> float:
-        """Return when something begins [s], which is not after the end of the run."""
+        """Return the time [s] at which an element begins; refuse a time after the end of the run."""
         time = element.not_negative(name, "s")
         if exact:
             self.exact(element, name)
