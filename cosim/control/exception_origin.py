@@ -11,7 +11,7 @@ _PUBLIC = "formation_controllers"
 
 
 def told(error: BaseException, law: type) -> str:
-    """Return an exception of a control law in words: its type, its message, and the law's line that it came through.
+    """Return an exception of a control law in words: its type, its message, and the line of the law.
 
     Parameters
     ----------

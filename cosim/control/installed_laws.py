@@ -16,10 +16,10 @@ def installed(name: str) -> fc.Installed:
     Raises
     ------
     InputError
-        No installed package offers it: names those that are offered.
+        No installed package offers it; the message names similar ones.
     """
     known = _known(tuple(sys.path))
-    if name not in known:  # it may have been installed since
+    if name not in known:  # the package may have been installed meanwhile
         _known.cache_clear()
         known = _known(tuple(sys.path))
     if name not in known:

@@ -18,7 +18,7 @@ def as_seen_by(
     """Return the leader as if it were the follower's kind of vehicle, on the same path at the same speed.
 
     A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own geometry.
-    Position, heading, speed and curvature of the path are kept. Between equal vehicles everything is passed on.
+    Position, heading, speed and curvature of the path are kept. Between equal vehicles the state stays unchanged.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def as_seen_by(
     state
         The leader's pose and pseudo-velocities, one after the other.
     acceleration
-        Its pseudo-accelerations, if they are known; between different vehicles they are not passed on.
+        Its pseudo-accelerations, if known; between different vehicles they are left out.
     """
     if alike(vehicle, leader):
         return fc.Leader(state[: len(leader.pose)], state[len(leader.pose) :], acceleration)

@@ -13,7 +13,7 @@ from cosim.vehicle.kind import units_of
 
 
 def check_common_effects(scenario: Scenario, followers: Iterable[RobotSetup]) -> None:
-    """Check them, also where every follower has its own: they must fit some follower.
+    """Check the common effects; they must fit some follower, even if every follower has its own.
 
     Raises
     ------

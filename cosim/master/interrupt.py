@@ -19,8 +19,8 @@ class HeldSignals:
     Parameters
     ----------
     patience
-        How many signals are remembered before one raises KeyboardInterrupt after all, for a user who finds that the
-        block does not end; None for no end.
+        Number of signals that are remembered. The next one raises KeyboardInterrupt, so that a user can end a block
+        that hangs. None: no limit.
     """
 
     def __init__(self, patience: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""From a robot as a scenario has it to a plant of a fleet: which numbers are exchanged, and from where it starts."""
+"""From a robot of a scenario to a plant of a fleet: the numbers that are exchanged, and the values at the start."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = ()) -
     stop_time
         End of the run [s].
     columns
-        Where its pose and velocities stand in a row of the state; one after the other if nothing is said.
+        Columns of its pose and velocities in a row of the state; empty: one after the other.
     """
     return plant(
         robot.fmu,
@@ -68,15 +68,15 @@ def plant(
     Parameters
     ----------
     fmu, source
-        The FMU, and how it is run.
+        The FMU, and its <plant> in the scenario.
     name
-        In messages, and for the FMU's instance.
+        Name in messages and of the FMU's instance.
     parameters
-        Those that are set.
+        Parameters that are set.
     pose
         Initial pose in the kind's order and units.
     inputs
-        Those that are given besides the torques.
+        Inputs besides the torques that get values.
     given
         Values of the torques and these inputs at the start, in the roles' units; empty for the FMU's start values.
     held
@@ -140,7 +140,7 @@ def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
     """Return the relative tolerance of CVODE, or the one that a Co-Simulation FMU gets for its own solver.
 
     Without one in the scenario, an FMU gets the tolerance of its default experiment, if that is positive; so does FMPy.
-    A built-in model has a parameter for it. None if there is none.
+    None for a built-in model, which has a parameter for it, and for an FMU without one.
     """
     if fmu.interface == MODEL_EXCHANGE:
         return (source.tolerance or DEFAULT_TOLERANCE) if source.solver == "cvode" else None
@@ -150,7 +150,7 @@ def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
 
 
 def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
-    """Return whether each robot's FMU runs in a process of its own, as asked for or as it must."""
+    """Return whether each robot's FMU runs in a process of its own, because the scenario or the FMU needs it."""
     return source.isolated or bool(why_own_process(fmu))
 
 
@@ -162,7 +162,7 @@ def why_own_process(fmu: Fmu) -> str:
 
 
 def _time_limit(fmu: Fmu, source: PlantSource) -> float:
-    """Return the time limit as stated; else the default where a process of its own is asked for, or declared."""
+    """Return the time limit of the scenario; else the default if the scenario or the FMU asks for a process."""
     if source.time_limit is not None:
         return source.time_limit
     declared = source.isolated or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
@@ -170,9 +170,9 @@ def _time_limit(fmu: Fmu, source: PlantSource) -> float:
 
 
 def _block(roles: Sequence[BoundRole | None], values: Sequence[float] = ()) -> tuple[Block, list[int]]:
-    """Return the block of the variables that play roles, and the place of each role in it, -1 if nothing plays it.
+    """Return the block of the variables that play roles, and the place of each role in it; -1 for a role without one.
 
-    The block starts with the roles' values, in the roles' units; where there are none, with the FMU's start values.
+    The block starts with the roles' values, in the roles' units; without values, with the FMU's start values.
     """
     first: dict[tuple[str, int], int] = {}  # by type and value reference
     variables: list[Exchanged] = []

@@ -18,20 +18,20 @@ _LONGEST_SLEEP = 0.2
 
 @dataclass(frozen=True)
 class PaceReport:
-    """How well a run has kept pace.
+    """Report on the pace of a run.
 
     Attributes
     ----------
     factor : float
         Simulated time over real time.
     ticks : int
-        How many ticks were paced.
+        Number of ticks that were paced.
     overruns : int
-        How many of them were due before the one before had ended.
+        Number of ticks that were due before the tick before had ended.
     worst, worst_time : float
-        How late [s] the latest of these began, and its simulated time [s]; zero without overruns.
+        Largest delay [s] of such a tick, and its simulated time [s]; zero without overruns.
     jitter : float
-        How late [s] at most a tick began that had to wait for its time.
+        Largest delay [s] of a tick that had to wait for its time.
     """
 
     factor: float
@@ -59,7 +59,7 @@ class Pacer:
     factor
         Simulated time over real time: 1 for real time, 2 for twice as fast.
     clock, sleep
-        Real time [s], and how to wait for so long.
+        Functions that return the real time [s], and that wait for a time [s].
 
     Raises
     ------
@@ -121,5 +121,5 @@ class Pacer:
 
     @property
     def report(self) -> PaceReport:
-        """How well the run has kept pace so far."""
+        """The report so far."""
         return PaceReport(self._factor, self._ticks, self._overruns, self._worst, self._worst_time, self._jitter)

@@ -25,25 +25,25 @@ class RobotSetup:
     Attributes
     ----------
     source : PlantSource
-        How its plant is run.
+        Its plant in the scenario.
     parameters : tuple of ParameterValue
-        Those of its plant, with its own in their place.
+        The parameters of its plant; its own take their place.
     vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
-        Its geometry, as controllers know it.
+        Its geometry for controllers.
     pose : tuple of float
         Initial pose in the kind's order and units.
     sensor, actuator : tuple of Effect
         Effects between it and the controllers.
     torque : ndarray
-        Torques (ticks + 1, 2) [N.m] that act besides the controller's; a leader's are all of them.
+        Torques (ticks + 1, 2) [N.m] besides the controller's; a leader has only these.
     inputs : tuple of BoundRole
-        Other inputs of the FMU that are given.
+        Other inputs of the FMU that get values.
     samples : ndarray
         Their values (ticks + 1, inputs) in the roles' units.
     held : tuple of ParameterValue
         Inputs that are no real numbers, at the start.
     changes : dict
-        Parameters and such inputs that change, by tick.
+        Parameters and inputs of that kind that change, by tick.
     """
 
     name: str
@@ -63,5 +63,5 @@ class RobotSetup:
 
     @property
     def kind(self) -> Kind:
-        """The kind of vehicle that it is."""
+        """Its kind of vehicle."""
         return self.fmu.binding.kind

@@ -1,4 +1,4 @@
-"""Events of the robots in the course of a run: actuators that stop, parameters and inputs that change."""
+"""Events of the robots during a run: actuators that stop, parameters and inputs that change."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def changes_of(
     robot: str,
     inputs: RobotInputs,
 ) -> dict[int, tuple[ParameterValue, ...]]:
-    """Return the values that a robot's FMU is given in the course of the run, by tick: inputs, then parameters.
+    """Return the values that a robot's FMU gets during the run, by tick: inputs, then parameters.
 
     Raises
     ------
     InputError
-        An event sets a variable that the FMU does not have, or one that cannot change in the course of a run.
+        An event sets a variable that the FMU does not have, or one that cannot change during a run.
     """
     changes = {tick: values for tick, values in inputs.discrete.items() if tick > 0}
     for event in events_of(scenario, robot):

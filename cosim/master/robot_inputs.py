@@ -25,7 +25,7 @@ from cosim.vehicle.kind import Role
 from plants import UnitError, units
 
 INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
-"""Types of inputs that a scenario can give values to."""
+"""Types of inputs for which a scenario can have values."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class RobotInputs:
     samples : dict
         Other real inputs by name: the role that stands for it and its values (ticks + 1,) in the role's unit.
     discrete : dict
-        Values of inputs that are no real numbers, by tick; those of tick 0 hold from the start.
+        Values of inputs that are no real numbers, by tick; tick 0 has the values at the start.
     """
 
     torque: dict[int, NDArray[np.float64]] = field(default_factory=dict)
@@ -47,12 +47,12 @@ class RobotInputs:
     discrete: dict[int, tuple[ParameterValue, ...]] = field(default_factory=dict)
 
     def check_free(self, values: Iterable[ParameterValue]) -> None:
-        """Refuse values of inputs that are given signals.
+        """Refuse an input that has a value and signals.
 
         Raises
         ------
         InputError
-            An input has both.
+            There is such an input.
         """
         names = {*self.samples, *(value.variable.name for given in self.discrete.values() for value in given)}
         for value in values:
@@ -73,7 +73,7 @@ def robot_inputs(
     scenario, fmu, robot
         The scenario, and one of its robots.
     sources
-        The signals that the scenario gives it.
+        Its signals in the scenario.
     times
         The communication points (ticks + 1,) [s].
 
@@ -158,13 +158,13 @@ def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
 def _as_role(
     fmu: Fmu, source: InputSource, role: BoundRole | None, variable: Variable, events: Sequence[tuple[int, Setting]]
 ) -> tuple[BoundRole, units.Unit]:
-    """Return the role that stands for an input, which may be one that it plays, and the unit of its samples."""
+    """Return the role that stands for an input, perhaps its own role, and the unit of its samples."""
     if role is not None:
         return role, units.parse(role.role.unit)
     values = [value for wave in source.waves if (value := understood(wave).value)]
     try:
         unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
-        start_of(variable)  # which must be such that it can be exchanged
+        start_of(variable)  # its causality and variability must allow the exchange
     except (ValueError, UnitError) as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where

@@ -37,14 +37,14 @@ MAX_BYTES = 4 * 1024**3
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything that a scenario is run with.
+    """Everything that a run of a scenario needs.
 
     Attributes
     ----------
     leader, followers
         The robots.
     motion : Motion or None
-        How the leader moves, if that is given.
+        Motion of a leader with a <trajectory>.
     desired : formation_controllers.Desired
         Place of every follower at every tick and two derivatives, each (ticks + 1, N, 2).
     fmus : dict
@@ -52,7 +52,7 @@ class Setup:
     laws : dict
         The control law of each controller that is used, by its id.
     gains : tuple
-        Those of each follower.
+        The gains of each follower.
     result_variables : tuple of ResultVariable
         The variables that are recorded.
     signals : dict
@@ -74,7 +74,7 @@ class Setup:
 
     @property
     def columns(self) -> RunColumns:
-        """Where the entries of poses, velocities and commands stand in a result."""
+        """The columns of poses, velocities and commands in a result."""
         return run_columns([robot.kind for robot in (self.leader, *self.followers)])
 
 
@@ -93,7 +93,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     Raises
     ------
     InputError
-        Something does not exist or does not fit, with the place in the scenario.
+        A part does not exist or does not fit; the message has its place in the scenario.
     """
     fmus = open_fmus(scenario, cleanup, timing)
     _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
@@ -155,7 +155,7 @@ def _plants_of(scenario: Scenario) -> list[str]:
 
 
 def _check_views(leader: RobotSetup, followers: Iterable[RobotSetup]) -> None:
-    """Refuse followers that cannot be told of such a leader."""
+    """Refuse followers that cannot follow a leader of this kind."""
     for robot in followers:
         try:
             check_view(robot.vehicle, leader.vehicle)

@@ -16,7 +16,7 @@ from cosim.scenario.scenario import PlantSource, Scenario, Setting
 
 
 def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> dict[str, Fmu]:
-    """Return the FMU of every plant by the plant's id, also of one that no robot is, so that the whole file is checked.
+    """Return the FMU of every plant by the plant's id, also of unused plants, so that the whole file is checked.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) 
 
 
 def understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
-    """Return the values of parameters; of an FMU that took the place of another, the message names the way out."""
+    """Return the values of parameters; if the FMU replaces another one, an error names the remedy."""
     way_out = '"formation swap" writes a variant of a scenario without what an FMU lacks' if source.fmu else ""
     return understand(fmu, settings, way_out)
 

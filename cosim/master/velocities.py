@@ -1,4 +1,4 @@
-"""Whether every robot offers the velocities that others need of it."""
+"""Check that every robot offers the velocities that other robots need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cosim.scenario.scenario import Scenario
 def check_velocities(
     scenario: Scenario, leader: RobotSetup, followers: Sequence[RobotSetup], laws: Mapping[str, Law]
 ) -> None:
-    """Refuse a robot whose velocities are needed and that does not offer them."""
+    """Refuse a robot that does not offer velocities that are needed."""
     if scenario.leader.trajectory is None:
         _check_robot(leader, "its followers need the leader's velocities")
     for follower, robot in zip(scenario.followers, followers, strict=True):

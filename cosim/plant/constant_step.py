@@ -11,7 +11,7 @@ def divides(part: float, step: float) -> bool:
 
 
 def remedy(fitting: float) -> str:
-    """Return how a scenario gets a communication step that fits."""
+    """Return the advice that gives a scenario a fitting communication step."""
     return (
         f'state step="{fitting:g} s" or a multiple in <simulation>, or try it with '
         f"--set 'simulation/@step={fitting:g} s' of formation run, --step '{fitting:g} s' of compare-plants"
@@ -19,7 +19,7 @@ def remedy(fitting: float) -> str:
 
 
 def misfit(usual: float, step: float) -> str:
-    """Return why an FMU may not complete its steps, with the FMU as the subject; empty if nothing speaks against it.
+    """Return why an FMU may not complete its steps, with the FMU as the subject; empty if there is no reason.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def give(fmu: Any, block: Block, numbers: Sequence[float]) -> None:
     Raises
     ------
     PlantError
-        The type of a variable does not have its value; the FMU is the subject of the text.
+        A variable's type cannot represent its value; the FMU is the subject of the text.
     fmpy.fmi1.FMICallException
         The FMU refuses a value.
     """
@@ -48,7 +48,7 @@ def take(fmu: Any, block: Block) -> list[float]:
 
 
 def whole_range(kind: str) -> tuple[int, int]:
-    """Return the least and the most of a type of whole numbers."""
+    """Return the least and the largest number of a type of whole numbers."""
     bits = 32 if kind == "Integer" else int(kind.partition("Int")[2])
     return (0, 2**bits - 1) if kind.startswith("U") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
 

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Outcome(IntEnum):
-    """What became of a call of a plant: fine, or what failed."""
+    """The outcome of a call of a plant: success, or the kind of failure."""
 
     FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = range(9)
 
@@ -18,7 +18,7 @@ class Status(IntEnum):
 
 
 FINE, ACCEPT, COMPLETE, RETURN, END, EARLY, DERIVE, EVENT, ITERATE = map(int, Outcome)
-"""The same as plain numbers, for compiled code."""
+"""The outcomes as plain numbers, for compiled code."""
 
 FAILURES: dict[int, str] = {
     Outcome.ACCEPT: "did not accept its inputs",
@@ -34,7 +34,7 @@ FAILURES: dict[int, str] = {
 
 STATUS = ("OK", *(status.name.capitalize() for status in Status if status > Status.OK))
 WARNING, DISCARD, ERROR, FATAL = map(int, (Status.WARNING, Status.DISCARD, Status.ERROR, Status.FATAL))
-"""Warning is the largest status with which a run goes on; after Error and Fatal an instance is of no more use."""
+"""Warning is the largest status with which a run goes on; after Error and Fatal an instance cannot be used any more."""
 
 
 class PlantError(Exception):

@@ -1,4 +1,4 @@
-"""Python modules of an FMU: in a process of its own it imports them, not modules of the harness of the same name."""
+"""Python modules of an FMU: in a process of its own it imports them, even if the harness has some of the same name."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 
 
 def make_room(folder: Path) -> None:
-    """Forget the modules of this process whose names modules in a folder have.
+    """Forget the modules of this process that have the name of a module in a folder.
 
-    Whoever has imported them keeps them; who imports them from now on looks for them anew. What the interpreter has
-    within itself nobody can bring, and a package with compiled modules cannot be loaded twice: both stay.
+    Code that has imported them keeps them; a new import looks for them anew. Two kinds of modules stay: modules
+    within the interpreter, and packages with compiled modules, which cannot be loaded twice.
     """
     for _, name, _ in pkgutil.iter_modules([str(folder)]):
         own = {key: module for key, module in sys.modules.items() if key == name or key.startswith(f"{name}.")}

@@ -54,19 +54,19 @@ class Instance:
     Parameters
     ----------
     spec
-        The FMU to start, with all that its start needs.
+        The FMU to start, with all values for its start.
 
     Attributes
     ----------
     next_event : float
         Of Model Exchange: time [s] of the next time event; infinity if there is none.
     status : int
-        The worst status so far. After Error nothing is called but to free the instance, after Fatal nothing at all.
+        The worst status so far. After Error the instance is only freed; after Fatal it is not called again.
 
     Raises
     ------
     PlantError
-        The FMU cannot be loaded, or refuses to start: its own messages.
+        The FMU cannot be loaded or refuses to start; the text has its own messages.
     """
 
     living: ClassVar[list[PlantSpec]] = []
@@ -92,7 +92,7 @@ class Instance:
             self.close()
             if not isinstance(error, Exception):
                 raise
-            # FMPy raises a bare Exception where loading or instantiation fails
+            # FMPy raises a bare Exception if loading or instantiation fails
             raise error if isinstance(error, PlantError) else PlantError(said) from None
         finally:
             os.chdir(folder)  # FMPy leaves it where a library could not be loaded, and an FMU may have its own way
@@ -104,7 +104,7 @@ class Instance:
 
     @property
     def fmu(self) -> Any:
-        """The instance as FMPy has it."""
+        """FMPy's object of the instance."""
         return self._fmu
 
     def address(self, function: str) -> int:
@@ -128,7 +128,7 @@ class Instance:
         Raises
         ------
         PlantError
-            The FMU refuses a number, or its type does not have it.
+            The FMU refuses a number, or its type cannot represent it.
         """
         try:
             give(self._fmu, self.spec.inputs, numbers)
@@ -154,7 +154,7 @@ class Instance:
         Raises
         ------
         PlantError
-            The FMU refuses a value, or does not process the event that this is in Model Exchange.
+            The FMU refuses a value, or does not process the event by which Model Exchange takes it.
         """
 
         def give() -> None:
@@ -190,7 +190,7 @@ class Instance:
         self.status = max(self.status, status)
         said = self.log.take()
         if what == COMPLETE and status == DISCARD and self._version == 2 and self._co_simulation:
-            try:  # it may have discarded the step for that it has reached its end (FMI 2.0, section 4.2.2)
+            try:  # an FMU also discards a step when it has reached its end (FMI 2.0, section 4.2.2)
                 what = END if self._fmu.getBooleanStatus(fmi2.fmi2Terminated) else what
             except FMICallException as error:
                 self._note(error)
@@ -270,7 +270,7 @@ class Instance:
     def _initialise(self) -> None:
         fmu = self._fmu
         tolerance = self.spec.tolerance if self._co_simulation else None
-        stop = self.spec.stop_time * (1.0 + 1e-12)  # where the last step ends is rounded, and some FMUs are strict
+        stop = self.spec.stop_time * (1.0 + 1e-12)  # the end of the last step is rounded, and some FMUs are strict
         if self._version == 1:
             self._initialise_1(stop)
         else:
@@ -363,6 +363,6 @@ class Instance:
 
 
 def _in_order(info: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the event information of FMI 1.0 as FMI 2.0 has it."""
+    """Return the event information of FMI 1.0 in the form of FMI 2.0."""
     converged, names_changed, values_changed, end, is_next, next_event = info
     return (not converged, end, names_changed, values_changed, is_next, next_event)

@@ -19,7 +19,7 @@ class Link:
     name, unit : str
         The role and its unit.
     place : int
-        Which number of the block of inputs or outputs it is; -1 if nothing plays the role, which is then not a number.
+        Index of the number in the block of inputs or outputs; -1 if no number plays the role.
     scale, offset : float
         ``value in the role's unit = scale * number + offset``.
     bound : float
@@ -44,21 +44,21 @@ class Member:
     Attributes
     ----------
     spec : PlantSpec
-        The FMU to start, with all that its start needs.
+        The FMU to start, with all values for its start.
     inputs, outputs : tuple of Link
         Its roles.
     pose : tuple of float
-        The initial pose, as the first of the outputs must be at the start; empty if it does not matter.
+        The initial pose, which the first outputs must show at the start; empty for any pose.
     isolated : bool
         Whether it runs in a process of its own.
     needs_tool : bool
-        Whether it says that it needs another program.
+        Whether the FMU states that it needs another program.
     usual_step : float
         The step [s] of its default experiment, if it takes steps of constant length only; else 0.
     where : Location or None
-        Who asks for it.
+        Place in the scenario that asks for it.
     columns : tuple of int
-        Where its outputs stand in a row of the fleet's state; one after the other if nothing is said.
+        Columns of its outputs in a row of the fleet's state; empty: one after the other.
     """
 
     spec: PlantSpec

@@ -11,7 +11,7 @@ from cosim.errors import printable
 from cosim.plant.failures import STATUS
 
 KEPT_AT_ONCE = 20
-"""How many of the messages between two communication points are kept: the last ones, but no two alike in succession."""
+"""Upper limit for the messages kept between two communication points: the last ones; repeated ones count as one."""
 MAX_LENGTH = 2000
 """Bytes of a message's text."""
 MAX_CATEGORY = 200
@@ -25,8 +25,8 @@ class Message:
     Attributes
     ----------
     status : str
-        The FMI status: ``OK``, ``Warning``, ``Discard``, ``Error``, ``Fatal`` or ``Pending``; a number that is none of
-        these as it is.
+        The FMI status: ``OK``, ``Warning``, ``Discard``, ``Error``, ``Fatal`` or ``Pending``; another number is
+        kept as a number.
     category : str
         As the FMU names it, such as ``logEvents``; empty if it gives none.
     text : str
@@ -48,7 +48,7 @@ class Message:
 
     @property
     def in_a_line(self) -> Self:
-        """The same with category and text as they are shown: printable, in one line."""
+        """The message for a reader: category and text printable, in one line."""
         category, text = (printable(" ".join(part.split())) for part in (self.category, self.text))
         return replace(self, category=category, text=text)
 
@@ -95,7 +95,7 @@ class LastMessages:
                 self._kept.append(message)
 
     def take(self) -> list[Message]:
-        """Return those that are kept, and keep none of them."""
+        """Return the messages that are kept, and forget them."""
         taken = list(self._kept)
         self._kept.clear()
         return taken

@@ -1,4 +1,4 @@
-"""Why a binary cannot be loaded: which library is missing, and whether the FMU brings it."""
+"""The reason why a binary cannot be loaded: a missing library, which the FMU may bring or not."""
 
 from __future__ import annotations
 

@@ -60,8 +60,8 @@ def integrate(
 ) -> tuple[int, int]:
     """Advance one plant by a communication step; see `cosim.plant.stepping.advance`.
 
-    The work space holds the states, those of a stage, its derivatives, their weighted sum, the event indicators before
-    and after a solver step.
+    The work space holds the states, the states of a stage, its derivatives, their weighted sum, and the event
+    indicators before and after a solver step.
     """
     nx, nz, place = row["states"], row["indicators"], row["work"]
     status = _vector(row["get_states"], (row["component"], place, nx)) if nx > 0 else 0
@@ -89,7 +89,7 @@ def integrate(
             what, status = _after_step(row, scratch, work, now)
             if what != FINE:
                 return what, status
-            if row["next_event"] <= now or parts > _MAX_PARTS:  # time events that would never be left behind
+            if row["next_event"] <= now or parts > _MAX_PARTS:  # time events that never end
                 return ITERATE, status
     return FINE, 0
 
@@ -127,7 +127,7 @@ def _solver_step(row: np.void, work: NDArray[np.float64], now: float, step: floa
 
 @compiled
 def _after_step(row: np.void, scratch: NDArray[np.float64], work: NDArray[np.float64], now: float) -> tuple[int, int]:
-    """Complete a solver step and handle the events that it has brought."""
+    """Complete a solver step and handle its events."""
     nx, nz = row["states"], row["indicators"]
     before = row["first"] + 4 * nx
     event = now >= row["next_event"]

@@ -1,6 +1,6 @@
-"""A plant in a process of its own: whatever it does there, the harness goes on.
+"""A plant in a process of its own: the harness goes on when the plant crashes, exits or hangs.
 
-This keeps the harness from a crash, an exit or a hang. It is no sandbox: the process may do what the user may.
+It is no sandbox: the process has the user's rights.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ProcessPlant:
     Raises
     ------
     PlantError
-        There can be no more processes.
+        The system refuses another process.
     """
 
     def __init__(self, spec: PlantSpec) -> None:
@@ -126,7 +126,7 @@ class ProcessPlant:
         return said
 
     def take_data(self) -> list[Message]:
-        """Return the messages since the last time that it was called, the first ones of each request."""
+        """Return the messages since the last call, the first ones of each request."""
         return self._data.take()
 
     def begin_to_end(self) -> None:
@@ -136,7 +136,7 @@ class ProcessPlant:
             self._ending = True
 
     def close(self) -> None:
-        """End the plant, within its time limit if it waits and at once if not, and its process."""
+        """End the plant and its process: within the time limit if it waits for a request, else at once."""
         if self._closed:
             return
         self._closed = True
@@ -156,7 +156,7 @@ class ProcessPlant:
         self._send(kind, body)
 
     def _send(self, kind: Request, body: bytes) -> None:
-        with suppress(OSError):  # the process has ended: reading its reply finds out how
+        with suppress(OSError):  # the process has ended: reading its reply shows how
             send(self._requests, kind, body)
 
     def _receive(self, failed: str, numbers: int) -> NDArray[np.float64]:
@@ -244,7 +244,7 @@ def _launched() -> subprocess.Popen[bytes]:
 
 
 def _standard_error() -> bool:
-    """Return whether the harness has a standard error that a process takes over, and no other file in its place."""
+    """Return whether the harness has a standard error that a process can inherit, and no other file in its place."""
     try:
         return os.get_inheritable(2)
     except OSError:
@@ -296,7 +296,7 @@ class _Watchdog:
         self._deadline = time.monotonic() + seconds
 
     def rest(self) -> None:
-        """Let the process wait for the harness for as long as it likes."""
+        """Let the process wait for the harness without a limit."""
         self._deadline = float("inf")
 
     def stop(self) -> None:

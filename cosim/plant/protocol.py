@@ -1,10 +1,10 @@
 """Messages between the harness and a plant's own process, through a pipe each way.
 
-A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. What comes from
-the plant's process is numbers and text, never anything that is executed: the FMU may have written it.
+A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. The plant's
+process sends numbers and text only, and the harness executes none of it: the FMU may have written it.
 
-The process says `Reply.DONE` when it is there. After that each request has one reply; before the reply may come what
-the FMU logs meanwhile, so that it is known even if there is no reply.
+The process sends `Reply.DONE` when it has started. After that each request has one reply. Before the reply it sends the
+messages that the FMU logs meanwhile, so that they arrive even if there is no reply.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ HEADER = struct.Struct("<BI")
 MAX_TEXT = 65536
 """Bytes of text in a reply."""
 MAX_SAID = 20
-"""Upper limit for messages that are sent as they come, for each request."""
+"""Upper limit for messages that are sent at once, for each request."""
 
 
 class Request(IntEnum):

@@ -46,7 +46,7 @@ class Block:
     references : tuple of int
         Their value references.
     start : tuple of float
-        A value of every element of every variable, in this order: of inputs, those at the start of the run.
+        A value of every element of every variable, in this order; of inputs, the values at the start of the run.
     variables : tuple of Exchanged
         The variables themselves.
     """
@@ -68,24 +68,24 @@ class PlantSpec:
     Attributes
     ----------
     robot : str
-        Which robot it is; the FMU's instance name.
+        The robot's id, which is the FMU's instance name.
     file : str
-        The FMU as messages name it.
+        The FMU's name in messages.
     directory : str
-        Where the FMU is unpacked.
+        The folder of the unpacked FMU.
     fmi, interface, identifier, token : str
         Version of FMI (``1.0``, ``2.0``, ``3.0``), `CO_SIMULATION` or `MODEL_EXCHANGE`, model identifier, and GUID or
         instantiation token.
     values : tuple of Value
         Start values and parameters.
     inputs, outputs : Block
-        Numbers that it is given, and that it returns, at every communication point.
+        Numbers that the FMU gets, and numbers that it returns, at every communication point.
     held : tuple of Value
         Other inputs, which keep their values until they are changed, at the start of the run.
     stop_time : float
         End of the run [s].
     states, event_indicators : int
-        How many a Model Exchange FMU of FMI 2.0 has; one of FMI 3.0 is asked.
+        Their number in a Model Exchange FMU of FMI 2.0; an FMU of FMI 3.0 is asked.
     completed_steps : bool
         Whether a Model Exchange FMU needs a call after each completed step of the solver.
     solver : str
@@ -95,9 +95,9 @@ class PlantSpec:
     tolerance : float or None
         Relative tolerance of CVODE, or of a Co-Simulation FMU's own solver; None if there is none.
     late_outputs : bool
-        Whether the outputs count only from the first step on, and are taken to be as `outputs` has them until then.
+        Whether the outputs count only from the first step on; until then the start values of `outputs` stand for them.
     time_limit : float
-        Of a process of its own: how long [s] the plant may take to start, for a step, and to end.
+        Time limit [s] of a process of its own, for the start, for each step and for the end.
     logging : bool
         Whether the FMU is asked to log everything.
     """
@@ -135,7 +135,7 @@ class PlantSpec:
         return any(v.type not in REAL_TYPES for v in (*self.inputs.variables, *self.outputs.variables))
 
     def to_json(self) -> bytes:
-        """Return a text from which `from_json` makes the same again, to the bit."""
+        """Return a text from which `from_json` makes an equal specification, to the bit."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
@@ -151,5 +151,5 @@ class PlantSpec:
 
 
 def values_from(data: list[dict[str, object]]) -> tuple[Value, ...]:
-    """Return values as `dataclasses.asdict` and JSON have left them."""
+    """Return values from their form in JSON."""
     return tuple(Value(**{**value, "values": tuple(value["values"])}) for value in data)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Checks that a plant has started, and at its initial pose; messages for one that has not."""
+"""Checks that a plant has started at its initial pose, and the messages if it has not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHOWN_LATE = 'if its outputs show the pose only after the first step: start="fir
 
 
 def not_started(members: Sequence[Member], index: int, error: PlantError) -> InputError:
-    """Return the error of a plant that cannot be started: its own reason, and possible remedies."""
+    """Return the error for a plant that cannot be started: the FMU's reason, and possible remedies."""
     member = members[index]
     spec = member.spec
     message = f"the FMU {spec.file} cannot be started as {spec.robot}: {error}"
@@ -48,7 +48,7 @@ def check_pose(member: Member, state: NDArray[np.float64]) -> None:
     Raises
     ------
     InputError
-        It is elsewhere.
+        It starts elsewhere.
     """
     for link, wanted, found, apart in _apart(member, state):
         if apart > START_TOLERANCE * max(1.0, abs(wanted)) + link.resolution:

@@ -33,7 +33,7 @@ class StepwisePlant(Protocol):
         """Return the messages since the last call, as one text."""
 
     def take_data(self) -> list[Message]:
-        """Return the messages since the last call, one by one, with those that tell why the plant failed."""
+        """Return the messages since the last call, one by one, with the messages on a failure."""
 
     def close(self) -> None:
         """End it."""

@@ -15,7 +15,7 @@ from cosim.plant.stepping import Rows, advance
 
 
 class TypedPlant:
-    """A plant that exchanges numbers of any type; of Model Exchange, one that is integrated with a fixed step.
+    """A plant that exchanges numbers of any type; Model Exchange is integrated with a fixed step.
 
     Legal call order: see `cosim.plant.stepwise.StepwisePlant`.
 
@@ -48,13 +48,13 @@ class TypedPlant:
         Raises
         ------
         PlantError
-            The FMU failed, or the type of an input does not have its value.
+            The FMU failed, or the type of an input cannot represent its value.
         """
         time, step, inputs = self._pending
         instance, rows = self._instance, self._rows
         if instance.spec.interface == CO_SIMULATION:
             instance.give(inputs.tolist())
-        elif not np.array_equal(inputs, self._given):  # they jump, which is an event
+        elif not np.array_equal(inputs, self._given):  # inputs jump, which is an event
             self._given = inputs.copy()
             instance.handle_event(lambda: instance.give(self._given.tolist()))
             rows.rows["next_event"] = instance.next_event

@@ -1,4 +1,4 @@
-"""When an FMU's library is unloaded: never under a thread of its own, which would crash the process.
+"""Unloading of an FMU's library: never while a thread of the FMU runs, which would crash the process.
 
 Such a library stays until the process ends, and is not torn down then either.
 """
@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 
 _PATIENCE = 0.02
-"""How long [s] a thread that has ended may still be listed."""
+"""Time [s] for which an ended thread may still be listed."""
 
 _kept: list[object] = []
 
@@ -35,13 +35,13 @@ def threads() -> frozenset[int] | None:
     started = {
         thread.native_id
         for thread in threading.enumerate()
-        if not isinstance(thread, threading._DummyThread)  # another's, in which Python was called
+        if not isinstance(thread, threading._DummyThread)  # a foreign thread in which Python was called
     }
     return frozenset(found - started)
 
 
 def unload(library: object, free: Callable[[], None], before: frozenset[int] | None) -> None:
-    """Unload a library unless threads have come since, whosever they are; then keep it.
+    """Unload a library, unless new threads run; then keep it.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The process of its own in which a plant runs: ``python -m cosim.plant.worker``, started by `cosim.plant.process`.
 
 Requests come through standard input and replies go out through standard output, both moved out of the FMU's reach
-first: what the FMU prints goes to standard error.
+first: the FMU's own output goes to standard error.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cosim.plant.stepping import Rows, advance, read_outputs
 from cosim.plant.stepwise import StepwisePlant, stepper
 
 _ORPHAN_CHECK = 1.0
-"""How often [s] it is checked whether the harness is still there."""
+"""Interval [s] of the check that the harness still runs."""
 
 
 class LocalPlant:
@@ -107,7 +107,7 @@ def start(spec: PlantSpec) -> StepwisePlant:
 
 
 def main() -> None:
-    """Serve one plant until the harness says that it ends, or is gone.
+    """Serve one plant until the harness asks for its end, or has ended itself.
 
     The arguments are the harness's process, and the folders where its Python finds modules.
     """
@@ -121,7 +121,7 @@ def main() -> None:
     except BaseException:
         traceback.print_exc()
         status = 1
-    os._exit(status)  # an FMU's exit handlers are no concern of ours
+    os._exit(status)  # without the FMU's exit handlers
 
 
 class _Replies:
@@ -201,7 +201,7 @@ def _receive(pipe: int) -> tuple[int, bytes] | None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process, whatever the FMU is doing, when the harness has gone."""
+    """End this process when the harness has ended, even while the FMU works."""
     while os.getppid() == parent:
         time.sleep(_ORPHAN_CHECK)
     os._exit(1)

@@ -35,7 +35,7 @@ _TEXT = """\
 {gains}
   </controller>
 
-  <!-- Limits of sensors and motors. Try <delay time="40 ms"/> in either. -->
+  <!-- Noise of the sensors and limits of the motors. Try <delay time="40 ms"/> in either. -->
   <sensor>
     <noise {noise}/>
   </sensor>
