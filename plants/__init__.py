@@ -43,7 +43,7 @@ def load(name: str) -> "OdeModel":
     Raises
     ------
     UnknownModel
-        There is none of this name; the error names those that there are.
+        There is none of this name; the error names the known ones.
     """
     _check_known(name)
     model: OdeModel = importlib.import_module(f"plants.{name}.model").model()

@@ -49,7 +49,7 @@ def differentiate(model: OdeModel, unknowns: Iterable[tuple[str, sympy.Expr, str
     ModelError
         An expression has no derivative that could be written down.
     """
-    # The functions are differentiated as real ones, whatever assumptions their symbols carry.
+    # The functions are differentiated as real functions, independently of the assumptions of their symbols.
     variables = (*model.states, *model.inputs, *model.reals)
     symbols = {variable.symbol for variable in variables} | {term.symbol for term in model.terms}
     real = {symbol: sympy.Symbol(symbol.name, real=True) for symbol in symbols}

@@ -1,6 +1,6 @@
 """From a Lagrangian description with nonholonomic constraints to an explicit ordinary differential equation.
 
-Stated are the matrices of the constrained dynamics, equation (1) of the paper,
+A model states the matrices of the constrained dynamics, equation (1) of the paper,
 
     M1 eta'' + C1 eta' + D1 eta' + tau_d1 = B1 tau - A' lambda,    A eta' = 0,
 
@@ -9,7 +9,7 @@ equations, and with the pseudo-velocities v of (2), eta' = S v, the reduced dyna
 
     M2 v' + C2 v + D2 v + F2 + tau_d2 = B2 tau,
 
-whose solution for v' together with (2) is the model. The multipliers lambda are gone, and so is all that cancels.
+whose solution for v' together with (2) is the model. The multipliers lambda and all terms that cancel are gone.
 F2 is not in the paper: it holds resistances to the pseudo-velocities themselves, such as friction.
 """
 

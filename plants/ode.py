@@ -161,10 +161,10 @@ class Output:
 
 @dataclass(frozen=True)
 class Limit:
-    """Where the equations hold: an expression that must stay between two bounds.
+    """A limit of the equations: an expression that must stay between two bounds.
 
-    A running FMU checks its limits after every internal step; its parameter `at_singularity` says whether leaving
-    them is worth a warning or ends the simulation. State a limit on a quantity that keeps growing beyond the
+    A running FMU checks its limits after every internal step; its parameter `at_singularity` decides whether leaving
+    them gives a warning or ends the simulation. State a limit on a quantity that keeps growing beyond the
     singularity, such as an angle and not its cosine, so that a step that jumps across is seen too.
 
     Parameters
@@ -327,7 +327,7 @@ _OUR_WORDS = """
 """
 RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 """Names that the generated C code needs for itself."""
-# What math.h and float.h, then the headers in factory/template, define.
+# Names from math.h and float.h, then names from the headers in factory/template.
 _RESERVED_PREFIX = re.compile(
     r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
     r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_).*"

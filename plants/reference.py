@@ -1,6 +1,6 @@
 """Reference results of the vehicles, from their constrained dynamics (1), not from the reduction (3).
 
-A vehicle's ``reference.py`` writes its matrices by hand in NumPy, apart from those of its ``model.py``. Here they are
+A vehicle's ``reference.py`` writes its matrices by hand in NumPy, independently of its ``model.py``. Here they are
 solved for the accelerations and the Lagrange multipliers together, and integrated with SciPy's DOP853 at a tolerance
 of 1e-12; the inputs are held over communication steps.
 """

@@ -1,7 +1,7 @@
 """Projection-type updates of the weights and of the robust gain, (28) to (30): as rates and by explicit Euler steps.
 
 A step along the boundary leaves the ball tr(W'W) <= W_m, so that the weights are scaled back onto it
-afterwards. Rounding then decides on which side of the boundary they are; what is within 1e-9 of it counts as
+afterwards. Rounding then decides on which side of the boundary they are; a value within 1e-9 of it counts as
 on it.
 """
 

@@ -49,7 +49,7 @@ class Installed:
         which = f"controller {self.name!r} of {self.package} {self.version}"
         try:
             loaded = self.entry_point.load()
-        except Exception as error:  # whatever someone's module does when imported
+        except Exception as error:  # a foreign module can raise anything when it is imported
             raise ControllerError(f"{which} cannot be imported: {error}") from error
         from formation_controllers.controller import Controller
 

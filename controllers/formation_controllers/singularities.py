@@ -34,7 +34,7 @@ class Guard(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """How near a robot is to each singularity, as measured: zero is on it."""
+    """Distance of a robot from each singularity, by the measured pose: zero is on it."""
 
     relative_range: float
     cos_bearing: float
@@ -45,9 +45,9 @@ class Margins(NamedTuple):
 NEAR: Final = 0.1
 """Magnitude below which range over length, a cosine and the drive gain are reported as near their singularity.
 
-What the law divides by them grows more than tenfold there: less than a tenth of the wheelbase or hitch length from the
-leader, less than 5.7 degrees from a bearing or steering angle of 90. At 5 rad/s an angle does not jump over that much,
-20 ms apart; if it does, the change of sign is left.
+A quotient with such a divisor is more than tenfold there: less than a tenth of the wheelbase or hitch length from the
+leader, less than 5.7 degrees from a bearing or steering angle of 90. At 5 rad/s an angle changes by less than that in
+20 ms; a faster jump across still shows as a change of sign.
 """
 
 TORQUE_SIGNALS: Final = (

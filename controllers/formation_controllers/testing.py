@@ -32,11 +32,11 @@ def check_controller(
     size: int = 4,
     vehicle: Vehicle | None = None,
 ) -> None:
-    """Check that a class keeps the promises of `Controller`, on a vehicle or on each that it serves and that we know.
+    """Check that a class follows the rules of `Controller`, on one vehicle or on each of `VEHICLES` that it serves.
 
-    Its statements are correct; a follower's commands do not depend on its team; the same inputs give
-    the same commands to the last bit, in a copy, from a pickle and from the state as arrays or bytes; inputs are left
-    alone; and telemetry has the shapes that the signals say.
+    Its attributes are correct; a follower's commands do not depend on its team; the same inputs give
+    the same commands to the last bit, in a copy, from a pickle and from the state as arrays or bytes; inputs are
+    left unchanged; and telemetry has the shapes of the signals.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ def check_controller(
     gains
         Its gains: one object or one for each follower; the defaults if left out.
     size
-        Number of followers, unless the gains say it.
+        Number of followers, unless there is an object of gains for each.
     vehicle
-        The vehicle that it is checked on; those of `VEHICLES` that it serves if left out.
+        The vehicle for the check; default: every one of `VEHICLES` that the law serves.
 
     Raises
     ------
     AssertionError
-        If a promise is broken; says which.
+        A rule is broken; the message names it.
     """
     fault = statement_fault(law)
     assert not fault, f"{law.__name__} {fault}"
@@ -120,7 +120,7 @@ def _check_telemetry(name: str, controller: Controller[Any], size: int) -> None:
 
 
 def _course(vehicle: Vehicle, size: int, ticks: int) -> list[Inputs]:
-    """Return followers that wander behind a leader, with range and bearing that are to change: one entry a tick."""
+    """Return followers that wander behind a leader, with a desired range and bearing that change: one entry a tick."""
     random = np.random.default_rng(1)
     others, velocities = len(vehicle.pose) - 3, len(vehicle.velocity)
     low, high = [-6, -3, -0.4, *[-0.3] * others], [-4, 3, 0.4, *[0.3] * others]

@@ -71,18 +71,18 @@ class Vehicle(Protocol):
 
 @dataclass(frozen=True)
 class FormationGeometry:
-    """How a vehicle sees its leader: the facts in (7), (8) and (54), (55). A vehicle's fact `formation`.
+    """The facts by which a vehicle sees its leader, (7), (8), (54), (55): a vehicle's attribute `formation`.
 
     Parameters
     ----------
     steering
-        How the pose tells the steering angle: ``angle``, its fourth entry is that angle, steered against the body, with
-        the velocity omega as its rate; ``heading``, its fourth entry is the heading of the body that steers, and omega
-        that heading's rate; ``none``, there is no such angle, and omega is the rate of the heading, the third entry.
+        Source of the steering angle. ``angle``: the fourth entry of the pose is that angle, against the body, and omega
+        is its rate. ``heading``: the fourth entry is the heading of the body that steers, and omega is that heading's
+        rate. ``none``: there is no such angle, and omega is the rate of the heading, the third entry.
     length
         Distance [m] from the reference point ahead to the point that range and bearing are measured from: wheelbase or
-        hitch length. A vehicle without a steering angle measures from its reference point; the length is then only what
-        a range is compared with, such as half its track.
+        hitch length. A vehicle without a steering angle measures from its reference point; the length is then only
+        compared with ranges, such as half its track.
 
     Raises
     ------

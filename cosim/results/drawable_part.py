@@ -15,8 +15,8 @@ _GROWTH = 10.0
 def drawable(result: xr.Dataset) -> xr.Dataset:
     """Return a result that can be drawn; values that are left out are NaN.
 
-    Left out are numbers that are not finite or beyond all measure. Of a run that ended early also those that are more
-    than ten times as large as any in the first nine tenths of it: they would make all that led there a flat line.
+    Numbers that are not finite or enormous are left out. If the run ended early, so are numbers more than ten times as
+    large as any in its first nine tenths: they would flatten the rest of the curve.
     """
     ended_early = result.attrs["status"] != "completed"
     return result.assign(

@@ -45,7 +45,7 @@ def save_figure(result: xr.Dataset, path: str | Path) -> None:
 
 
 def draw(result: xr.Dataset) -> Figure:
-    """Return the figure: panels (a) to (h) as in the paper; one whose signal was not recorded says so.
+    """Return the figure: panels (a) to (h) as in the paper; a panel without a recorded signal states that.
 
     Above them stand the changes of the scenario and the reason of an early end, below them seed and versions.
     """

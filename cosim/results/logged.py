@@ -1,4 +1,4 @@
-"""What the FMUs logged in a run, as its result keeps it."""
+"""Messages that the FMUs logged in a run, as its result keeps them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class LoggedMessage:
 def logged_messages(result: xr.Dataset) -> tuple[tuple[LoggedMessage, ...], int]:
     """Return the first and the last messages of a result, and the number of those between that are left out.
 
-    The last ones of a run that failed say why. A result of an earlier version has none.
+    The last messages of a failed run give the reason. A result of an earlier version has none.
     """
     number = result.sizes.get("message", 0)
     left_out = max(0, number - 2 * SHOWN_AT_EITHER_END)

@@ -1,4 +1,4 @@
-"""Where a result comes from, as its attributes tell: which file, changed how, which seed and versions, how it ended."""
+"""The origin of a result, from its attributes: file, changes, seed, versions, and how the run ended."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Provenance:
 
 
 def attributes(file: Path, changes: tuple[str, ...], failure: Failure | None) -> dict[str, str]:
-    """Return the attributes that tell which file was run, changed how, and why it did not reach its end."""
+    """Return the attributes with the file of the run, its changes, and the reason of an early end."""
     told = {"scenario_file": str(file), "changes": json.dumps(changes)}
     if failure:
         told["failure"] = json.dumps(asdict(failure))

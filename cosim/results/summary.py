@@ -113,8 +113,8 @@ def summarise(scenario: Scenario, result: xr.Dataset, run_other: RunOther | None
 def summary_of(result: xr.Dataset) -> Summary:
     """Return the summary of a result, of `cosim.run` or read from a file; nothing is run for it.
 
-    The verdicts are those that the result keeps, if ``formation run`` has judged it. Otherwise it is judged now by what
-    its scenario expects; a ``<compare>`` then has no figure and does not hold, as its other scenario is not run.
+    The verdicts are read from the result if ``formation run`` has judged it. Otherwise the expectations of its scenario
+    are judged now; a ``<compare>`` then has no figure and does not hold, as its other scenario is not run.
 
     Raises
     ------

@@ -61,7 +61,7 @@ class Verdict:
 
     @property
     def finding(self) -> str:
-        """Figure, margin and whose they are, in words."""
+        """Robot, figure and margin in words."""
         told = "; ".join(text for text in (self.robot, self.detail) if text)
         if math.isnan(self.figure):
             numbers = "no figure"

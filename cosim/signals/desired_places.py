@@ -1,4 +1,4 @@
-"""Where in the formation a follower is to be, over time."""
+"""The desired place of a follower in the formation, over time."""
 
 from __future__ import annotations
 

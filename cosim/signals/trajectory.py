@@ -26,10 +26,10 @@ MAX_STEERING = math.radians(80)
 def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
     """Return the motion in which a vehicle's reference point follows a path exactly, driving forwards.
 
-    The path is a quintic spline through the points, or near them if the trajectory is smoothed. Reference point is the
-    midpoint of the rear axle, of a tractor-trailer that of the trailer's axle: heading and steering angle, that is the
-    hitch angle theta_0 - theta_1, follow from its first two derivatives, the velocities from the third and the
-    accelerations from the fourth, all computed from the spline's own.
+    The path is a quintic spline through the points, or near them if the trajectory is smoothed. The reference
+    point is the midpoint of the rear axle (tractor-trailer: of the trailer's axle). Its first two derivatives give
+    heading and steering angle (the hitch angle theta_0 - theta_1), the third one gives the velocities, the fourth one
+    the accelerations. All derivatives are the spline's own.
 
     Parameters
     ----------

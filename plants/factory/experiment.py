@@ -1,4 +1,4 @@
-"""The reference experiment that an FMU carries, so that whoever imports it can replay it and compare.
+"""The reference experiment that an FMU carries, so that every importer can replay it and compare.
 
 The files follow the draft layered standard FMI-LS-REF 1.0.0-alpha.1: the manifest its section 2.1, related files 2.2,
 the archive's folders 2.3, the page on it 2.4, the parameter set (SSV of SSP) 2.5.1 and the experiments 2.5.2. The

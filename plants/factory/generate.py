@@ -394,7 +394,7 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
 
 
 def _c_string(text: str) -> str:
-    """Return a C string literal in UTF-8; an octal escape ends after three digits, whatever follows."""
+    """Return a C string literal in UTF-8; an octal escape always ends after three digits."""
     plain = {ord(c) for c in string.ascii_letters + string.digits + string.punctuation + " "} - set(b'"\\?')
     return '"' + "".join(chr(byte) if byte in plain else f"\\{byte:03o}" for byte in text.encode()) + '"'
 

@@ -66,7 +66,7 @@ def host() -> Platform:
     Raises
     ------
     BuildError
-        It is none of those that are known.
+        The platform is not known.
     """
     machine = _MACHINES.get(platform.machine().lower())
     name = f"{_SYSTEMS.get(sys.platform)}-{'arm64' if sys.platform == 'darwin' and machine == 'aarch64' else machine}"

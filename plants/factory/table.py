@@ -307,7 +307,7 @@ def _unknown(
     for other, symbol in known:
         if symbol not in expression.free_symbols:
             continue
-        # What decides between branches counts, though the derivative within each does not tell.
+        # The condition of a branch counts, though the derivative within each branch does not show it.
         slope = symbol if other.items or symbol in deciding else expression.diff(symbol)
         if slope != 0:
             dependencies.append(other.reference)
