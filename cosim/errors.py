@@ -123,7 +123,7 @@ class SimulationError(FormationError):
     ----------
     failure : Failure
         Robot, time and message; also as `robot` and `time`.
-    result : xarray.Dataset or None
+    recorded : cosim.results.result.Result or None
         Everything recorded up to then; set by the master.
     """
 
@@ -133,17 +133,27 @@ class SimulationError(FormationError):
         self.failure = Failure(robot, time, variable, message)
         self.robot = robot
         self.time = time
-        self.result: Any = None
+        self.recorded: Any = None
         super().__init__(str(self.failure))
+
+    @property
+    def result(self) -> Any:
+        """Everything recorded up to then, as an xarray dataset; None if nothing was."""
+        return None if self.recorded is None else self.recorded.dataset
 
 
 class RunInterrupted(Picklable, KeyboardInterrupt):
-    """The user stopped the run (Ctrl-C); `result` holds everything recorded up to then."""
+    """The user stopped the run (Ctrl-C) at a time [s]; `recorded` is everything recorded up to then."""
 
-    def __init__(self, time: float, result: Any) -> None:
+    def __init__(self, time: float, recorded: Any) -> None:
         self.time = time
-        self.result = result
+        self.recorded = recorded
         super().__init__(str(interruption(time)))
+
+    @property
+    def result(self) -> Any:
+        """Everything recorded up to then, as an xarray dataset."""
+        return self.recorded.dataset
 
 
 def interruption(time: float) -> Failure:

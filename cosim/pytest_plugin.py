@@ -53,7 +53,7 @@ class ScenarioItem(pytest.Item):
         scenario = read_scenario(self._shown_path())
         with Simulation(scenario) as simulation:
             run = partial(run_other, simulation.setup)
-            self._judge(summarise(scenario, simulation.run(), run))  # before the plants end
+            self._judge(summarise(scenario, simulation.run_to_end(), run))  # before the plants end
 
     def _judge(self, summary: Summary) -> None:
         for verdict in summary.verdicts:

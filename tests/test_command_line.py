@@ -259,14 +259,14 @@ def test_a_disk_that_fills_up_loses_nothing(
 ) -> None:
     """The folder becomes a file while the run goes on."""
     out = tmp_path / "runs"
-    original = Simulation.run
+    original = Simulation.run_to_end
 
     def run_and_take_the_folder_away(self: Simulation, *_: object) -> object:
         (out / "clmr_line").rmdir()
         (out / "clmr_line").touch()
         return original(self)
 
-    monkeypatch.setattr(Simulation, "run", run_and_take_the_folder_away)
+    monkeypatch.setattr(Simulation, "run_to_end", run_and_take_the_folder_away)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     printed = failed(capsys, 2, "run", line, "--out", str(out), "--no-figure", *SHORT)
     assert "cannot be written" in printed

@@ -114,7 +114,9 @@ sys.exit(main(["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulati
     assert list(tmp_path.glob("formation-*")) == []
 
 
-@pytest.mark.parametrize("place", ["cosim.master.simulation.dataset", "cosim.cli.run.save", "cosim.cli.run.summarise"])
+@pytest.mark.parametrize(
+    "place", ["cosim.master.simulation.recorded_result", "cosim.cli.run.save", "cosim.cli.run.summarise"]
+)
 def test_a_signal_while_the_result_is_made_or_written(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
 ) -> None:
@@ -162,7 +164,7 @@ def raising(error: BaseException) -> Callable[..., object]:
 
 
 def run_with(law: type, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    monkeypatch.setattr("formation_controllers.load", lambda _name: law)
+    monkeypatch.setattr("formation_controllers.Installed.load", lambda _installed: law)
     return ["run", line, "--out", str(tmp_path), *SHORT]
 
 

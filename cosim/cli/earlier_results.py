@@ -7,8 +7,7 @@ import os
 import re
 from pathlib import Path
 
-import h5netcdf
-
+from cosim.results.netcdf import attributes_of
 from cosim.results.provenance import Provenance
 
 RESULT, FILES = "result.nc", ("summary.json", "figure.png", "result.nc")
@@ -42,8 +41,8 @@ def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | Non
 def _provenance(path: Path) -> Provenance | None:
     """Return the provenance of a result; None if there is no result, or one without provenance."""
     try:
-        with h5netcdf.File(path, "r") as result:  # xarray would decode all variables, too
-            return Provenance.of(result.attrs) if "changes" in result.attrs else None
+        attributes = attributes_of(path)
+        return Provenance.of(attributes) if "changes" in attributes else None
     except Exception:  # no result that can be kept
         return None
 

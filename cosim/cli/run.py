@@ -10,7 +10,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
-import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -29,6 +28,7 @@ from cosim.master.timing import timed
 from cosim.results.files import annotate, save, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.results.provenance import Provenance
+from cosim.results.result import Result
 from cosim.results.summary import summarise
 from cosim.scenario.scenario import Scenario
 
@@ -101,9 +101,9 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
             try:
                 with _progress(scenario) as progress:
-                    result = simulation.run(progress, pacer)
+                    result = simulation.run_to_end(progress, pacer)
             except (SimulationError, RunInterrupted) as error:
-                failure, result = error, error.result
+                failure, result = error, error.recorded
             for part, seconds in simulation.timing.items():
                 timing[part] = timing.get(part, 0.0) + seconds
             with timed(timing, "write"):
@@ -162,7 +162,7 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 # Files ------------------------------------------------------------------------------------------------------
 
 
-def _draw(result: xr.Dataset, folder: Path) -> None:
+def _draw(result: Result, folder: Path) -> None:
     """Draw the figure; a failure is a warning, as everything else is saved already."""
     from cosim.results.figure import save_figure
 
@@ -172,7 +172,7 @@ def _draw(result: xr.Dataset, folder: Path) -> None:
         warn(f"the figure could not be drawn: {type(error).__name__}: {error}")
 
 
-def _save(result: xr.Dataset, folder: Path) -> tuple[Path, Provenance] | None:
+def _save(result: Result, folder: Path) -> tuple[Path, Provenance] | None:
     """Write the result; if that fails, keep it in a temporary folder, which the error names.
 
     Returns

@@ -14,11 +14,12 @@ import numpy as np
 from cosim.fmu.package import Fmu
 from cosim.master.robot import RobotSetup
 from cosim.plant.message import RobotMessage
+from cosim.results.result import Variable
 from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import Columns, run_columns
 from cosim.vehicle.kind import Kind, Role
 
-Coordinates = dict[str, tuple[tuple[str, ...], Any, dict[str, str]]]
+Coordinates = dict[str, Variable]
 
 _PLANT: Mapping[str, tuple[str, Callable[[Scenario, str, Fmu], str]]] = {
     "plant_model": ("built-in model; empty for a file", lambda scenario, name, _: scenario.plants[name].model or ""),
@@ -67,9 +68,9 @@ def who_is_who(
 
 def _vehicles(robots: Sequence[RobotSetup]) -> Coordinates:
     found: Coordinates = {
-        "vehicle": _texts("vehicle", [robot.name for robot in robots], "leader and followers"),
-        "vehicle_kind": _texts("vehicle", [robot.kind.name for robot in robots], "kind of vehicle"),
-        "vehicle_plant": _texts("vehicle", [robot.source.id for robot in robots], "plant of the vehicle"),
+        "vehicle": texts("vehicle", [robot.name for robot in robots], "leader and followers"),
+        "vehicle_kind": texts("vehicle", [robot.kind.name for robot in robots], "kind of vehicle"),
+        "vehicle_plant": texts("vehicle", [robot.source.id for robot in robots], "plant of the vehicle"),
     }
     for name, (fields, role) in _geometry(robots).items():
         values = [
@@ -77,9 +78,9 @@ def _vehicles(robots: Sequence[RobotSetup]) -> Coordinates:
         ]
         if role.unit:
             numbers = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-            found[name] = (("vehicle",), numbers, {"units": role.unit, "long_name": role.meaning})
+            found[name] = Variable(("vehicle",), numbers, {"units": role.unit, "long_name": role.meaning})
         else:
-            found[name] = _texts("vehicle", ["" if value is None else str(value) for value in values], role.meaning)
+            found[name] = texts("vehicle", ["" if value is None else str(value) for value in values], role.meaning)
     return found
 
 
@@ -99,11 +100,13 @@ def _components(robots: Sequence[RobotSetup]) -> Coordinates:
         (columns.commands, "command", columns.command),
     ):
         dim = f"{group}_component"
-        found[f"{dim}_units"] = _texts(dim, shared.units, f"unit of each component of a {group}")
+        found[f"{dim}_units"] = texts(dim, shared.units, f"unit of each component of a {group}")
         for fact in ("name", "meaning"):
             table = [_row(robot.kind, roles, shared, fact) for robot in robots]
             long_name = f"{fact} of each component of a {group}; empty where the vehicle has none"
-            found[f"{group}_{fact}"] = (("vehicle", dim), np.array(table, dtype=np.str_), {"long_name": long_name})
+            found[f"{group}_{fact}"] = Variable(
+                ("vehicle", dim), np.array(table, dtype=np.str_), {"long_name": long_name}
+            )
     return found
 
 
@@ -132,9 +135,9 @@ def _geometry(robots: Sequence[RobotSetup]) -> dict[str, tuple[dict[str, str], R
 
 
 def _plants(scenario: Scenario, fmus: Mapping[str, Fmu]) -> Coordinates:
-    found = {"plant": _texts("plant", list(fmus), "plants, by their ids in the scenario")}
+    found = {"plant": texts("plant", list(fmus), "plants, by their ids in the scenario")}
     for name, (about, fact) in _PLANT.items():
-        found[name] = _texts("plant", [fact(scenario, plant, fmu) for plant, fmu in fmus.items()], about)
+        found[name] = texts("plant", [fact(scenario, plant, fmu) for plant, fmu in fmus.items()], about)
     return found
 
 
@@ -142,13 +145,16 @@ def _messages(messages: Sequence[RobotMessage]) -> Coordinates:
     times = np.array([entry.time for entry in messages], dtype=np.float64)
     counts = np.array([entry.message.count for entry in messages], dtype=np.int64)
     found: Coordinates = {
-        "message_time": (("message",), times, {"units": "s", "long_name": "communication point of the message"}),
-        "message_count": (("message",), counts, {"long_name": "how many times the message came in succession"}),
+        "message_time": Variable(
+            ("message",), times, {"units": "s", "long_name": "communication point of the message"}
+        ),
+        "message_count": Variable(("message",), counts, {"long_name": "how many times the message came in succession"}),
     }
     for name, (about, fact) in _MESSAGE.items():
-        found[name] = _texts("message", [fact(entry) for entry in messages], about)
+        found[name] = texts("message", [fact(entry) for entry in messages], about)
     return found
 
 
-def _texts(dim: str, values: Sequence[str], about: str) -> tuple[tuple[str, ...], Any, dict[str, str]]:
-    return (dim,), np.array(values, dtype=np.str_), {"long_name": about}
+def texts(dim: str, values: Sequence[str], about: str = "") -> Variable:
+    """Return a variable of texts along a dimension, with a description if there is one."""
+    return Variable((dim,), np.array(values, dtype=np.str_), {"long_name": about} if about else {})

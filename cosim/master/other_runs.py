@@ -5,20 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeAlias
 
-import xarray as xr
-
 from cosim.errors import FormationError
 from cosim.master.setup import Setup
 from cosim.master.simulation import Simulation
+from cosim.results.result import Result
 
 _Key: TypeAlias = tuple[Path, tuple[Path, ...], str]
 _KEPT = 2
 """How many results are kept, as they are large: expectations that share one stand next to each other."""
 
-_results: dict[_Key, xr.Dataset | FormationError] = {}
+_results: dict[_Key, Result | FormationError] = {}
 
 
-def run_other(setup: Setup, path: Path) -> xr.Dataset:
+def run_other(setup: Setup, path: Path) -> Result:
     """Return the result of a scenario that one is compared with; once in a process for the same resolved text.
 
     Parameters
@@ -38,7 +37,7 @@ def run_other(setup: Setup, path: Path) -> xr.Dataset:
     if key not in _results:
         try:
             with Simulation(other, prepared) as simulation:
-                result: xr.Dataset | FormationError = simulation.run()
+                result: Result | FormationError = simulation.run_to_end()
         except FormationError as error:
             result = error
         _results[key] = result

@@ -5,30 +5,33 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import formation_controllers as fc
 import numpy as np
-import xarray as xr
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.team import Team
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
-from cosim.master.dataset import dataset
 from cosim.master.fleets import StartFleet, start_fleet
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
+from cosim.master.recorded_result import recorded_result
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import Driving, TeamArrays
 from cosim.master.timing import timed
 from cosim.plant.fleet import returning
+from cosim.results.result import Result
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.signals.actuators import Actuators
 from cosim.signals.sensors import PoseSensor
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _NUMBERS = {1: "one", 2: "two", 3: "three"}
 
@@ -141,7 +144,7 @@ class Simulation:
 
     def _fail(self, error: SimulationError) -> None:
         self._ended, self._failure = str(error), error.failure
-        error.result = self.result()
+        error.recorded = self._recorded(error.failure)
         self._end(error.failure)
 
     def _sense(self) -> None:
@@ -241,6 +244,10 @@ class Simulation:
         return self.tick > self.scenario.ticks
 
     def run(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> xr.Dataset:
+        """Run to the horizon and return the result as an xarray dataset; see `run_to_end`."""
+        return self.run_to_end(progress, pacer).dataset
+
+    def run_to_end(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> Result:
         """Run to the horizon and return the result.
 
         Parameters
@@ -271,18 +278,20 @@ class Simulation:
                 signals.received += 1
             stopped = interruption(self.time) if signals.received and not self.finished else None
             self._end(stopped, watching)
-            result = self._result(stopped)
+            result = self._recorded(stopped)
         if signals.received:
             raise RunInterrupted(self.time, result)
         return result
 
     def result(self) -> xr.Dataset:
-        """Return everything recorded so far; see `cosim.master.dataset.dataset`."""
-        return self._result(self._failure)
+        """Return everything recorded so far; see `cosim.master.recorded_result`."""
+        return self._recorded(self._failure).dataset
 
-    def _result(self, failure: Failure | None) -> xr.Dataset:
+    def _recorded(self, failure: Failure | None) -> Result:
         fleet = self._fleet
-        return dataset(self.scenario, self.setup, self._recorder, self._teams, fleet.messages, fleet.logged, failure)
+        return recorded_result(
+            self.scenario, self.setup, self._recorder, self._teams, fleet.messages, fleet.logged, failure
+        )
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

@@ -7,25 +7,39 @@ import textwrap
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import NDArray
 
 from cosim.errors import InputError, printable
 from cosim.results.drawable_part import drawable
 from cosim.results.files import write
 from cosim.results.provenance import Provenance
+from cosim.results.result import Result
+from cosim.results.thinned import thinned
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _SNAPSHOTS = 5
 _LEADER = "black"
+_WIDTH, _HEIGHT = 13.0, 16.0
+_LEFT, _RIGHT, _BETWEEN = 0.95, 0.2, 0.95
+"""Margins beside the panels and the gap between them [in]: a layout that is computed takes as long as the drawing."""
+_BOTTOM, _TOP, _LINE = 0.75, 0.62, 0.24
+"""Margins below the panels, above them, and for each further line of the title [in]."""
+_LEFT_OF, _BELOW = 0.66, 0.31
+"""Distances of the labels from their axes [in], with room for the numbers between."""
 
 
-def save_figure(result: xr.Dataset, path: str | Path) -> None:
+def save_figure(result: xr.Dataset | Result, path: str | Path) -> None:
     """Draw a result and write it as PNG.
 
     Raises
@@ -35,86 +49,84 @@ def save_figure(result: xr.Dataset, path: str | Path) -> None:
     OutputError
         The file cannot be written.
     """
+    result = Result.of(result)
     if not result.sizes["time"]:
         raise InputError("the result holds no sample, so there is nothing to draw")
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a title in letters that the font lacks
-        draw(result).savefig(buffer, format="png", dpi=120)
+        draw(result).savefig(buffer, format="png", dpi=120, pil_kwargs={"compress_level": 1})  # others take longer
     write(Path(path), buffer.getbuffer())
 
 
-def draw(result: xr.Dataset) -> Figure:
+def draw(result: xr.Dataset | Result) -> Figure:
     """Return the figure: panels (a) to (h) as in the paper; a panel without a recorded signal states that.
 
     Above them stand the changes of the scenario and the reason of an early end, below them seed and versions.
     """
-    figure = Figure(figsize=(13, 16), layout="constrained")
-    figure.suptitle(_title(result), fontsize=13, parse_math=False)
-    basis, whole = Provenance.of(result.attrs).basis, result
-    result = drawable(result)
-    if any(result[name].isnull().sum() > signal.isnull().sum() for name, signal in whole.data_vars.items()):
+    whole = Result.of(result)
+    drawn = drawable(whole)
+    figure = Figure(figsize=(_WIDTH, _HEIGHT))
+    title = _title(drawn)
+    figure.suptitle(title, fontsize=13, y=1 - 0.1 / _HEIGHT, parse_math=False)
+    basis = Provenance.of(whole.attrs).basis
+    if any(_missing(drawn[name].values) > _missing(whole[name].values) for name in whole.data_vars):
         basis += "; diverged values are not drawn"
     figure.supxlabel(basis, fontsize=8, color="grey", parse_math=False)
-    grid = figure.add_gridspec(4, 2, height_ratios=(1.5, 1.2, 1.2, 0.8))
-    robots = [str(robot) for robot in result["robot"].values]
-    colours = dict(zip(robots, _colours(len(robots)), strict=True))
+    grid = figure.add_gridspec(
+        4,
+        2,
+        height_ratios=(1.5, 1.2, 1.2, 0.8),
+        left=_LEFT / _WIDTH,
+        right=1 - _RIGHT / _WIDTH,
+        bottom=_BOTTOM / _HEIGHT,
+        top=1 - (_TOP + _LINE * title.count("\n")) / _HEIGHT,
+        wspace=2 * _BETWEEN / (_WIDTH - _LEFT - _RIGHT - _BETWEEN),
+        hspace=0.27,
+    )
+    colours = dict(zip(drawn.robots, _colours(len(drawn.robots)), strict=True))
 
-    paths = figure.add_subplot(grid[0, 0])
-    paths.set_title("(a) paths")
-    _draw_paths(paths, result, colours)
+    paths = _panel(figure, grid[0, 0], "(a) paths")
+    _draw_paths(paths, drawn, colours)
     paths.legend(fontsize="small", loc="best")
-    enlarged = figure.add_subplot(grid[0, 1])
-    enlarged.set_title("(b) formation at five instants, enlarged")
-    _draw_formation(enlarged, result, colours)
+    enlarged = _panel(figure, grid[0, 1], "(b) formation at five instants, enlarged")
+    _draw_formation(enlarged, drawn, colours)
 
-    _draw_pair(
-        figure,
-        grid[1, 0],
-        "(c) tracking errors",
-        result,
-        colours,
-        {"range error [m]": result["range_error"], "bearing error [deg]": _degrees(result["bearing_error"])},
-    )
-    commands = "torque" if "torque" in result else "command"
-    _draw_pair(figure, grid[1, 1], f"(d) {commands}s as applied", result, colours, _components(result, commands))
-    _draw_pair(
-        figure,
-        grid[2, 0],
-        "(e) estimation errors of range and bearing",
-        result,
-        colours,
-        {
-            "range error [m]": _error_of("range_estimate", result["range"], result),
-            "bearing error [deg]": _degrees(_error_of("bearing_estimate", result["bearing"], result)),
-        },
-    )
-    speed, steering = (result["velocity"].isel(velocity_component=i) for i in range(2))
-    _draw_pair(
-        figure,
-        grid[2, 1],
-        "(f) estimation errors of the velocities",
-        result,
-        colours,
-        {
-            "error of v [m/s]": _error_of("speed_estimate", speed, result),
-            "error of omega [rad/s]": _error_of("steering_rate_estimate", steering, result),
-        },
-    )
-    for place, title, name, label in (
-        (grid[3, 0], "(g) Frobenius norm of the weights", "weight_norm", "norm of W"),
-        (grid[3, 1], "(h) estimate of the robust gain", "gain_estimate", "theta"),
+    commands = "torque" if "torque" in drawn else "command"
+    for place, heading, signals in (
+        (
+            grid[1, 0],
+            "(c) tracking errors",
+            {
+                "range error [m]": drawn["range_error"].values,
+                "bearing error [deg]": np.degrees(drawn["bearing_error"].values),
+            },
+        ),
+        (grid[1, 1], f"(d) {commands}s as applied", _components(drawn, commands)),
+        (
+            grid[2, 0],
+            "(e) estimation errors of range and bearing",
+            {
+                "range error [m]": _error_of(drawn, "range_estimate", drawn["range"].values),
+                "bearing error [deg]": _error_of(drawn, "bearing_estimate", drawn["bearing"].values, 180 / np.pi),
+            },
+        ),
+        (
+            grid[2, 1],
+            "(f) estimation errors of the velocities",
+            {
+                "error of v [m/s]": _error_of(drawn, "speed_estimate", drawn["velocity"].values[..., 0]),
+                "error of omega [rad/s]": _error_of(drawn, "steering_rate_estimate", drawn["velocity"].values[..., 1]),
+            },
+        ),
+        (grid[3, 0], "(g) Frobenius norm of the weights", _named(drawn, "weight_norm", "norm of W")),
+        (grid[3, 1], "(h) estimate of the robust gain", _named(drawn, "gain_estimate", "theta")),
     ):
-        axes = figure.add_subplot(place)
-        axes.set_title(title)
-        signal = result.get(name)
-        unit = f" [{signal.attrs['units']}]" if signal is not None else ""
-        _draw_lines(axes, result, colours, label + unit, signal)
-        axes.set_xlabel("time [s]")
+        _draw_signals(figure, place, heading, drawn, colours, signals)
     return figure
 
 
-def _title(result: xr.Dataset) -> str:
+def _title(result: Result) -> str:
     provenance = Provenance.of(result.attrs)
     title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
     if result.attrs["status"] != "completed":
@@ -129,21 +141,31 @@ def _title(result: xr.Dataset) -> str:
 # Panels -----------------------------------------------------------------------------------------------------
 
 
-def _draw_paths(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> None:
+def _panel(figure: Figure, place: SubplotSpec, title: str, first: Axes | None = None) -> Axes:
+    """Return empty axes whose title and labels stand where they are put, not where the numbers end."""
+    axes = figure.add_subplot(place, sharex=first)
+    axes.set_title(title, y=1.0)
+    left, below = (ScaledTranslation(*inches, figure.dpi_scale_trans) for inches in ((-_LEFT_OF, 0), (0, -_BELOW)))
+    axes.yaxis.set_label_coords(0.0, 0.5, axes.transAxes + left)
+    axes.xaxis.set_label_coords(0.5, 0.0, axes.transAxes + below)
+    return axes
+
+
+def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Any]) -> None:
     leader = result["leader_pose"].values
     axes.plot(leader[:, 0], leader[:, 1], color=_LEADER, linestyle="--", linewidth=1.2, label="leader")
     for robot, colour in colours.items():
-        pose = result["pose"].sel(robot=robot).values
+        pose = result.of_robot("pose", robot)
         axes.plot(pose[:, 0], pose[:, 1], color=colour, linewidth=1.2, label=robot)
-        axes.plot(*pose[0, :2], marker="o", markersize=4, color=colour)
-    axes.plot(*leader[0, :2], marker="o", markersize=4, color=_LEADER)
+    starts = np.concatenate([result["pose"].values[0, :, :2], leader[:1, :2]])
+    axes.scatter(starts[:, 0], starts[:, 1], s=16, color=[*colours.values(), _LEADER], zorder=2.1)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.grid(alpha=0.3)
 
 
-def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) -> None:
+def _draw_formation(axes: Axes, result: Result, colours: Mapping[str, Any]) -> None:
     """Draw the last part of the paths, and the robots and their lines of sight at a few instants."""
     places = [np.isfinite(result[name].values[..., :3]).all(axis=-1) for name in ("pose", "leader_pose")]
     drawn = places[0].all(axis=1) & places[1]
@@ -152,34 +174,24 @@ def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) 
         return
     shown = np.unique(np.linspace(0.6 * (samples - 1), samples - 1, _SNAPSHOTS).round().astype(int))
     _draw_paths(axes, result, colours)
-    leader = result["leader_pose"].values
-    poses = {robot: result["pose"].sel(robot=robot).values for robot in colours}
-    for sample in shown:
-        for robot, colour in colours.items():
-            pose = poses[robot][sample]
-            axes.plot([pose[0], leader[sample, 0]], [pose[1], leader[sample, 1]], color="grey", linewidth=0.6)
-            axes.quiver(
-                pose[0],
-                pose[1],
-                np.cos(pose[2]),
-                np.sin(pose[2]),
-                color=colour,
-                scale=28,
-                width=0.006,
-                zorder=3,
-            )
-        axes.plot(leader[sample, 0], leader[sample, 1], marker="D", markersize=4, color=_LEADER)
-        time = f"{result['time'].values[sample]:.0f} s"
+    leader, poses = result["leader_pose"].values[shown, :2], result["pose"].values[shown]
+    sight = np.stack([poses[..., :2], np.broadcast_to(leader[:, np.newaxis], poses[..., :2].shape)], axis=-2)
+    axes.add_collection(LineCollection(list(sight.reshape(-1, 2, 2)), colors="grey", linewidths=0.6), autolim=False)
+    x, y, heading = poses[..., 0].ravel(), poses[..., 1].ravel(), poses[..., 2].ravel()
+    colour = [*colours.values()] * len(shown)
+    axes.quiver(x, y, np.cos(heading), np.sin(heading), color=colour, scale=28, width=0.006, zorder=3)
+    axes.plot(*leader.T, linestyle="", marker="D", markersize=4, color=_LEADER)
+    for sample, place in zip(shown, leader, strict=True):
         axes.annotate(
-            time,
-            (leader[sample, 0], leader[sample, 1]),
+            f"{result['time'].values[sample]:.0f} s",
+            place,
             textcoords="offset points",
             xytext=(0, 6),
             fontsize=8,
             ha="center",
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.5},
         )
-    points = np.concatenate([leader[shown, :2], *(pose[shown, :2] for pose in poses.values())])
+    points = np.concatenate([leader, poses[..., :2].reshape(-1, 2)])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float(np.max(high - low)) + 0.5
     axes.set_aspect("equal", adjustable="box")
@@ -187,23 +199,21 @@ def _draw_formation(axes: Axes, result: xr.Dataset, colours: Mapping[str, Any]) 
     axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
-def _draw_pair(
+def _draw_signals(
     figure: Figure,
     place: SubplotSpec,
     title: str,
-    result: xr.Dataset,
+    result: Result,
     colours: Mapping[str, Any],
-    signals: Mapping[str, xr.DataArray | None],
+    signals: Mapping[str, NDArray[np.float64] | None],
 ) -> None:
-    """Draw two signals above each other over the same time."""
-    grid = place.subgridspec(len(signals), 1)
+    """Draw signals (T, N) above each other over the same time."""
+    grid = place.subgridspec(len(signals), 1, hspace=0.15)
     first: Axes | None = None
     for row, (label, signal) in enumerate(signals.items()):
-        axes = figure.add_subplot(grid[row, 0], sharex=first)
+        axes = _panel(figure, grid[row, 0], "" if first else title, first)
         _draw_lines(axes, result, colours, label, signal)
-        if first is None:
-            axes.set_title(title)
-            first = axes
+        first = first or axes
         if row < len(signals) - 1:
             axes.tick_params(labelbottom=False)
         else:
@@ -211,7 +221,7 @@ def _draw_pair(
 
 
 def _draw_lines(
-    axes: Axes, result: xr.Dataset, colours: Mapping[str, Any], label: str, signal: xr.DataArray | None
+    axes: Axes, result: Result, colours: Mapping[str, Any], label: str, signal: NDArray[np.float64] | None
 ) -> None:
     axes.set_ylabel(label)
     axes.grid(alpha=0.3)
@@ -220,28 +230,38 @@ def _draw_lines(
         return
     time = result["time"].values
     marker = "." if len(time) == 1 else ""
-    for robot, colour in colours.items():
-        axes.plot(time, signal.sel(robot=robot).values, color=colour, linewidth=0.9, marker=marker)
+    for course, colour in zip(signal.T, colours.values(), strict=True):
+        shown = thinned(course)
+        axes.plot(time[shown], course[shown], color=colour, linewidth=0.9, marker=marker)
 
 
 # Signals ----------------------------------------------------------------------------------------------------
 
 
-def _components(result: xr.Dataset, name: str) -> dict[str, xr.DataArray | None]:
+def _components(result: Result, name: str) -> dict[str, NDArray[np.float64] | None]:
     """Return the components of a signal, labelled with their units; those of an older result are torques."""
     labels = [str(label) for label in result[f"{name}_component"].values]
-    units = result.get(f"{name}_component_units")
-    shown = ["N.m"] * len(labels) if units is None else [str(unit) for unit in units.values]
-    signals = [result[name].isel({f"{name}_component": at}) for at in range(len(labels))]
-    return {f"{label} [{unit}]": signal for label, unit, signal in zip(labels, shown, signals, strict=True)}
+    units = f"{name}_component_units"
+    shown = [str(unit) for unit in result[units].values] if units in result else ["N.m"] * len(labels)
+    values = result[name].values
+    return {f"{label} [{unit}]": values[..., at] for at, (label, unit) in enumerate(zip(labels, shown, strict=True))}
 
 
-def _error_of(estimate: str, true: xr.DataArray, result: xr.Dataset) -> xr.DataArray | None:
-    return true - result[estimate] if estimate in result else None
+def _error_of(
+    result: Result, estimate: str, true: NDArray[np.float64], factor: float = 1.0
+) -> NDArray[np.float64] | None:
+    return (true - result[estimate].values) * factor if estimate in result else None
 
 
-def _degrees(signal: xr.DataArray | None) -> xr.DataArray | None:
-    return None if signal is None else signal * (180 / np.pi)
+def _named(result: Result, name: str, label: str) -> dict[str, NDArray[np.float64] | None]:
+    """Return a signal, labelled with its unit."""
+    if name not in result:
+        return {label: None}
+    return {f"{label} [{result[name].attrs['units']}]": result[name].values}
+
+
+def _missing(values: NDArray[np.float64]) -> int:
+    return int(np.isnan(values).sum())
 
 
 def _colours(number: int) -> Any:

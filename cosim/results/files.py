@@ -1,23 +1,25 @@
-"""The result of a run in a file: an xarray dataset, written as NetCDF whole or not at all, and read again."""
+"""The result of a run in a file, written whole or not at all, and read again."""
 
 from __future__ import annotations
 
-import io
 import os
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-
-import h5netcdf
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, OutputError
+from cosim.results.netcdf import annotated, netcdf
+from cosim.results.result import Result
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 """First bytes of a netCDF file of version 4."""
 
 
-def save(result: xr.Dataset, path: Path) -> None:
+def save(result: xr.Dataset | Result, path: Path) -> None:
     """Write a result as NetCDF, whole or not at all: an older file stays until the new one is complete.
 
     Raises
@@ -25,15 +27,8 @@ def save(result: xr.Dataset, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    encoding = {
-        name: {"zlib": True, "complevel": 1, "shuffle": True}
-        for name, variable in result.data_vars.items()
-        if variable.size
-    }
     # In memory first: the HDF5 library does not survive a disk that fills up.
-    buffer = io.BytesIO()
-    result.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
-    write(path, buffer.getbuffer())
+    write(path, netcdf(Result.of(result)))
 
 
 def annotate(path: Path, **attributes: str) -> None:
@@ -45,12 +40,10 @@ def annotate(path: Path, **attributes: str) -> None:
         The file cannot be written.
     """
     try:
-        buffer = io.BytesIO(path.read_bytes())
+        content = path.read_bytes()
     except OSError as error:
         raise OutputError(f"{path} cannot be completed: {error.strerror}") from None
-    with h5netcdf.File(buffer, "r+") as file:
-        file.attrs.update(attributes)
-    write(path, buffer.getbuffer())
+    write(path, annotated(content, attributes))
 
 
 def writable_folder(folder: Path, option: str) -> Path:
@@ -100,6 +93,8 @@ def _umask() -> int:
 
 def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
+    import xarray as xr
+
     result = xr.load_dataset(path, engine="h5netcdf")
     result.encoding.pop("unlimited_dims", None)  # set for a variable without entries; a part of it could not be saved
     return result

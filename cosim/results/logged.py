@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import xarray as xr
+from cosim.results.result import Result
 
 SHOWN_AT_EITHER_END = 50
 """Number of messages that a summary holds of the start of a run, and of its end."""
@@ -38,7 +38,7 @@ class LoggedMessage:
     count: int
 
 
-def logged_messages(result: xr.Dataset) -> tuple[tuple[LoggedMessage, ...], int]:
+def logged_messages(result: Result) -> tuple[tuple[LoggedMessage, ...], int]:
     """Return the first and the last messages of a result, and the number of those between that are left out.
 
     The last messages of a failed run give the reason. A result of an earlier version has none.

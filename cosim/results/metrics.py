@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
+
+from cosim.results.result import Result
 
 
 @dataclass(frozen=True)
@@ -59,16 +60,16 @@ MEASURES: Mapping[str, Measure] = {
 time counts from the start of the window; smallest value."""
 
 
-def settling_time(follower: xr.Dataset, range_band: float, bearing_band: float) -> float | None:
+def settling_time(result: Result, robot: str, range_band: float, bearing_band: float) -> float | None:
     """Return from when on [s] both errors of a follower stay within their bands [m], [rad]; None if they do not."""
-    within = np.abs(follower["range_error"].values) <= range_band
-    within &= np.abs(follower["bearing_error"].values) <= bearing_band  # NaN is not within
+    within = np.abs(result.of_robot("range_error", robot)) <= range_band
+    within &= np.abs(result.of_robot("bearing_error", robot)) <= bearing_band  # NaN is not within
     first = np.flatnonzero(~within)[-1] + 1 if not within.all() else 0
-    time = follower["time"].values
+    time = result["time"].values
     return float(time[first]) if first < len(time) else None
 
 
-def smallest_distance(result: xr.Dataset, robots: Collection[str] = ()) -> tuple[float, tuple[str, str], float] | None:
+def smallest_distance(result: Result, robots: Collection[str] = ()) -> tuple[float, tuple[str, str], float] | None:
     """Return the smallest distance [m] between the reference points of two followers, which two, and when [s].
 
     Parameters
@@ -84,7 +85,7 @@ def smallest_distance(result: xr.Dataset, robots: Collection[str] = ()) -> tuple
         None if there is no sample or no pair.
     """
     time, position = result["time"].values, result["pose"].values[..., :2]
-    names = [str(robot) for robot in result["robot"].values]
+    names = result.robots
     smallest = None
     for i, j in combinations(range(len(names)), 2):
         if not len(time) or (robots and not {names[i], names[j]} & set(robots)):

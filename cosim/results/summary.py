@@ -6,19 +6,22 @@ import json
 import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from cosim.errors import InputError
 from cosim.results.expectations import RunOther, judge
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import MEASURES, settling_time, smallest_distance
 from cosim.results.provenance import Provenance
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import read_expectations
 from cosim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RANGE_BAND = 0.1
 BEARING_BAND = math.radians(2.0)
@@ -103,14 +106,15 @@ class Summary:
         return json.dumps(_without_nan([asdict(verdict) for verdict in self.verdicts]))
 
 
-def summarise(scenario: Scenario, result: xr.Dataset, run_other: RunOther | None = None) -> Summary:
+def summarise(scenario: Scenario, result: xr.Dataset | Result, run_other: RunOther | None = None) -> Summary:
     """Return the figures of a run, complete or not, and the verdicts on a complete one (`expectations.judge`)."""
+    result = Result.of(result)
     completed = result.attrs["status"] == "completed"
     verdicts = judge(scenario.expectations, result, run_other) if completed else ()
     return _summary(scenario.name, scenario.horizon, scenario.step, result, verdicts)
 
 
-def summary_of(result: xr.Dataset) -> Summary:
+def summary_of(result: xr.Dataset | Result) -> Summary:
     """Return the summary of a result, of `cosim.run` or read from a file; nothing is run for it.
 
     The verdicts are read from the result if ``formation run`` has judged it. Otherwise the expectations of its scenario
@@ -121,6 +125,7 @@ def summary_of(result: xr.Dataset) -> Summary:
     InputError
         It is not the result of a run, or its scenario's text cannot be read.
     """
+    result = Result.of(result)
     told = result.attrs
     try:
         if "verdicts" in told:
@@ -137,7 +142,7 @@ def summary_of(result: xr.Dataset) -> Summary:
         raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
 
 
-def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdicts: tuple[Verdict, ...]) -> Summary:
+def _summary(name: str, horizon: float, step: float, result: Result, verdicts: tuple[Verdict, ...]) -> Summary:
     time = result["time"].values
     nearest = smallest_distance(result)
     messages, left_out = logged_messages(result)
@@ -145,7 +150,7 @@ def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdict
         scenario=name,
         status=result.attrs["status"],
         end_time=float(time[-1]) if len(time) else 0.0,
-        followers=tuple(_figures(horizon, step, result.sel(robot=robot)) for robot in result["robot"].values),
+        followers=tuple(_figures(horizon, step, result, robot) for robot in result.robots),
         smallest_distance=nearest[0] if nearest else None,
         smallest_distance_between=nearest[1] if nearest else None,
         notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
@@ -157,31 +162,32 @@ def _summary(name: str, horizon: float, step: float, result: xr.Dataset, verdict
     )
 
 
-def _figures(horizon: float, step: float, follower: xr.Dataset) -> FollowerFigures:
-    time = follower["time"].values
-    settled = settling_time(follower, RANGE_BAND, BEARING_BAND)
+def _figures(horizon: float, step: float, result: Result, robot: str) -> FollowerFigures:
+    time = result["time"].values
+    settled = settling_time(result, robot, RANGE_BAND, BEARING_BAND)
     last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
     steady = time >= (1 - STEADY_PART) * horizon - 0.5 * step
-    torque = np.abs(follower["torque"].values) if "torque" in follower else np.zeros(0)
+    torque = np.abs(result.of_robot("torque", robot)) if "torque" in result else np.zeros(0)
     torque = torque[~np.isnan(torque)]  # of a vehicle with fewer commands than another
     return FollowerFigures(
-        robot=str(follower["robot"].values),
+        robot=robot,
         settling_time=settled if settled is not None and settled <= last_chance else None,
-        range_rms=MEASURES["rms"](time[steady], follower["range_error"].values[steady]),
-        bearing_rms=MEASURES["rms"](time[steady], follower["bearing_error"].values[steady]),
+        range_rms=MEASURES["rms"](time[steady], result.of_robot("range_error", robot)[steady]),
+        bearing_rms=MEASURES["rms"](time[steady], result.of_robot("bearing_error", robot)[steady]),
         peak_torque=float(torque.max()) if torque.size else math.nan,
         within_from=settled,
     )
 
 
-def _singularities(result: xr.Dataset) -> tuple[str, ...]:
+def _singularities(result: Result) -> tuple[str, ...]:
     """Say which robots crossed a singularity, which a step that jumps over it hides otherwise, or came near one."""
     notes = []
     time = result["time"].values
     for name, signal in result.data_vars.items():
         meaning, below = signal.attrs.get("singular_at_zero"), signal.attrs.get("singular_below", 0.0)
-        for robot in result["robot"].values if meaning else ():
-            values = signal.sel(robot=robot).values.reshape(len(time), math.prod(signal.shape[2:]))  # its components
+        for robot in result.robots if meaning else ():
+            values = result.of_robot(name, robot)
+            values = values.reshape(len(time), math.prod(values.shape[1:]))  # its components
             changes = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
             nearness = np.abs(values).min(axis=1)
             near = np.flatnonzero(nearness < below)

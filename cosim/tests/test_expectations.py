@@ -25,6 +25,7 @@ from cosim.results import expectations
 from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
 from cosim.results.files import load
 from cosim.results.metrics import MEASURES, smallest_distance
+from cosim.results.result import Result
 from cosim.results.result_variable import ResultVariable
 from cosim.results.verdict import Verdict
 from cosim.scenario import grammar, reader
@@ -232,7 +233,7 @@ def test_distance_is_about_the_team(verdicts: Judged) -> None:
     assert verdicts(expecting("distance", "1 m", start=20.0), result)[""].figure == 3.0
     result["pose"][7, 0, 0] = math.nan
     assert not verdicts(expecting("distance", "1 m"), result)[""].passed
-    assert smallest_distance(result.isel(robot=[0])) is None
+    assert smallest_distance(Result.of(result.isel(robot=[0]))) is None
 
 
 def singular(result: xr.Dataset, **below: float) -> xr.Dataset:
@@ -289,11 +290,11 @@ def test_a_comparison_calls_what_is_handed_in(scenario: Scenario) -> None:
         asked.append(path)
         return Recording(replace(scenario, path=path), {"range_error": Recorded({"": "cm"}, ("a",))})
 
-    def run(path: Path) -> xr.Dataset:
+    def run(path: Path) -> Result:
         asked.append(path)
-        return made_up(range_error=ZERO + 3)
+        return Result.of(made_up(range_error=ZERO + 3))
 
-    def fails(path: Path) -> xr.Dataset:
+    def fails(path: Path) -> Result:
         raise SimulationError("a", 2.0, "out of fuel")
 
     check(replace(scenario, expectations=(comparing,)), KNOWN, prepare)
@@ -446,7 +447,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Counter[Path]]:
     count("read", reader, "read_document", lambda path: path)
     for place in (setup, simulation, run):
         count("set up", place, "set_up", lambda scenario: scenario.path)
-    count("run", Simulation, "run", lambda simulation: simulation.scenario.path)
+    count("run", Simulation, "run_to_end", lambda simulation: simulation.scenario.path)
     return found
 
 
@@ -456,7 +457,7 @@ def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -
     other = written(tmp_path, "other.xml", '<compare measure="rms" signal="range" factor="1" scenario="one.xml"/>')
     scenario = read_scenario(path)
     with Simulation(scenario) as running:
-        found = judge(scenario.expectations, running.run(), partial(run_other, running.setup))
+        found = judge(scenario.expectations, running.run_to_end(), partial(run_other, running.setup))
     assert counts == {key: Counter({path: 1, other: 1}) for key in counts}
     assert len(found) == 4 + 4 + 4 + 4 + 4 + 2 + 1 + 4 + 1 + 1
     by_kind = {verdict.expectation.split()[0] for verdict in found}

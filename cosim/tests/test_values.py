@@ -13,13 +13,13 @@ from typing import Any
 import formation_controllers
 import numpy as np
 import pytest
-import xarray as xr
 
 import cosim
 import plants
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError
 from cosim.fmu.units import UnitContradiction
 from cosim.master.setup import set_up
+from cosim.results.result import Result, Variable
 from cosim.results.summary import summarise
 from cosim.scenario.edits import (
     set_binding,
@@ -36,7 +36,7 @@ from plants import units
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 HERE = Location("scenario.xml", 3, 5)
-RESULT = xr.Dataset({"pose": ("time", [1.0, np.nan])}, attrs={"status": "incomplete"})
+RESULT = Result({"pose": Variable(("time",), np.array([1.0, np.nan]))}, {}, {"status": "incomplete"})
 
 
 def again(value: Any) -> Any:
@@ -67,9 +67,9 @@ MADE: dict[type[BaseException], Callable[[], BaseException]] = {
 """How those are made that have more than a sentence."""
 
 
-def failed(result: xr.Dataset | None) -> SimulationError:
+def failed(result: Result | None) -> SimulationError:
     error = SimulationError("follower_1", 0.34, "it has diverged", "v")
-    error.result = result
+    error.recorded = result
     return error
 
 
@@ -94,7 +94,10 @@ def test_an_error_comes_back_as_itself(kind: type[BaseException], sent: Callable
     assert back.args == error.args
     assert vars(back).keys() == vars(error).keys()
     for name, value in vars(error).items():
-        assert value.identical(vars(back)[name]) if isinstance(value, xr.Dataset) else value == vars(back)[name]
+        if isinstance(value, Result):
+            assert value.dataset.identical(back.result)
+        else:
+            assert value == vars(back)[name]
 
 
 def test_the_walk_finds_them() -> None:

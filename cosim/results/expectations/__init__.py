@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from cosim.kinds_by_element import kinds_in
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded, recorded
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation, Scenario
 
@@ -58,7 +59,9 @@ def check(scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare)
         understood(expectation).check(Recording(scenario, signals), prepare)
 
 
-def judge(expectations: Iterable[Expectation], result: xr.Dataset, run_other: RunOther | None) -> tuple[Verdict, ...]:
+def judge(
+    expectations: Iterable[Expectation], result: xr.Dataset | Result, run_other: RunOther | None
+) -> tuple[Verdict, ...]:
     """Return the verdict on each expectation and follower; on an expectation about the team, one.
 
     A follower whose controller has no such signal is left out.
@@ -77,4 +80,5 @@ def judge(expectations: Iterable[Expectation], result: xr.Dataset, run_other: Ru
     RunInterrupted
         The user pressed Ctrl-C while another scenario ran.
     """
-    return tuple(verdict for written in expectations for verdict in understood(written).judge(result, run_other))
+    arrays = Result.of(result)
+    return tuple(verdict for written in expectations for verdict in understood(written).judge(arrays, run_other))

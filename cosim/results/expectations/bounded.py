@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import Measure
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
 from plants import units
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Bounded(Kind):
@@ -53,7 +51,7 @@ class Bounded(Kind):
             raise self.written.error(f"{what} is not greater than zero, so the expectation cannot hold")
         self.check_samples(own.scenario)
 
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower that has such a signal."""
         unit = self.measure.unit(self.subject.unit(result))
         hold = self.below if self.attribute == "below" else self.above

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +11,10 @@ from cosim.errors import FormationError, InputError
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import MEASURES
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
 from plants import UnitError, units
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Compare(Kind):
@@ -71,7 +68,7 @@ class Compare(Kind):
             has = f"{str(self.subject)!r} has another unit"
             raise error(f"in the other scenario, {path.name}, {has}: {wrong}") from None
 
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the team; the expectation fails, even if it is known to, if there is no other run to compare with."""
         unit = self.measure.unit(self.subject.unit(result))
         figure = self._mean(result)
@@ -91,6 +88,6 @@ class Compare(Kind):
         """Return the verdict of a comparison that could not be made; it does not count as the known failure."""
         return self.verdict(figure, math.nan, False, "", why, bound=math.nan, unit=unit, known_failure="")
 
-    def _mean(self, result: xr.Dataset) -> float:
+    def _mean(self, result: Result) -> float:
         courses = self.subject.courses(self, result).values()
         return float(np.mean([self.measure(time, course, self.written.start) for time, course in courses]))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.metrics import smallest_distance
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
 from plants import units
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Distance(Kind):
@@ -41,9 +38,9 @@ class Distance(Kind):
             )
         self.check_samples(own.scenario)
 
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the two followers that came nearest to each other."""
-        found = smallest_distance(result.sel(time=self.window), self.written.robots)
+        found = smallest_distance(self.window(result), self.written.robots)
         if found is None:
             return [self.above(math.nan, "", "no two followers")]
         distance, (one, other), time = found

@@ -7,17 +7,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias
 
 from cosim.clock import ROUNDING
 from cosim.quantity import split
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation, Scenario
 from plants import UnitError, units
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Recording:
 
 Prepare: TypeAlias = Callable[[Path], Recording]
 """Returns the signals of another scenario, from its file; raises `InputError` if it cannot be run."""
-RunOther: TypeAlias = "Callable[[Path], xr.Dataset]"
+RunOther: TypeAlias = Callable[[Path], Result]
 """Runs another scenario that has been prepared, from its file; raises `FormationError` if the run fails."""
 
 
@@ -78,7 +76,7 @@ class Kind(ABC):
         """Refuse, with its place, an expectation that could not be judged after the run."""
 
     @abstractmethod
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Return the verdict on each follower, or one on the team; None instead of `run_other`: nothing is run."""
 
     # Reading and checking
@@ -128,20 +126,19 @@ class Kind(ABC):
         """The window in words."""
         return f"{self.written.start:g} to {self.written.stop:g} s"
 
-    @property
-    def window(self) -> slice:
-        """The window, to select from the times of a result."""
-        return slice(self.written.start - ROUNDING, self.written.stop + ROUNDING)
+    def window(self, result: Result) -> Result:
+        """Return the samples of a result within the window."""
+        return result.between(self.written.start - ROUNDING, self.written.stop + ROUNDING)
 
     @property
     def bound_text(self) -> str:
         """The bound as it is written."""
         return f"{self.bound:g} {self.unit}".removesuffix(" 1")
 
-    def followers(self, result: xr.Dataset) -> list[str]:
+    def followers(self, result: Result) -> list[str]:
         """Return the followers of a result of whom it is expected."""
         chosen = self.written.robots
-        return [str(robot) for robot in result["robot"].values if not chosen or robot in chosen]
+        return [robot for robot in result.robots if not chosen or robot in chosen]
 
     def below(self, figure: float, robot: str, detail: str) -> Verdict:
         """Return the verdict on a figure, in the bound's unit, that must be less than the bound."""

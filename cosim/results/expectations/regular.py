@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.subject import Subject
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Regular(Kind):
@@ -40,15 +37,15 @@ class Regular(Kind):
         self.check_robots(telling, "controller that signals singularities")
         self.check_samples(own.scenario)
 
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""
         worst: dict[str, tuple[tuple[bool, float], Verdict]] = {}
         for name, signal in result.data_vars.items():
             if not signal.attrs.get("singular_at_zero"):
                 continue
             threshold = float(signal.attrs.get("singular_below", 0.0))
-            for robot, (time, course) in Subject(str(name)).courses(self, result).items():
-                if np.isnan(signal.sel(robot=robot).values).all():  # another robot's controller has it
+            for robot, (time, course) in Subject(name).courses(self, result).items():
+                if np.isnan(result.of_robot(name, robot)).all():  # another robot's controller has it
                     continue
                 least, at, jumps = _nearness(course)
                 verdict = self.verdict(

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from cosim.clock import ROUNDING
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.metrics import settling_time
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
 from plants import units
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Settled(Kind):
@@ -46,12 +43,12 @@ class Settled(Kind):
         if problem := own.scenario.clock.off_tick(by):
             raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
 
-    def judge(self, result: xr.Dataset, run_other: RunOther | None) -> list[Verdict]:
+    def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""
-        return [self._judge(result.sel(robot=robot), robot) for robot in self.followers(result)]
+        return [self._judge(result, robot) for robot in self.followers(result)]
 
-    def _judge(self, follower: xr.Dataset, robot: str) -> Verdict:
-        settled = settling_time(follower, *self.bands)
+    def _judge(self, result: Result, robot: str) -> Verdict:
+        settled = settling_time(result, robot, *self.bands)
         figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
         margin = self.bound - figure
         detail = "outside at the end of the run" if settled is None else ""

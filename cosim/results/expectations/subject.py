@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from cosim.errors import nearest
 from cosim.results.expectations.kind import Kind
 from cosim.results.expectations.recorded import Recorded, units_by_component
+from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import LEADER
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Course: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times (T,) [s] and values (T, ...) over a window."""
@@ -51,26 +49,39 @@ class Subject:
         kind.check_robots(signal.robots, f"signal {name!r}")
         return signal.units[component]
 
-    def unit(self, result: xr.Dataset) -> str:
+    def unit(self, result: Result) -> str:
         """Return its unit in a result."""
         signal = result[self.signal]
         if not self.component:
             return str(signal.attrs["units"])
-        (dim,) = (dim for dim in signal.dims if dim not in ("time", "robot"))
-        components = [str(label) for label in signal[dim].values]
-        return units_by_component(components, signal.attrs["units"])[self.component]
+        return units_by_component(self._components(result)[1], signal.attrs["units"])[self.component]
 
-    def courses(self, kind: Kind, result: xr.Dataset) -> dict[str, Course]:
+    def courses(self, kind: Kind, result: Result) -> dict[str, Course]:
         """Return its course over the window of an expectation, by the followers that have it."""
-        signal = result[self.signal]
-        if self.component:
-            (dim,) = (dim for dim in signal.dims if dim not in ("time", "robot"))
-            signal = signal.sel({dim: self.component})
-        if "robot" in signal.dims:
-            courses = {robot: signal.sel(robot=robot) for robot in kind.followers(result)}
+        within = kind.window(result)
+        whole, window = self._one(result), self._one(within)
+        if "robot" in whole.dims:
+            rows: dict[str, int | None] = {robot: result.row(robot) for robot in kind.followers(result)}
         else:
-            courses = {LEADER: signal}
-        having = {robot: course for robot, course in courses.items() if not np.isnan(course.values).all()}
-        chosen = courses if kind.written.robots or not having else having
-        windows = {robot: course.sel(time=kind.window) for robot, course in chosen.items()}
-        return {robot: (window["time"].values, window.values) for robot, window in windows.items()}
+            rows = {LEADER: None}
+        having = {robot: row for robot, row in rows.items() if not np.isnan(_of_row(whole, row)).all()}
+        chosen = rows if kind.written.robots or not having else having
+        time = within["time"].values
+        return {robot: (time, _of_row(window, row)) for robot, row in chosen.items()}
+
+    def _one(self, result: Result) -> Variable:
+        """Return the signal, or its component."""
+        signal = result[self.signal]
+        if not self.component:
+            return signal
+        dim, labels = self._components(result)
+        return signal.at(dim, labels.index(self.component))
+
+    def _components(self, result: Result) -> tuple[str, list[str]]:
+        """Return the dimension of the signal's components, and their names."""
+        (dim,) = (dim for dim in result[self.signal].dims if dim not in ("time", "robot"))
+        return dim, [str(label) for label in result[dim].values]
+
+
+def _of_row(signal: Variable, row: int | None) -> NDArray[np.float64]:
+    return signal.values if row is None else signal.at("robot", row).values

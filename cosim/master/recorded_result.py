@@ -1,4 +1,4 @@
-"""From the records of a run to its result: an xarray dataset with units and provenance."""
+"""From the records of a run to its result: arrays with units and provenance."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
-import xarray as xr
 from formation_controllers.geometry import range_bearing, unwrapped_bearing
 from formation_controllers.vehicles import formation_of
 from numpy.typing import NDArray
@@ -16,19 +15,20 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.errors import Failure
 from cosim.fmu.package import Fmu
-from cosim.master.identity import who_is_who
+from cosim.master.identity import texts, who_is_who
 from cosim.master.members import in_own_process, tolerance_of
 from cosim.master.recorder import Recorder
 from cosim.master.setup import Setup
 from cosim.plant.message import RobotMessage
 from cosim.results import provenance
 from cosim.results.expectations.recorded import units_by_component
+from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
 
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
 
-def dataset(
+def recorded_result(
     scenario: Scenario,
     setup: Setup,
     recorder: Recorder,
@@ -36,7 +36,7 @@ def dataset(
     messages: Sequence[str],
     logged: Sequence[RobotMessage],
     failure: Failure | None = None,
-) -> xr.Dataset:
+) -> Result:
     """Return the records of a run, with the variables that are computed from them.
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
@@ -50,22 +50,22 @@ def dataset(
     columns = setup.columns
     arrays = _in_columns(recorder.arrays(), setup)
     samples = recorder.recorded
-    coordinates: dict[str, object] = {
-        "time": ("time", np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
-        "robot": ("robot", [follower.id for follower in scenario.followers], {"long_name": "follower"}),
-        **{along: list(labels) for along, labels in columns.labels.items()},
+    coordinates = {
+        "time": Variable(("time",), np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
+        "robot": texts("robot", [follower.id for follower in scenario.followers], "follower"),
+        **{along: texts(along, labels) for along, labels in columns.labels.items()},
     }
     for team in teams:
         for signal in team.controller.signals:
             if signal.components:
                 dim = f"{signal.name}_component"
-                coordinates[dim] = list(signal.components)
+                coordinates[dim] = texts(dim, signal.components)
                 parts = list(units_by_component(signal.components, signal.unit).values())
-                coordinates[f"{dim}_units"] = (dim, parts, {"long_name": f"unit of each component of {signal.name}"})
+                coordinates[f"{dim}_units"] = texts(dim, parts, f"unit of each component of {signal.name}")
     robots = (setup.leader, *setup.followers)
     coordinates |= who_is_who(scenario, robots, setup.fmus, logged)
     variables = {
-        name: (("time", *variable.dims), arrays[name], variable.attributes)
+        name: Variable(("time", *variable.dims), arrays[name], variable.attributes)
         for name, variable in recorder.variables.items()
     }
     desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
@@ -85,11 +85,9 @@ def dataset(
         ("range_error", error[..., 0], "m", "range less the desired range"),
         ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
     ):
-        variables[name] = (("time", "robot"), values, {"units": units, "long_name": long_name})
+        variables[name] = Variable(("time", "robot"), values, {"units": units, "long_name": long_name})
     attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
-    return xr.Dataset(
-        variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure)
-    )
+    return Result(variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure))
 
 
 def _in_columns(arrays: dict[str, NDArray[np.float64]], setup: Setup) -> dict[str, NDArray[np.float64]]:
