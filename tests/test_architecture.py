@@ -60,7 +60,6 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
                 "cli/listing.py",
                 "control/installed_laws.py",
                 "control/leader_view.py",
-                "control/installed_laws.py",
                 "control/team.py",
                 "master/robots.py",
                 "master/setup.py",
