@@ -145,7 +145,8 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, first: Axes | None = 
     """Return empty axes whose title and labels stand where they are put, not where the numbers end."""
     axes = figure.add_subplot(place, sharex=first)
     axes.set_title(title, y=1.0)
-    left, below = (ScaledTranslation(*inches, figure.dpi_scale_trans) for inches in ((-_LEFT_OF, 0), (0, -_BELOW)))
+    left = ScaledTranslation(-_LEFT_OF, 0, figure.dpi_scale_trans)
+    below = ScaledTranslation(0, -_BELOW, figure.dpi_scale_trans)
     axes.yaxis.set_label_coords(0.0, 0.5, axes.transAxes + left)
     axes.xaxis.set_label_coords(0.5, 0.0, axes.transAxes + below)
     return axes
