@@ -20,6 +20,7 @@ from fmpy import validation
 from lxml import etree
 
 from cosim.errors import printable
+from cosim.fmu.alike import all_without_digits
 from cosim.fmu.archive import DESCRIPTION
 from cosim.fmu.description_reader import description_of
 from cosim.fmu.model_description import ModelDescription
@@ -179,8 +180,10 @@ def _complaints(description: ModelDescription) -> Iterator[str]:
     except Exception as error:  # FMPy raises exceptions of any kind
         yield f"the rest could not be validated: {type(error).__name__}: {error}"
     if description.variableNamingConvention == "structured":
-        for variable in description.modelVariables:
-            if not _STRUCTURED.fullmatch(variable.name):
+        names = all_without_digits(variable.name for variable in description.modelVariables)
+        legal = {name for name in set(names) if _STRUCTURED.fullmatch(name)}
+        for variable, name in zip(description.modelVariables, names, strict=False):
+            if name not in legal:
                 yield (
                     f'"{variable.name}" (line {variable.sourceline}) is not a legal variable name for naming '
                     'convention "structured"'

@@ -211,8 +211,8 @@ def _variables_1_and_2(
         if (name := get("name")) is None:
             continue
         value = element[0]
-        if value.tag not in _TYPES_1_AND_2:
-            value = next(child for child in element if child.tag in _TYPES_1_AND_2)
+        if (kind := value.tag) not in _TYPES_1_AND_2:
+            value, kind = next((child, child.tag) for child in element if child.tag in _TYPES_1_AND_2)
         get_value = value.get
         causality, variability, initial = get("causality", "local"), get("variability", "continuous"), get("initial")
         if first:
@@ -227,7 +227,7 @@ def _variables_1_and_2(
         variable = Variable(
             name,
             int(get("valueReference", "")),
-            value.tag,
+            kind,
             causality,
             variability,
             initial,
@@ -337,7 +337,7 @@ def _elements_of_variables(root: etree._Element) -> Iterable[etree._Element]:
     variables = root.find("ModelVariables")
     if variables is None:
         raise ValueError("it has no <ModelVariables>")
-    elements: Iterable[etree._Element] = variables.iterfind("*")
+    elements: Iterable[etree._Element] = variables.iterchildren("*")
     return elements
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
+from functools import lru_cache
 
 from cosim.errors import Picklable
-from cosim.fmu.model_description import ModelDescription, Variable
+from cosim.fmu.model_description import BaseUnit, ModelDescription, Variable
 from cosim.quantity import split
 from plants import UnitError, units
 
@@ -93,11 +93,11 @@ def unit_of_values(description: ModelDescription, variable: Variable, values: It
         raise UnitError(f"{error.question}: give the bare number, as the FMU counts") from None
 
 
-def _defined(variable: str, name: str, base: Any) -> units.Unit:
+def _defined(variable: str, name: str, base: BaseUnit) -> units.Unit:
     """Return the unit that has a definition; "rad" and "deg" are angles, even if they are defined as numbers."""
     if base.offset != 0 or not 0.0 < base.factor < math.inf:
         raise UnitError(f"has {variable!r} in {name}, with an offset or a factor that is not positive")
-    own = units.Unit(tuple(int(getattr(base, symbol)) for symbol in units.BASE_UNITS), float(base.factor))
+    own = _by_definition(base)
     try:
         named = units.parse(name)
     except UnitError:
@@ -107,6 +107,11 @@ def _defined(variable: str, name: str, base: Any) -> units.Unit:
     if not math.isclose(own.factor, named.factor, rel_tol=_ROUNDED):
         raise UnitContradiction(variable, name, named, own)
     return named
+
+
+@lru_cache(maxsize=1000)
+def _by_definition(base: BaseUnit) -> units.Unit:
+    return units.Unit(tuple(getattr(base, symbol) for symbol in units.BASE_UNITS), base.factor)
 
 
 def stated(description: ModelDescription, variable: Variable, text: str) -> units.Unit:

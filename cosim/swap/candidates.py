@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from itertools import chain
 from typing import NamedTuple
 
+from cosim.fmu.alike import all_without_digits, without_digits
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
@@ -119,8 +121,8 @@ class Numbers:
     """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
 
     An FMU may have a hundred thousand of them. Those are *alike* that have the same unit and causality, and names that
-    differ by digits only; of such a group, one name is taken apart. Each role looks only at those whose names have a
-    word that tells of it.
+    differ by digits other than 0 only; of such a group, one name is taken apart. Each role looks only at those whose
+    names have a word that tells of it.
     """
 
     def __init__(self, description: ModelDescription) -> None:
@@ -130,7 +132,7 @@ class Numbers:
         self._of_name = {place.name: at for at, place in enumerate(self._places)}
         self._of_array: dict[str, list[int]] = defaultdict(list)
         groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
-        stems = _DIGITS.sub("0", "\0".join(place.stem for place in self._places)).split("\0")
+        stems = all_without_digits(place.stem for place in self._places)
         for at, (place, stem) in enumerate(zip(self._places, stems, strict=False)):
             groups[stem, unit_name(place.variable), place.variable.causality].append(at)
             if place.array:
@@ -139,7 +141,7 @@ class Numbers:
         self._of_word: dict[str, list[list[int]]] = defaultdict(list)
         for (_, _, causality), alike in groups.items():
             self._of_causality[causality].append(alike)
-            for word in {_letters(word) for word in self._number(alike[0]).words}:
+            for word in set(map(without_digits, self._number(alike[0]).words)):
                 self._of_word[word].append(alike)
 
     def of(self, causality: str) -> list[Number]:
@@ -154,20 +156,15 @@ class Numbers:
         """Return those whose names have any of some words, or are one of them."""
         found = {self._of_name[word] for word in words if word in self._of_name}
         for word in words:
-            for alike in self._of_word.get(_letters(word), ()):
-                found.update(at for at in alike if not word.isdigit() or word in _DIGITS.findall(self._places[at].stem))
+            of_all = word == "0" or not word.isdigit()
+            for alike in self._of_word.get(without_digits(word), ()):
+                found.update(alike if of_all else (at for at in alike if self._has_number(at, word)))
         return [self._number(at) for at in sorted(found)]
 
     def names(self, causality: str, chosen: Callable[[Number], bool]) -> list[str]:
         """Return the names of the numbers of a causality that fit by unit and by the words of the name."""
-        found: list[int] = []
-        for alike in self._of_causality[causality]:
-            first = self._number(alike[0])
-            if first.words and first.words[-1].isdigit():
-                found += (at for at in alike if chosen(self._number(at)))
-            elif chosen(first):
-                found += alike
-        return [self._places[at].name for at in sorted(found)]
+        chosen_ones = (alike for alike in self._of_causality[causality] if chosen(self._number(alike[0])))
+        return [self._places[at].name for at in sorted(chain.from_iterable(chosen_ones))]
 
     def array_of(self, number: Number) -> list[Number]:
         """Return all elements of the array that a number is in, in their order."""
@@ -190,13 +187,11 @@ class Numbers:
             number = self._number_at[at] = Number(variable, element, name, words, hint, array, place, size)
         return number
 
+    def _has_number(self, at: int, digits: str) -> bool:
+        return digits in _DIGITS.findall(self._places[at].stem)
+
     def _frequency(self, words: Iterable[str]) -> int:
-        return sum(len(alike) for word in words for alike in self._of_word.get(_letters(word), ()))
-
-
-def _letters(word: str) -> str:
-    """Return a word, or the same for all numbers."""
-    return "0" if word.isdigit() else word
+        return sum(len(alike) for word in words for alike in self._of_word.get(without_digits(word), ()))
 
 
 class Reading(NamedTuple):
