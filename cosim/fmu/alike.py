@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-_DIGITS = str.maketrans("23456789", "11111111")
+_NUMBER = re.compile("[1-9][0-9]*")
 
 
-def without_digits(name: str) -> str:
-    """Return a name with a 1 for each digit; a 0 stays, as it may tell of a start."""
-    return name.translate(_DIGITS)
+def without_numbers(name: str) -> str:
+    """Return a name with a 1 for each number; a 0 stays, as it may tell of a start."""
+    return _NUMBER.sub("1", name)
 
 
-def all_without_digits(names: Iterable[str]) -> list[str]:
-    """Return `without_digits` of each of many names, faster than one by one."""
-    return without_digits("\0".join(names)).split("\0")
+def all_without_numbers(names: Iterable[str]) -> list[str]:
+    """Return `without_numbers` of each of many names, faster than one by one."""
+    return without_numbers("\0".join(names)).split("\0")

@@ -20,7 +20,7 @@ from fmpy import validation
 from lxml import etree
 
 from cosim.errors import printable
-from cosim.fmu.alike import all_without_digits
+from cosim.fmu.alike import all_without_numbers
 from cosim.fmu.archive import DESCRIPTION
 from cosim.fmu.description_reader import description_of
 from cosim.fmu.model_description import ModelDescription
@@ -180,7 +180,7 @@ def _complaints(description: ModelDescription) -> Iterator[str]:
     except Exception as error:  # FMPy raises exceptions of any kind
         yield f"the rest could not be validated: {type(error).__name__}: {error}"
     if description.variableNamingConvention == "structured":
-        names = all_without_digits(variable.name for variable in description.modelVariables)
+        names = all_without_numbers(variable.name for variable in description.modelVariables)
         legal = {name for name in set(names) if _STRUCTURED.fullmatch(name)}
         for variable, name in zip(description.modelVariables, names, strict=False):
             if name not in legal:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import NamedTuple
 
-from cosim.fmu.alike import all_without_digits, without_digits
+from cosim.fmu.alike import all_without_numbers, without_numbers
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
@@ -132,7 +132,7 @@ class Numbers:
         self._of_name = {place.name: at for at, place in enumerate(self._places)}
         self._of_array: dict[str, list[int]] = defaultdict(list)
         groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
-        stems = all_without_digits(place.stem for place in self._places)
+        stems = all_without_numbers(place.stem for place in self._places)
         for at, (place, stem) in enumerate(zip(self._places, stems, strict=False)):
             groups[stem, unit_name(place.variable), place.variable.causality].append(at)
             if place.array:
@@ -141,7 +141,7 @@ class Numbers:
         self._of_word: dict[str, list[list[int]]] = defaultdict(list)
         for (_, _, causality), alike in groups.items():
             self._of_causality[causality].append(alike)
-            for word in set(map(without_digits, self._number(alike[0]).words)):
+            for word in set(map(without_numbers, self._number(alike[0]).words)):
                 self._of_word[word].append(alike)
 
     def of(self, causality: str) -> list[Number]:
@@ -157,7 +157,7 @@ class Numbers:
         found = {self._of_name[word] for word in words if word in self._of_name}
         for word in words:
             of_all = word == "0" or not word.isdigit()
-            for alike in self._of_word.get(without_digits(word), ()):
+            for alike in self._of_word.get(without_numbers(word), ()):
                 found.update(alike if of_all else (at for at in alike if self._has_number(at, word)))
         return [self._number(at) for at in sorted(found)]
 
@@ -191,7 +191,7 @@ class Numbers:
         return digits in _DIGITS.findall(self._places[at].stem)
 
     def _frequency(self, words: Iterable[str]) -> int:
-        return sum(len(alike) for word in words for alike in self._of_word.get(without_digits(word), ()))
+        return sum(len(alike) for word in words for alike in self._of_word.get(without_numbers(word), ()))
 
 
 class Reading(NamedTuple):

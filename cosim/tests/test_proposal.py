@@ -506,7 +506,10 @@ def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypa
     assert numbers[0] == numbers[1]
 
 
-def test_names_that_differ_by_digits_only_are_taken_apart_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["axle[{}].slip", "slip_{}"])
+def test_names_that_differ_by_digits_only_are_taken_apart_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     looked: list[str] = []
 
     def counted(name: str) -> tuple[str, ...]:
@@ -516,7 +519,8 @@ def test_names_that_differ_by_digits_only_are_taken_apart_once(tmp_path: Path, m
     monkeypatch.setattr(candidates, "parts_of", counted)
     numbers = []
     for count in (10, 500):
-        proposals(describe(tmp_path, CAR | {f"axle[{i}].slip": "output -" for i in range(count)}))
+        others = {name.format(i): about for i in range(count) for about in [("output -", "parameter m")[i % 2]]}
+        proposals(describe(tmp_path, {key: CAR[key] for key in list(CAR)[:4]} | others))
         numbers.append(len(looked))
         looked.clear()
     assert numbers[0] == numbers[1]
