@@ -252,7 +252,7 @@ def best(searches: Mapping[str, Any], kind: str, law: str) -> dict[str, Any]:
 
 
 def figures_of(one: Run) -> dict[str, float | int | None]:
-    """Return the figures of a run: means over the followers, except where the name tells otherwise."""
+    """Return the figures of a run: means over the followers, except where the name states another figure."""
     if one.failed is not None or one.scenario is None or one.result is None:
         return {"failed": one.failed}
     result, followers = one.result, summarise(one.scenario, one.result).followers

@@ -156,7 +156,7 @@ def closed_loop(loop: Loop) -> control.StateSpace:
 
 
 def oscillation(loop: Loop) -> complex:
-    """Return the pole with a positive imaginary part that grows most or decays least, of those above 0.2 rad/s."""
+    """Return the pole above 0.2 rad/s, of positive imaginary part, that grows most or decays least."""
     poles = closed_loop(loop).poles()
     return complex(max(poles[poles.imag > 0.2], key=lambda pole: pole.real, default=complex(math.nan, math.nan)))
 

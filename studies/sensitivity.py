@@ -4,7 +4,7 @@
     python studies/sensitivity.py clmr_line  # of these scenarios only
 
 prints, for each scenario, the worst of four followers and of the seeds 1 to 3 with one reading changed at a time, and
-in the end the same in short. What no scenario can say is patched into the controller.
+in the end the same in short. Changes that no scenario can state are patched into the controller.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _rebuilt(function: Any, **others: object) -> Any:
 
 
 def law(**others: object) -> Reading:
-    """Return the paper's law with other things in the place of those that its tick names."""
+    """Return the paper's law with some functions of its tick replaced."""
     return Reading(patches={(NeuralAdaptivePid, "tick"): staticmethod(_rebuilt(NeuralAdaptivePid.tick, **others))})
 
 

@@ -106,7 +106,7 @@ def outcome(scenario: Path, changes: Sequence[str | Change], seed: int) -> Outco
 
 
 def worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the worst of several runs, figure by figure; those that diverged are counted only."""
+    """Return the worst of several runs, figure by figure; runs that diverged are only counted."""
     runs = list(outcomes)
     whole = [run for run in runs if not run.diverged]
     if not whole:

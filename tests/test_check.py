@@ -1,4 +1,4 @@
-"""``formation check`` shows what is in a scenario, or prints it as a file of its own."""
+"""``formation check`` shows the content of a scenario, or prints it as a file of its own."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def test_the_overview(scenarios: Path, capsys: pytest.CaptureFixture[str]) -> No
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert lines[0].endswith("half_power.xml: half_power, 3 followers, 80 s in 4000 steps")
     for line in (
-        "robot plant controller place its own",
+        "robot plant controller place own settings",
         "leader car (car_like) tau_drive 8 N.m, tau_steer 0 N.m",
         "follower_1 car (car_like) pid (neural-adaptive-pid) 2.5 m, 0 deg",
         "follower_2 car (car_like) pid (neural-adaptive-pid) 3 m, 30 deg "

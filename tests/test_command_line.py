@@ -1,4 +1,4 @@
-"""What a user meets at the command line: files, exit status, and one sentence for each mistake."""
+"""The command line: files, exit status, and one sentence for each mistake."""
 
 import hashlib
 import json
@@ -29,7 +29,7 @@ def line(scenarios: Path) -> str:
 
 
 def failed(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
-    """Run the command, demand the exit status, and return what it printed to standard error."""
+    """Run the command, demand the exit status, and return its standard error."""
     assert main(arguments) == status
     printed = capsys.readouterr().err
     assert "Traceback" not in printed

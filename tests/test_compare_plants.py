@@ -1,4 +1,4 @@
-"""``formation compare-plants``: equal plants are equal, others are as far apart as they are, and failures are told."""
+"""``formation compare-plants``: equal plants show no difference, others the true one; failures are reported."""
 
 import io
 import json
@@ -73,7 +73,7 @@ def test_kinds_of_fmus_of_one_plant_agree(tmp_path: Path, kind: dict[str, str]) 
 
 
 def test_units_signs_and_initial_values_are_those_of_the_binding(tmp_path: Path) -> None:
-    """Deg and km/h, clockwise: the same robot, to what conversions round."""
+    """Deg and km/h, clockwise: the same robot, up to rounding of conversions."""
     plain = make_fmu(tmp_path, name="plain")
     other = make_fmu(tmp_path, name="other", units="deg", initial="parameters", names={"psi": "heading"})
     binding = bound(
@@ -259,7 +259,7 @@ def test_within(compare) -> None:
 
 @pytest.mark.parametrize("behaviour", ["segfault", "exit", "error", "nan"])
 def test_a_plant_that_fails(compare, tmp_path: Path, behaviour: str) -> None:
-    """In a process of its own, it does not take the harness down; what was reached is compared."""
+    """In a process of its own, it does not end the harness; the motion up to then is compared."""
     fmu = make_fmu(tmp_path, behaviour=behaviour, when=1.0)
     printed, warned = compare("car_like", fmu, "--within", "1 m", status=3)
     assert "compared up to 1 s" in warned or "compared up to 0.98 s" in warned

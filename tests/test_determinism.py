@@ -1,4 +1,4 @@
-"""Same scenario, same seed, same versions: the same numbers, bit for bit, in whatever process or order."""
+"""Same scenario, same seed, same versions: the same numbers, bit for bit, in any process and order."""
 
 import hashlib
 import subprocess

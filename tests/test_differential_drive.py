@@ -1,4 +1,4 @@
-"""The differential-drive robot at the command line: what the other two kinds can, it can."""
+"""The differential-drive robot at the command line: it can do all that the other two kinds can."""
 
 from pathlib import Path
 

@@ -23,7 +23,7 @@ STEP = 0.02
 
 
 def written(folder: Path, inputs: str, *, plant: str = "", more: str = "", **options: Any) -> Path:
-    """Write a scenario whose leader, a stub with discrete inputs, is given some."""
+    """Write a scenario with a leader, a stub with discrete inputs, and values for them."""
     fmu = make_fmu(folder, **{"discrete": True} | options)
     path = scenario(folder / "s.xml", f'<plant id="car" fmu="{fmu}" {plant}/>', more=more)
     text = path.read_text(encoding="utf-8")
@@ -33,7 +33,7 @@ def written(folder: Path, inputs: str, *, plant: str = "", more: str = "", **opt
 
 
 def gains(result: xr.Dataset) -> np.ndarray:
-    """Return by what the leader's acceleration is multiplied in each step."""
+    """Return the factor of the leader's acceleration in each step."""
     return np.diff(result["leader_velocity"].values[:, 0]) / (ACCELERATION * STEP)
 
 
@@ -154,7 +154,7 @@ def test_what_makes_no_sense_is_refused_at_its_place(tmp_path: Path, inputs: str
     ],
 )  # fmt: skip
 def test_a_unit_that_contradicts_its_name_takes_the_bare_number(tmp_path: Path, inputs: str, more: str) -> None:
-    """No binding decides of what plays no role: here 1 N is 2 N, by the FMU's definition."""
+    """A binding does not decide about inputs without a role: here 1 N is 2 N, by the FMU's definition."""
     fmu = make_fmu(tmp_path, discrete=True)
     with zipfile.ZipFile(fmu) as archive:
         content = {name: archive.read(name) for name in archive.namelist()}

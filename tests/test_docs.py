@@ -1,4 +1,4 @@
-"""What the documentation names is what there is."""
+"""The documentation names things that exist."""
 
 import re
 import runpy
@@ -208,7 +208,7 @@ def test_all_elements_of_a_name_are_of_one_type() -> None:
 def test_the_page_on_plants_made_elsewhere(
     scenarios: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its commands and files, in their order: what is shown of the binding is written, then it is filled in."""
+    """Its commands and files, in their order: `swap` writes the binding as shown, then it is filled in."""
     require("pythonfmu")
     page = (ROOT / "docs" / "plants.md").read_text(encoding="utf-8")
     shutil.copytree(scenarios, tmp_path / "scenarios", ignore=shutil.ignore_patterns("__pycache__"))

@@ -1,4 +1,4 @@
-"""Vehicles made by tools of others: what they say of themselves, and that they move as ours does.
+"""Vehicles made by foreign tools: their descriptions, and that they move as ours does.
 
 The tools come with the extra ``foreign``. Where one is missing its tests are skipped, unless FORMATION_REQUIRE_FOREIGN
 is set.

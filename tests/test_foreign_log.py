@@ -1,4 +1,4 @@
-"""What an FMU says when it fails, by PythonFMU: it tells its exception only if it is let log all that it can."""
+"""Messages of a failing FMU of PythonFMU: it names its exception only with full logging."""
 
 from pathlib import Path
 

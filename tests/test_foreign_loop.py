@@ -1,4 +1,4 @@
-"""Vehicles made by tools of others in the closed loop of the paper's first simulation: it is that of our own plant.
+"""Vehicles made by foreign tools in the closed loop of the paper's first simulation, like our own plant.
 
 With the same method of integration it differs by rounding alone, which the loop amplifies; whether the FMUs run in the
 harness or in processes of their own makes no difference at all.
@@ -51,7 +51,7 @@ def binding(path: Path, vehicle: Vehicle, fmu: Path) -> Path:
 
 @pytest.fixture
 def search_path() -> Iterator[None]:
-    """Restore what PythonFMU's FMUs do to Python."""
+    """Undo the changes of PythonFMU's FMUs to Python."""
     path, modules = sys.path.copy(), set(sys.modules)
     yield
     sys.path[:] = path
@@ -87,7 +87,7 @@ def loop(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[
 
 @pytest.fixture(scope="module")
 def reference(loop: Callable[..., Poses]) -> dict[str, Poses]:
-    """Return what the loop is with our own plant, by method."""
+    """Return the loop's result with our own plant, by method."""
     return {method: loop(OURS.format(id="clmr", method=method)) for method in METHODS}
 
 
@@ -135,7 +135,7 @@ def test_in_the_harness_and_in_processes_of_their_own(
 
 
 def test_several_in_one_run(loop: Callable[..., Poses], reference: dict[str, Poses], tmp_path: Path) -> None:
-    """Two FMUs of PythonFMU and the like, which share what they do to Python, get processes of their own."""
+    """Two FMUs of PythonFMU and the like, which change Python itself, get processes of their own."""
     plants, rules = "", []
     for number, name in enumerate(("pythonfmu3", "casadi", "repackaged_3"), 2):
         vehicle = VEHICLES[name]

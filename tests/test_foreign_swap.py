@@ -1,4 +1,4 @@
-"""Vehicles made by tools of others, swapped in: what is not proposed is asked for, and then they move as ours does."""
+"""Vehicles made by foreign tools, swapped in: facts without a proposal are asked for, then they move as ours does."""
 
 import re
 from pathlib import Path
@@ -48,7 +48,7 @@ def fmu(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def filled_in(binding: str, vehicle: Vehicle) -> str:
-    """Return a binding with what the table of the vehicles says of units, signs, offsets and elements."""
+    """Return a binding with units, signs, offsets and elements from the table of the vehicles."""
     for name, role in vehicle.roles.items():
         variable = role.name if role.element is None else f"{role.name}[{role.element + 1}]"
         attributes = f'variable="{variable}"'

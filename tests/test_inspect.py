@@ -1,4 +1,4 @@
-"""``formation inspect``: what an FMU says of itself, in whatever state it is, and which vehicle it could be."""
+"""``formation inspect``: the content of an FMU, valid or broken, and the kinds of vehicle that it could be."""
 
 from pathlib import Path
 

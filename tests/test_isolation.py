@@ -1,4 +1,4 @@
-"""No plant takes the harness down: whatever an FMU does has its clear outcome, here or in a process of its own.
+"""No plant ends the harness: every fault of an FMU has a clear outcome, here or in a process of its own.
 
 In the harness an FMU that crashes, exits or hangs does so to the harness, as is documented.
 """
@@ -113,7 +113,7 @@ def reference(make: Make, tmp_path_factory: pytest.TempPathFactory) -> xr.Datase
 
 
 def recorded(result: xr.Dataset | None, reference: xr.Dataset, samples: int) -> bool:
-    """Return whether just so many samples are recorded, and those of the same run with a good plant."""
+    """Return whether exactly so many samples are recorded, equal to a run with a good plant."""
     assert result is not None
     assert result.attrs["status"] == ("completed" if samples == ALL else "incomplete")
     return result.sizes["time"] == samples and bool((result.pose == reference.pose[:samples]).all())
@@ -332,7 +332,7 @@ def command(path: Path, out: Path) -> list[str]:
 
 @pytest.mark.parametrize(("behaviour", "ends"), [("segfault", -11), ("exit", 7), ("abort", -6), ("hang", None)])
 def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, behaviour: str, ends: int | None) -> None:
-    """As documented: a crash or an exit ends the harness and nothing is saved, and a hang is that of the harness."""
+    """As documented: a crash or an exit ends the harness and nothing is saved; a hang hangs the harness."""
     path = write(tmp_path / "bad.xml", make, "", 30.0, ("bad",), behaviour=behaviour)
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     harness = subprocess.Popen(
@@ -394,7 +394,7 @@ def test_what_is_printed(run: Run, reference: xr.Dataset, mode: str) -> None:
 @pytest.mark.parametrize("behaviour", ["rounding", "trap", "chdir", "signals"])
 @pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
 def test_what_changes_the_process(make: Make, run: Run, reference: xr.Dataset, behaviour: str, mode: str) -> None:
-    """The harness goes on as it was: what an FMU does when it is started is undone."""
+    """The harness goes on unchanged: changes that an FMU makes at its start are undone."""
     status, printed, result = run(mode, behaviour=behaviour)
     assert (status, printed) == (0, "")
     assert recorded(result, reference, ALL)
@@ -407,7 +407,7 @@ def test_what_changes_the_process(make: Make, run: Run, reference: xr.Dataset, b
 def test_a_change_of_the_directory_in_a_step(
     make: Make, tmp_path: Path, nothing_left: None, monkeypatch: pytest.MonkeyPatch, mode: str
 ) -> None:
-    """Relative paths of the command line mean what they meant, of this scenario and of the next."""
+    """Relative paths of the command line keep their meaning, for this scenario and the next."""
     for name in ("one", "two"):
         write(tmp_path / f"{name}.xml", make, mode, 30.0, ("bad",), behaviour="chdir", place="step")
     monkeypatch.chdir(tmp_path)
@@ -491,7 +491,7 @@ class Harness:
 
 @pytest.fixture(scope="module")
 def compiled(make: Make, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """See to it that a harness finds in the cache what it would take seconds to compile."""
+    """Fill the cache with functions that take seconds to compile."""
     folder = tmp_path_factory.mktemp("compiled")
     path = write(folder / "bad.xml", make, MODES[1], 60.0, ("bad", "bad"))
     subprocess.run(command(path, folder), capture_output=True, check=True, timeout=300)
@@ -526,7 +526,7 @@ def slow(harness: Callable[..., Harness], tmp_path: Path) -> Harness:
 def test_a_signal_in_the_course_of_a_run(
     harness: Callable[..., Harness], tmp_path: Path, number: signal.Signals, group: bool
 ) -> None:
-    """Ctrl-C goes to all processes of the terminal, of which those of plants are none."""
+    """Ctrl-C reaches all processes of the terminal; the plants' processes do not belong to it."""
     one = slow(harness, tmp_path)
     (os.killpg if group else os.kill)(one.process.pid, number)
     assert one.process.wait(60.0) == 130

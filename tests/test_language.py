@@ -1,4 +1,4 @@
-"""What a scenario can say, as it comes out of a run: events, inputs, rates, trajectories, robots' own values."""
+"""The scenario language in runs: events, inputs, rates, trajectories, robots' own values."""
 
 # ruff: noqa: E501 (pieces of XML, one case a line)
 

@@ -1,4 +1,4 @@
-"""No FMU runs with another's code, nor with what another run has left in memory, in whatever order they come."""
+"""No FMU runs with another FMU's code, nor with the memory of another run, in any order."""
 
 import json
 import math
@@ -133,7 +133,7 @@ def same(one: xr.Dataset, other: xr.Dataset) -> bool:
 
 
 def test_in_one_scenario_and_one_after_the_other(written: Scenario, tmp_path: Path) -> None:
-    """Each robot moves as it does with its own kind alone, whatever ran before in this process."""
+    """Each robot moves as it does with its own kind alone, after any earlier run in this process."""
     runs = {name: written(name, *name) for name in ("aa", "bb", "ab", "ba")}
     assert main(["run", *map(str, runs.values()), "--out", str(tmp_path), "--no-figure"]) == 0
     once = {name: load(tmp_path / name / "result.nc") for name in runs}
@@ -204,7 +204,7 @@ def test_variables_that_a_process_has_once(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_modules_that_make_room(tmp_path: Path) -> None:
-    """What the interpreter has within itself and what is compiled cannot be loaded anew."""
+    """Modules within the interpreter and compiled modules cannot be loaded anew."""
     for name in ("json", "numpy", "os", "time", "__main__", "unheard_of"):
         (tmp_path / f"{name}.py").write_text("")
     program = (

@@ -1,4 +1,4 @@
-"""What goes wrong in a control law of one's own is told with the file and line of that law."""
+"""The message about a fault in a user's control law names file and line of that law."""
 
 import sys
 from collections.abc import Callable, Iterator

@@ -49,7 +49,7 @@ def test_the_leader(literal: xr.Dataset) -> None:
 
 
 def test_followers_1_and_2_oscillate_to_the_end(literal: xr.Dataset, scenarios: Path) -> None:
-    """The finding: with the printed gains, what the paper's Figure 6 shows does not come about."""
+    """The finding: with the printed gains, the run does not show the paper's Figure 6."""
     summary = summarise(cosim.read_scenario(scenarios / "clmr_line_as_printed.xml"), literal)
     assert [follower.settling_time is None for follower in summary.followers] == [True, True, False, False]
     one, two = summary.followers[:2]

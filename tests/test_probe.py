@@ -1,4 +1,4 @@
-"""What ``formation swap`` finds out by a short drive: which input moves what, and where that contradicts the names."""
+"""The short drive of ``formation swap``: the movements under each input, and contradictions to the names."""
 
 from pathlib import Path
 

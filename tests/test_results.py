@@ -1,4 +1,4 @@
-"""What a run leaves behind: what was changed in it, why it failed, and what can be told of it later."""
+"""The files of a run: its changes, the reason of a failure, and the summary from them later."""
 
 import json
 import shutil
@@ -57,7 +57,7 @@ def diverged(line: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Run a scenario without a figure and return what was printed to standard output."""
+    """Run a scenario without a figure and return its standard output."""
     assert main(["run", *arguments, "--no-figure"]) == 1
     return capsys.readouterr().out
 
@@ -347,5 +347,5 @@ def drawn(result: xr.Dataset) -> Figure:
 
 
 def texts(figure: Figure) -> str:
-    """Return what stands above and below the panels of a figure, with single spaces."""
+    """Return the texts above and below the panels of a figure, with single spaces."""
     return " ".join(f"{figure.get_suptitle()} {figure.get_supxlabel()}".split())

@@ -1,4 +1,4 @@
-"""What was computed does not depend on who reads it, who stops it, or what strangers bring."""
+"""Computed results survive their reader, an interrupt, and foreign files."""
 
 import os
 import signal
@@ -153,7 +153,7 @@ def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(
 
 
 class Law(NeuralAdaptivePid):
-    """A law whose faults come out one by one."""
+    """A law with one fault after the other."""
 
 
 def raising(error: BaseException) -> Callable[..., object]:

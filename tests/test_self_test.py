@@ -32,7 +32,7 @@ def experiments(inside: str, attributes: str = TIMES) -> Files:
 
 
 def with_files(fmu: Path, target: Path, files: Files) -> Path:
-    """Copy an FMU with other files in the folder of the layered standard; what is None is left out."""
+    """Copy an FMU with other files in the folder of the layered standard; None leaves a file out."""
     with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
         for entry in source.infolist():
             if entry.filename.removeprefix(f"{FOLDER}/") not in files:
@@ -110,7 +110,7 @@ def test_parameters_of_the_set_are_set(self_test: Callable[..., tuple[str, str]]
 def test_results_alone_are_of_the_default_experiment(
     self_test: Callable[..., tuple[str, str]], stub: Path, tmp_path: Path
 ) -> None:
-    """As in the Reference FMUs of the Modelica Association; what the FMU lacks is said, and so is what is too late."""
+    """As in the Reference FMUs of the Modelica Association; missing variables are named, and late samples, too."""
     files: Files = {
         MANIFEST.name: ROOT.format(RESULT),
         "out.csv": "time,x,gone,v\n0,0,1,0\n0.5,0,1,0\n1,0,1,0\n",

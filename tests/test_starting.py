@@ -1,4 +1,4 @@
-"""What one finds at the start: in Python, at the command line, and in an installed wheel without the checkout."""
+"""A new user's start: in Python, at the command line, and in an installed wheel without the checkout."""
 
 import pydoc
 import shutil

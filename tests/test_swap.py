@@ -1,4 +1,4 @@
-"""``formation swap``: what it writes runs, what does not carry over is said, and nothing is overwritten unasked."""
+"""``formation swap``: the variant runs, parts that do not carry over are listed, and nothing is overwritten unasked."""
 
 import os
 from pathlib import Path
@@ -71,7 +71,7 @@ def swap(capsys: pytest.CaptureFixture[str]):
 
 
 def simplified(path: Path, *removed: str) -> Path:
-    """Take away from the scenario what an FMU will lack."""
+    """Remove the parts of the scenario that an FMU will lack."""
     text = path.read_text(encoding="utf-8")
     for piece in removed:
         assert piece in text
@@ -177,7 +177,7 @@ def test_a_parameter_keeps_the_name_of_its_role(swap, scenario: Path, tmp_path: 
 
 
 def test_another_parameter_of_the_name_of_a_role(swap, scenario: Path, tmp_path: Path) -> None:
-    """What the scenario calls a is Wheelbase in the FMU, in which a is something else."""
+    """The scenario's a is Wheelbase in the FMU, which has another a."""
     fmu = renamed(tmp_path / "vendor.fmu", {"a": "wheelbase", "I_c": "a"})
     swap(scenario, "--plant", f"car={fmu}")
     written = read_scenario(scenario.with_name("two_vendor.xml"))

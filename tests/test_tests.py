@@ -15,7 +15,7 @@ CHECKS = re.compile("raises|warns|check|check_.*|assert_.*")
 
 
 def statements(function: ast.FunctionDef) -> Iterator[ast.AST]:
-    """Return what is in a function, but for the functions in it."""
+    """Return the statements of a function, without the functions in it."""
     waiting: list[ast.AST] = list(function.body)
     while waiting:
         node = waiting.pop()
@@ -29,7 +29,7 @@ def functions(source: str) -> Iterator[ast.FunctionDef]:
 
 
 def is_check(node: ast.AST, helpers: Set[str]) -> bool:
-    """Return whether a statement is an assertion, or calls what checks something."""
+    """Return whether a statement is an assertion, or calls a function that checks something."""
     if not isinstance(node, ast.Call):
         return isinstance(node, ast.Assert)
     if isinstance(node.func, ast.Name) and node.func.id in helpers:
@@ -43,7 +43,7 @@ def checks(function: ast.FunctionDef, helpers: Set[str]) -> list[int]:
 
 
 def faults(source: str, helpers: Set[str]) -> list[str]:
-    """Return what is wrong with the tests in a file."""
+    """Return the faults of the tests in a file."""
     found = []
     for function in functions(source):
         if function.name.startswith("test_"):

@@ -1,4 +1,4 @@
-"""An FMU with a thread that never ends, which may not be unloaded: everything is judged, written and said all the same.
+"""An FMU with a thread that never ends, which must not be unloaded: the run is still judged, written and reported.
 
 The stub aborts where it is unloaded, and where it is torn down at the end of the process.
 """
@@ -62,7 +62,7 @@ def test_everything_is_written_and_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fmi", FMI)
 def test_in_python(tmp_path: Path, fmi: str) -> None:
-    """The process ends with the status that it wants, and what it has printed is not lost."""
+    """The process ends with its own status, and its output is not lost."""
     path = written(tmp_path, "s", "1 m", fmi=fmi)
     program = f"import sys, cosim; print(cosim.run({str(path)!r}).sizes['time']); sys.exit(5)"
     assert python(tmp_path, "-c", program) == (5, "51\n", "")
@@ -85,7 +85,7 @@ def test_isolated(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
 @pytest.mark.parametrize("behaviour", ["good", "thread"])
 def test_what_is_unloaded(tmp_path: Path, behaviour: str) -> None:
-    """What has no thread is unloaded: a session of many runs does not fill the memory."""
+    """A library without threads is unloaded: many runs in one session do not fill the memory."""
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make_fmu(tmp_path, behaviour=behaviour)}"/>')
     program = (
         f"import cosim\nfor _ in range(3): cosim.run({str(path)!r})\n"

@@ -1,6 +1,6 @@
 """Vehicles as one meets them, on the road of their user: inspected, swapped in, checked, run, compared.
 
-What a user has to write on this road stands in the table below; the messages on the road ask for it.
+The table below has the text that a user must write; the messages ask for it.
 """
 
 import re
@@ -74,7 +74,7 @@ EULER = {"solver": "euler"}
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle, and what its user writes.
+    """A vehicle, and the text that its user writes.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Vehicle:
     roles : dict
         By role, the attributes in the binding.
     asks : tuple of str
-        What ``formation swap`` asks for or warns of, in parts.
+        Parts of the questions and warnings of ``formation swap``.
     plant : dict
         Further attributes of the plant in the comparison.
     step : float
@@ -169,7 +169,7 @@ class Road:
         self.capsys = capsys
 
     def __call__(self, *arguments: object, status: int = 0) -> str:
-        """Give a command and return what it says, in one line."""
+        """Give a command and return its output, in one line."""
         assert main([str(argument) for argument in arguments]) == status, self.capsys.readouterr()
         printed = self.capsys.readouterr()
         assert "Traceback" not in printed.err
@@ -201,7 +201,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def filled(binding: Path, roles: Mapping[str, str]) -> None:
-    """Write into a binding what plays roles."""
+    """Write the variables of roles into a binding."""
     text = binding.read_text(encoding="utf-8")
     for name, attributes in roles.items():
         text, number = re.subn(rf'<role name="{name}" [^>]*/>', f'<role name="{name}" {attributes}/>', text)
@@ -240,7 +240,7 @@ def test_it_swaps_in(name: str, road: Road, plain: Path) -> None:
 
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_7_ms_inside(fmi: str, road: Road, plain: Path) -> None:
-    """FMI 3 says so, and it is refused; of FMI 2 the default experiment tells: a warning, before and after."""
+    """FMI 3 states it, and the FMU is refused; in FMI 2 the default experiment hints at it: a warning."""
     fmu = make_fmu(road.folder, name="vehicle", fmi=fmi, fixed_step=0.007)
     announced = fmi == "3.0"
     remedy = "--set 'simulation/@step=0.007 s' of formation run, --step '0.007 s' of compare-plants"
@@ -295,7 +295,7 @@ def test_outputs_after_the_first_step(late: str, fmi: str, status: int, road: Ro
 
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_one_step_late(fmi: str, road: Road, plain: Path) -> None:
-    """It drives, as with a delay of its sensor; the comparison tells what it is."""
+    """It drives as with a delay of its sensor; the comparison reports the delay."""
     fmu = make_fmu(road.folder, name="vehicle", fmi=fmi, late="step")
     variant, _, _ = road.swap(fmu)
     road.drives(variant)

@@ -1,4 +1,4 @@
-"""A result says who is who: a stranger draws the robots to scale from the file alone."""
+"""A result describes its robots: a stranger draws the robots to scale from the file alone."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What the base class promises for every controller, with a small law in plain NumPy."""
+"""The rules of the base class for every controller, with a small law in plain NumPy."""
 
 from __future__ import annotations
 
@@ -551,7 +551,7 @@ class WholeTeam(Integral):
 
 
 class Neighbours(Integral):
-    """Rows between the first and the last are coupled, whatever the order."""
+    """Rows between the first and the last are coupled, in any order."""
 
     def on_step(self, pose, leader, desired):
         torque = super().on_step(pose, leader, desired)

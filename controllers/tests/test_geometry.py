@@ -143,7 +143,7 @@ def test_range_and_bearing_do_not_change_when_the_world_is_moved(vehicle):
 
 @VEHICLES
 def test_rates_are_the_time_derivative_of_range_and_bearing(vehicle):
-    """(8) against differences of (7), (55) against those of (54)."""
+    """(8) against differences of (7), (55) against differences of (54)."""
     pose, leader = random_poses(500, vehicle=vehicle)
     random = np.random.default_rng(1)
     velocity, leader_velocity = random.uniform(-1, 1, (2, 500, 2))
@@ -216,7 +216,7 @@ def test_input_matrix_of_a_differential_drive_is_the_motion_basis_times_b1():
 
 @VEHICLES
 def test_rates_of_r_and_delta_are_their_time_derivatives(vehicle):
-    """What feedback linearisation and the formation model differentiate by hand, against differences."""
+    """Derivatives by hand in feedback linearisation and the formation model, against differences."""
     pose, leader = random_poses(100, seed=3, vehicle=vehicle)
     random, h = np.random.default_rng(4), 1e-6
     (v, omega), (v_d, omega_d) = random.uniform(-1, 1, (2, 2, 100))

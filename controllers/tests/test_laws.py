@@ -1,4 +1,4 @@
-"""All laws of the package: what each promises, in closed loop on reduced plants, near singularities and at limits."""
+"""All laws of the package: their claims, in closed loop on reduced plants, near singularities and at limits."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_every_law_keeps_what_controllers_promise(name):
 
 @ALL
 def test_every_law_serves_followers_with_gains_of_their_own(name):
-    """Row i is that of a team in which all have the gains of i."""
+    """Row i equals row i of a team in which all followers have the gains of i."""
     pytest.importorskip("control") if name == "lqg" else None
     law = load(name)
     own = [law.gains_type(guard=guard) for guard in (0.0, 0.1, 0.2, 0.9)]
@@ -118,7 +118,7 @@ def test_every_law_settles_with_other_drives(name, drive, first_simulation):
 
 
 def test_observer_pid_is_the_papers_law_without_adaptation(first_simulation):
-    """To the last bit: what W = 0 and theta = 0 add is nothing."""
+    """Equal to the last bit, as W = 0 and theta = 0 add nothing."""
     still = first_simulation(gains=NeuralAdaptivePidGains(gamma_w=0, theta_m=0))
     plain = first_simulation(law=ObserverPid)
     expected, _, told = still.run(10 * SECOND)
@@ -331,7 +331,7 @@ def beside(signal, vehicle, distance):
 
 
 def first_torque(law, vehicle, poses, **gains):
-    """Return the first torque, or what refused it, and the controller."""
+    """Return the first torque or its error, and the controller."""
     pose, leader_pose = poses
     controller = law(Team(vehicle, 1, 0.02), law.gains_type(**gains))
     leader = Leader(np.array(leader_pose, dtype=float), np.array([0.3, 0.0]))
@@ -383,7 +383,7 @@ def test_without_a_guard_a_torque_is_finite_or_refused_by_name_and_the_telemetry
 @PLACES
 @ALL
 def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, vehicle):
-    """The telemetry tells how near the robot is, not where the guard keeps the law."""
+    """The telemetry shows the robot's true distance from a singularity, not the guarded one."""
     pytest.importorskip("control") if name == "lqg" else None
     for distance in NEAR:
         torque, controller = first_torque(load(name), vehicle, beside(signal, vehicle, distance), guard=0.1)
@@ -443,7 +443,7 @@ def test_the_drive_gain_of_a_tractor_trailer_has_no_unit_and_needs_no_guard(name
 
 @ALL
 def test_every_law_tells_how_near_each_singularity_is(name):
-    """Once: det R is one cosine over the other, and drive gain and range are what else a law divides by."""
+    """Each signal once: det R is one cosine over the other; a law also divides by drive gain and range."""
     flagged = {s.name: s.singular_below for s in load(name).signals if s.singular_at_zero}
     assert flagged == dict.fromkeys(("drive_gain", "relative_range", "cos_bearing", "cos_steering"), singularities.NEAR)
 
@@ -496,7 +496,7 @@ def test_weights_stand_still_exactly_while_a_torque_is_beyond_its_limit(first_si
 
 @contextmanager
 def second_package(disable_jit):
-    """Import package and simulations a second time, as plain Python or compiled, beside those that are there."""
+    """Import package and simulations a second time, as plain Python or compiled, beside the ones that are loaded."""
 
     def ours():
         return {name: module for name, module in sys.modules.items() if name.split(".")[0] == PACKAGE}

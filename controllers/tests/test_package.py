@@ -1,4 +1,4 @@
-"""The package as a whole: what it imports, what it costs to import, and that compiled code is never stale."""
+"""The package as a whole: its imports, their cost, and that compiled code is never stale."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def used(x):
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled with NUMBA_DISABLE_JIT=1")
 def test_a_changed_formula_is_compiled_anew_wherever_it_is_used(tmp_path, monkeypatch):
-    """Two files that are compiled as all of ours are: a change in one renews what the other has inlined from it."""
+    """Two files, compiled like the package: a change in one renews the functions that the other has inlined from it."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     package = tmp_path / "somewhere"
@@ -107,7 +107,7 @@ def test_a_changed_formula_is_compiled_anew_wherever_it_is_used(tmp_path, monkey
         (package / f"{name}.py").write_text(text)
 
     def used(x):
-        """Return what a new process would compute and whether it found the function in the cache."""
+        """Return the number that a new process computes, and whether it found the function in the cache."""
         for name in [name for name in sys.modules if name.split(".")[0] == package.name]:
             monkeypatch.delitem(sys.modules, name)
         importlib.invalidate_caches()

@@ -50,7 +50,13 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     sensors, actuators = (Counter(texts).most_common(1)[0][0] for texts in (sensing, acting))
     robots = table(console, safe(f"{scenario.name}: {scenario.title}"))
     width = console.width if console.width >= NARROW else console.width // 6
-    for heading in ("robot", "plant", "controller" if console.width >= NARROW else "con-\ntroller", "place", "its own"):
+    for heading in (
+        "robot",
+        "plant",
+        "controller" if console.width >= NARROW else "con-\ntroller",
+        "place",
+        "own settings",
+    ):
         robots.add_column(heading, no_wrap=heading == "robot")
     leader = scenario.leader
     plants = {

@@ -24,13 +24,13 @@ _TEXT = """\
   <!-- {exchanged} are exchanged once a step, to the horizon. The same seed gives the same noise, bit for bit. -->
   <simulation horizon="60 s" step="20 ms" seed="1"/>
 
-  <!-- The vehicle: a model of the house ("formation list" names them), or any FMU: fmu="my_robot.fmu" instead of
+  <!-- The vehicle: a built-in model ("formation list" names them), or any FMU: fmu="my_robot.fmu" instead of
        model="..." ("formation inspect my_robot.fmu" shows the roles that it needs). Every quantity has its unit. -->
   <plant id="{id}" {plant}>
     {parameter}
   </plant>
 
-  <!-- The control law and the versions of its package that will do. A gain that is left out has its default. -->
+  <!-- The control law, its package and the accepted versions. A gain that is left out has its default. -->
   <controller id="{law}" name="{controller}" package="{package}" version="{version}">
 {gains}
   </controller>
@@ -46,7 +46,7 @@ _TEXT = """\
     <{commands} {leader}/>
   </leader>
 
-  <!-- Each follower starts at its pose and is to see the leader at this range and bearing: at a bearing of 30 deg the
+  <!-- Each follower starts at its pose and shall see the leader at this range and bearing: at a bearing of 30 deg the
        leader is ahead of it to the left. -->
 {followers}
   <!-- Expectations: if one fails, "formation run" ends with exit status 1, so that this file is a test. -->

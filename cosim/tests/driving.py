@@ -1,4 +1,4 @@
-"""Drives FMUs: open loop through a fleet, for tests of what lies below the master, and in scenarios written for it."""
+"""Drives FMUs: open loop through a fleet, for tests of the rooms below the master, and in scenarios written for it."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

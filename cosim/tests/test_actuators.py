@@ -1,4 +1,4 @@
-"""What actuators do to the torques that are commanded."""
+"""Effects of actuators on commanded torques."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Which variables of an FMU play the roles of a vehicle: found by name or declared, and read in the right unit."""
+"""Bindings: variables of an FMU that play roles, found by name or declared, and read in the right unit."""
 
 import math
 import re
@@ -45,7 +45,7 @@ def describe(tmp_path: Path) -> Describe:
 
 @pytest.fixture
 def bound(tmp_path: Path) -> Bound:
-    """Return a function that binds what is described as a binding of these roles says."""
+    """Return a function that binds the described FMU by a binding with these roles."""
 
     def made(described: Any, roles: str) -> Binding:
         return bind(described, "car.fmu", read_binding(write(tmp_path / "binding.xml", roles)), HERE)
@@ -311,7 +311,7 @@ def test_initial_values_through_parameters(describe: Describe, bound: Bound, fmi
 
 
 def initial_values(described: Any, binding: Binding) -> dict[str, tuple[float, ...]]:
-    """Return what is set for the pose (1 m, 2 m, 1 rad, 0.1 rad), by variable."""
+    """Return the start values for the pose (1 m, 2 m, 1 rad, 0.1 rad), by variable."""
 
     fmu: Any = SimpleNamespace(binding=binding, description=described)
     return {value.name: value.values for value in _initial_values(fmu, (1.0, 2.0, 1.0, 0.1))}  # type: ignore[misc]

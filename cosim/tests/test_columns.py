@@ -1,4 +1,4 @@
-"""Robots of different kinds in one array: what fits shares a column, the rest is not a number."""
+"""Robots of different kinds in one array: entries of one meaning share a column, the rest is NaN."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is printed fits narrow terminals, and what takes a while is told."""
+"""The output fits narrow terminals, and long work is announced."""
 
 import io
 import time

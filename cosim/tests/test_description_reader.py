@@ -1,4 +1,4 @@
-"""What is read of model descriptions, compared with what FMPy reads."""
+"""The reader of model descriptions, compared with FMPy's."""
 
 from collections.abc import Iterable
 from pathlib import Path

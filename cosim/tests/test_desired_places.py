@@ -1,4 +1,4 @@
-"""Desired places change smoothly, with derivatives that are those of the course."""
+"""Desired places change smoothly, and their derivatives are right."""
 
 import math
 

@@ -452,7 +452,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Counter[Path]]:
 
 
 def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:
-    """What is compared with is read, set up and run once for all, and what is expected of it is not followed."""
+    """The other scenario is read, set up and run once for all comparisons; its own expectations are not judged."""
     path = written(tmp_path, "one.xml", ALL)
     other = written(tmp_path, "other.xml", '<compare measure="rms" signal="range" factor="1" scenario="one.xml"/>')
     scenario = read_scenario(path)
@@ -484,7 +484,7 @@ def test_a_strict_run_sets_up_once_too(tmp_path: Path, counts: dict[str, Counter
 def test_a_comparison_with_a_run_that_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody can tell whether it holds: it does not pass, not even as marked, and the scenario's own result is kept."""
+    """It cannot be judged: it does not pass, not even as marked, and the scenario's own result is kept."""
     compare = '<compare measure="rms" signal="range" factor="9" scenario="failing.xml" fails="it is worse"/>'
     path = written(tmp_path, "one.xml", compare)
     failing = written(tmp_path, "failing.xml", "<regular/>")

@@ -1,4 +1,4 @@
-"""Plants of different kinds in one fleet: none hides what becomes of another."""
+"""Plants of different kinds in one fleet: none hides the failure of another."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Model descriptions that break a rule of FMI are read as far as they can be, and what they break is told."""
+"""Model descriptions that break a rule of FMI are read as far as possible, and the broken rules are listed."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""FMUs come from strangers: each kind of bad file has its sentence, and what fits is bound by role and unit."""
+"""Foreign FMUs: each kind of bad file has its message, and fitting variables are bound by role and unit."""
 
 import re
 import tempfile

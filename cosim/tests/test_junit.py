@@ -119,7 +119,7 @@ def test_no_scenario_at_all() -> None:
 
 
 def test_any_text() -> None:
-    """What XML cannot hold, in names and messages that come from files and from other people's code."""
+    """Characters that XML cannot hold, in names and messages from files and from foreign code."""
     nasty = '\x00\x1b[31m\ud800\ufffe<&"]]>\U0001f600\n'
     error = InputError(nasty, Location(f"{nasty}.xml", 3))
     root = parsed(junit_xml([outcome(verdict(nasty, False, nasty), error=error)]))

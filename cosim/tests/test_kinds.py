@@ -1,4 +1,4 @@
-"""Kinds of vehicle of other packages: they are found, and a faulty one is told in a sentence."""
+"""Kinds of vehicle of other packages: they are found, and a message names a faulty one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Bring = Callable[..., None]
 
 @pytest.fixture
 def bring(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bring]:
-    """Return a function that installs entry points: a name, and what loading it returns or raises."""
+    """Return a function that installs entry points: a name, and the object or error of its loading."""
 
     def brought(*points: tuple[str, object], package: str = "rovers") -> None:
         dist = SimpleNamespace(metadata={"Name": package, "Version": "2.0"})

@@ -1,4 +1,4 @@
-"""A leader of another vehicle is told as one of the follower's own kind on the same path."""
+"""Followers see a leader of another kind as one of their own kind on the same path."""
 
 import math
 
@@ -16,7 +16,7 @@ STATES = [np.array([1.0, 2.0, 0.4, 0.7, 0.8, -0.3]), np.array([0.0, 0.0, -2.0, -
 
 
 def path_rates(vehicle: Vehicle, pose: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the rate of the heading and that of the path's curvature, by the kinematics of (2) and section 4."""
+    """Return the rate of the heading and the rate of the path's curvature, by the kinematics of (2) and section 4."""
     if isinstance(vehicle, TractorTrailer):
         length, angle = vehicle.hitch_length, pose[3] - pose[2]
         heading_rate = velocity[0] * math.tan(angle) / length

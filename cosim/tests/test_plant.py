@@ -1,4 +1,4 @@
-"""One kind of plant whatever the FMU is: each moves as the equations of the stub say, or is refused with the reason."""
+"""Plants of every version of FMI: each moves by the equations of the stub, or is refused with the reason."""
 
 import ctypes
 import json
@@ -57,7 +57,7 @@ def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
 
 
 class Names(dict[str, str]):
-    """Other names of variables, that can tell one stub from another."""
+    """Other names of variables, which distinguish one stub from another."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(tuple(self.items()))
@@ -328,7 +328,7 @@ def test_events_within_a_step_of_co_simulation(make: Make, fmi: str) -> None:
 
 
 def test_event_mode_that_is_not_used(make: Make) -> None:
-    """The FMU is told so and handles its events itself."""
+    """The FMU gets this setting and handles its events itself."""
     torques = np.tile([10.0, 0.0], (100, 1))
     for early in ("", "allowed"):
         moved = drive(make(fmi="3.0", event_mode=True, early_return=early, when=1.013), torques)

@@ -1,4 +1,4 @@
-"""What is obvious is proposed, what is not stays open and is refused until it is filled in."""
+"""Obvious roles are proposed; the others stay open, and the binding is refused until they are filled in."""
 
 from pathlib import Path
 from typing import Any
@@ -347,7 +347,7 @@ def test_names_in_other_languages_and_with_units(tmp_path: Path, language: str) 
 
 
 def test_a_unit_at_the_end_of_a_name_is_a_hint(car: Any) -> None:
-    """It is not taken for the unit, but tells what something else is in."""
+    """A unit elsewhere in the text is not taken for the variable's unit."""
     proposal = car({"heading": "output -"} | {"heading": None, "yaw_deg": "output -", "yaw_m": "output -"})
     assert of(proposal, "psi").source.variable == "yaw_deg"
     assert of(proposal, "psi").open == (

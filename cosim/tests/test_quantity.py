@@ -1,4 +1,4 @@
-"""Quantities are read with their unit, or refused with what to write."""
+"""Quantities are read with their unit, or refused with the right spelling."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What the schema cannot say is checked by the reader; quantities arrive in SI units."""
+"""The reader checks rules beyond the schema; quantities arrive in SI units."""
 
 import math
 import re

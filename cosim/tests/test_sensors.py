@@ -1,4 +1,4 @@
-"""What sensors do, and that noise is each robot's and channel's own."""
+"""Effects of sensors; every robot and channel has noise of its own."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -32,7 +32,7 @@ def noise(deviation: tuple[float, ...] = (1e-3,) * 4) -> list[Effect]:
 def measure(
     effects: dict[str, list[Effect]], ticks: int, seed: int = 1, pose: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Return what is measured (ticks, robots, 4) of poses (ticks, 4) that all robots share; at rest if left out."""
+    """Return measured poses (ticks, robots, 4) for poses (ticks, 4) that all robots share; default: at rest."""
     sensor = PoseSensor(seed, list(effects), [CHANNELS] * len(effects), list(effects.values()), STEP)
     out = np.empty((ticks, len(effects), 4))
     for tick in range(ticks):

@@ -149,7 +149,7 @@ def test_a_fleet_made_from_a_function(tmp_path: Path) -> None:
 
 
 class Watching:
-    """An observer that takes note of what it is told."""
+    """An observer that records its calls."""
 
     def __init__(self) -> None:
         self.told: list[object] = []

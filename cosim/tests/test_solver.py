@@ -1,4 +1,4 @@
-"""Whether an FMU fits how it is to be stepped: what is refused, and what is told, before anything is started."""
+"""Checks before the start that an FMU fits solver and communication step: refusals and warnings."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def checked(path: Path, capsys: pytest.CaptureFixture[str], status: int = 0) -> 
 def test_a_constant_step_that_does_not_fit_is_told(
     tmp_path: Path, fmi: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What FMI 2.0 cannot say, the default experiment hints at: it may go well all the same."""
+    """FMI 2.0 cannot state a fixed step; the default experiment hints at one, and the run may still succeed."""
     fmu = make_fmu(tmp_path, fmi=fmi, variable_step=False)
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}"/>', step="50 ms")
     said = "plant car: stub.fmu takes steps of constant length only, and of 0.02 s in its default experiment, which do "

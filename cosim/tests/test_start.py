@@ -1,4 +1,4 @@
-"""How plants start: what initial equations know of their inputs, and what is told of plants that cannot start."""
+"""The start of plants: inputs of initial equations, and messages about plants that cannot start."""
 
 import json
 import re
@@ -68,7 +68,7 @@ def test_initial_equations_know_inputs_in_other_units(make: Make, tmp_path: Path
 
 @pytest.mark.parametrize("isolate", ["", ISOLATE])
 def test_what_a_scenario_knows_at_the_start(make: Make, tmp_path: Path, isolate: str) -> None:
-    """The leader's torque and disturbances; what a controller commands follows from measurements after the start."""
+    """The leader's torque and disturbances; a controller's command follows from measurements after the start."""
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(start_torque=True)}" {isolate}/>')
     result = cosim.run(path)
     assert result.leader_velocity.values[0].tolist() == [0.2, 0.0]
@@ -170,7 +170,7 @@ LATE = {"late_outputs": True, "pose": POSE}
 @pytest.mark.parametrize("late", ["zero", "nan", "error"])
 @pytest.mark.parametrize("isolated", [False, True])
 def test_outputs_that_show_after_the_first_step(make: Make, late: str, isolated: bool) -> None:
-    """Until then the plant stands at its pose, whatever its outputs are; from then on it moves as any other."""
+    """Until then the plant stands at its pose, for any outputs; from then on it moves like any other."""
     moved = drive(make(late=late), TORQUES, isolated=isolated, **LATE)
     np.testing.assert_array_equal(moved, drive(make(), TORQUES, pose=POSE))
 
@@ -250,7 +250,7 @@ def test_the_first_step_in_a_comparison(make: Make, tmp_path: Path) -> None:
 def test_an_fmu_is_told_a_tolerance(
     make: Make, tmp_path: Path, fmi: str, stated: str, default: str, told: float | None
 ) -> None:
-    """As by FMPy: the scenario's, or that of its default experiment; the result says which."""
+    """As in FMPy: the scenario's tolerance, or the default experiment's; the result has it."""
     fmu = make(fmi=fmi, tolerance=default, says_tolerance=True)
     result = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {stated}/>'))
     said = "no tolerance" if told is None else f"a tolerance of {told:g}"

@@ -1,4 +1,4 @@
-"""Plants that exchange Float32 and whole numbers move as those do that exchange doubles, as well as they can."""
+"""Plants that exchange Float32 or whole numbers move like plants that exchange doubles, up to rounding."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -157,7 +157,7 @@ def test_outputs_after_the_first_step(make: Make) -> None:
 
 
 def test_a_scenario_of_whole_numbers(make: Make, whole: Path, tmp_path: Path) -> None:
-    """The controller is told the wheelbase that the scenario sets."""
+    """The controller gets the wheelbase that the scenario sets."""
     fmu = make(fmi="2.0", types="whole")
     about = f'<plant id="car" fmu="{fmu}" binding="{whole}"><parameter name="a" value="1.3 m"/></plant>'
     path = scenario(tmp_path / "s.xml", about)

@@ -1,4 +1,4 @@
-"""Where FMUs are unpacked: their path is their URI, whatever the folder for temporary files is called."""
+"""The folder of unpacked FMUs: its path equals its URI, for any name of the folder for temporary files."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A run is a value: what goes into it and what comes out of it can be pickled and comes back as itself."""
+"""A run is a value: its inputs and outputs can be pickled and come back equal."""
 
 import copy
 import importlib
@@ -113,7 +113,7 @@ def test_the_walk_finds_them() -> None:
 
 
 def test_an_error_is_raised_in_another_process_as_it_was() -> None:
-    """`multiprocessing` and its like pickle an error, and raise what comes of it."""
+    """`multiprocessing` and others pickle an error and raise the copy."""
     with pytest.raises(SimulationError, match=r"follower_1 at t = 0.34 s: it has diverged") as raised:
         raise again(failed(None))
     assert raised.value.failure == Failure("follower_1", 0.34, "v", "it has diverged")

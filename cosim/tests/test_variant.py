@@ -38,7 +38,7 @@ def refused(path: Path, *changes: str) -> str:
 
 
 def found(path: Path, xpath: str) -> list[etree._Element]:
-    """Return what an XPath without namespaces selects in the resolved text."""
+    """Return the nodes that an XPath without namespaces selects in the resolved text."""
     root = etree.fromstring(read_document(path).text.encode())
     for element in root.iter("*"):
         element.tag = local_name(element)
@@ -347,7 +347,7 @@ def test_a_chain_without_end(base: Path, tmp_path: Path) -> None:
 
 
 def test_many_elements_into_many(base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two lists of a file multiply: what fits into the file does not bound what comes of it."""
+    """Two lists of a file multiply: a small file can make a large scenario."""
     monkeypatch.setattr("cosim.scenario.variant.MAX_ELEMENTS", 2000)
     gains = "".join(f'<gain name="g_{i}" value="1"/>' for i in range(600))
     error = refused(write(tmp_path / "v.xml", f'<insert into="follower">{gains}</insert>'))

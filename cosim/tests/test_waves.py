@@ -1,4 +1,4 @@
-"""Signals are what the scenario says at every communication point, and random ones are white through a low-pass."""
+"""Input signals have the scenario's values at every communication point; random ones are white through a low-pass."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is said of an XPath that selects nothing, in scenarios of any size."""
+"""Advice about an XPath that selects nothing, in scenarios of any size."""
 
 import pytest
 from lxml import etree

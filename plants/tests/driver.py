@@ -211,7 +211,7 @@ class Refused(Exception):
 def call_at_random(library: Library, interface: str, seed: int, n: int) -> dict[str, int]:
     """Call functions in random order with random arguments; return how often each status came.
 
-    Pointers are valid or null and buffers as large as said, as in any C interface; all else is arbitrary.
+    Pointers are valid or null and buffers have the stated size, as in any C interface; all other values are arbitrary.
     """
     rng = random.Random(seed)
     is_2 = library.fmi == "2.0"

@@ -1,4 +1,4 @@
-"""Building: the cache, reproducible bytes, a user's own model, and what can go wrong on a machine."""
+"""Building: the cache, reproducible bytes, a user's own model, and faults of a machine."""
 
 import json
 import os
@@ -139,7 +139,7 @@ def test_what_c_cannot_compute_is_refused(expression: sympy.Expr) -> None:
 
 
 def test_description_and_c_come_from_the_model_alone(fmu: Path) -> None:
-    """The FMU holds what the factory generates now, and the GUID of one model differs from that of another."""
+    """The FMU holds the files that the factory generates now, and two models have different GUIDs."""
     files = generate(plants.load("car_like"), "2.0")
     with zipfile.ZipFile(fmu) as archive:
         assert {name: archive.read(name) for name in files} == files

@@ -1,4 +1,4 @@
-"""Models in python-control: simulation, linearisation, names, and what can go wrong."""
+"""Models in python-control: simulation, linearisation, names, and errors."""
 
 import sys
 
@@ -45,7 +45,7 @@ def test_simulation_agrees_with_scipy(name: str) -> None:
 
 @pytest.mark.parametrize("name", POINTS)
 def test_linearisation_is_that_of_python_control(name: str) -> None:
-    """Which takes finite differences: equal to about their accuracy; ours is exact (see test_numeric.py)."""
+    """python-control takes finite differences: equal to about their accuracy; ours is exact (see test_numeric.py)."""
     x, u, parameters = POINTS[name]
     ours = linearise(name, x, u, parameters)
     theirs = control.linearize(nonlinear_io_system(name, parameters=parameters), x, u, eps=1e-7, copy_names=True)

@@ -1,4 +1,4 @@
-"""The symbolic model against two rigid wheels on a body, and what such a robot does."""
+"""The symbolic model against two rigid wheels on a body, and the motion of such a robot."""
 
 from dataclasses import replace
 

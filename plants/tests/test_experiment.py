@@ -36,7 +36,7 @@ def rows(text: str | bytes) -> np.ndarray:
 
 
 def replayed(fmu: Fmu, name: str, interface: str, **options: object) -> tuple[np.ndarray, np.ndarray]:
-    """Return the references of an FMU and what FMPy makes of it, at the same times."""
+    """Return the references of an FMU and FMPy's results for it, at the same times."""
     folder = fmu.folder / FOLDER
     (experiment,) = etree.parse(folder / "experiments.exp").getroot()
     enumerations = {e.name: e for e in tabulate(MODELS[name]).enumerations}

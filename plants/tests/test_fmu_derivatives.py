@@ -63,7 +63,7 @@ def test_directional_and_adjoint_derivatives(fmus: Callable, fmi: str, name: str
 
 
 def test_derivatives_while_running(new: Callable, car: Fmu) -> None:
-    """Time and tunable parameters are knowns; what is no known or unknown is refused by value reference."""
+    """Time and tunable parameters are knowns; any other variable is refused by value reference."""
     for interface in driver.INTERFACES:
         instance = new(interface).start()
         assert instance.differentiate([car["der(x)"]], [car["v"]], [2.0]) == [2.0]

@@ -1,4 +1,4 @@
-"""What is in an FMU of either version: descriptions, images, documentation, sources that can be built."""
+"""The content of an FMU of either version: descriptions, images, documentation, sources that can be built."""
 
 import re
 import shutil
@@ -142,7 +142,7 @@ def test_all_functions_of_the_standard_are_exported_and_no_data_is_writable(car:
 
 
 def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
-    """The model and what steps it know no FMI, what is shared knows no version, and nothing shared knows the model."""
+    """Model and solver know no FMI; the shared files know neither version nor model."""
     sources = {path.name: path.read_text() for path in (fmus("car_like", fmi).folder / "sources").iterdir()}
     for name, text in sources.items():
         if name in ("model.c", "model.h", "config.h", "solver.c", "solver.h", "simulation.c", "simulation.h"):

@@ -1,4 +1,4 @@
-"""Where the equations do not hold, and what is told in the log."""
+"""Limits of the equations, and their messages in the log."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from .fmus import Fmu
 
 
 def test_past_the_singularity_a_warning(new: Callable, car: Fmu) -> None:
-    """Steering past 90 degrees: told once, by variable, value and time; a warning as long as it lasts; told back."""
+    """Steering past 90 degrees: one message with its place and time, status Warning meanwhile, a message at its end."""
     instance = new()
     instance.call("SetDebugLogging", 1, driver.ctypes.c_size_t(0), None)
     instance.set({car["gamma"]: 1.45, car["omega"]: 4.0})

@@ -112,7 +112,7 @@ def test_dormand_prince_has_order_5(new: Callable, car: Fmu) -> None:
 
 
 def test_step_size_underflow_is_an_error(tmp_path: Path) -> None:
-    """der(x) = x^2 blows up at 1/x(0) = 1 s: no step gets past it, and the message says where."""
+    """der(x) = x^2 blows up at 1/x(0) = 1 s: no step gets past it, and the message names the time."""
     x = sympy.Symbol("x")
     path = plants.build(OdeModel("blow_up", "", (State(x, "1", "x", start=1.0),), (x**2,)), out=tmp_path)
     with zipfile.ZipFile(path) as archive:

@@ -1,4 +1,4 @@
-"""Parameters that change in the course of a simulation, and those that must not."""
+"""Parameters that can change during a simulation, and parameters that cannot."""
 
 import zipfile
 from collections.abc import Callable
@@ -201,7 +201,7 @@ def test_a_value_out_of_bounds_is_refused_with_all_that_came_with_it(new: Callab
 
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_a_model_says_which_of_its_parameters_are_tunable(fmi: str, tmp_path: Path) -> None:
-    """In the description, in what depends on them, on the page, and in what the FMU lets be set."""
+    """In the description, in the dependencies, on the page, and in the values that the FMU accepts."""
     x, rate, gain, base = sympy.symbols("x rate gain base")
     model = OdeModel(
         name="decay",

@@ -1,4 +1,4 @@
-"""The generated C against NumPy, expression by expression; what it refuses; what it writes into the description."""
+"""The generated C against NumPy, expression by expression; refusals; the description."""
 
 import math
 import random
@@ -307,7 +307,7 @@ def test_type_names_are_unique(fmi: str) -> None:
 
 
 def test_text_of_all_kinds_reaches_the_messages(load: Callable) -> None:
-    """Beyond the Basic Multilingual Plane, digits after what is escaped, what C would take for a trigraph."""
+    """Characters beyond the Basic Multilingual Plane, digits after an escape, trigraphs of C."""
     reason = 'θ\u20091 is \U0001f600\u00e92 "far" \\ what??/ \x7f.'
     model = model_of(x, description=f"{reason} */", limits=(Limit(x, max=2.0, reason=reason),))
     fmu = load(model)
@@ -321,7 +321,7 @@ def test_text_of_all_kinds_reaches_the_messages(load: Callable) -> None:
 
 
 def test_names_on_the_page() -> None:
-    """I_theta1 is I with the index θ1, e_dot_stop is e with a dot, and so is what a derivative is of."""
+    """I_theta1 is I with the index θ1, e_dot_stop is e with a dot, also within a derivative."""
     inertia, rate, d_1 = sympy.symbols("I_theta1 e_dot_stop M2_11")
     terms = (Term(inertia, 2 * k), Term(rate, 3 * k), Term(d_1, 4 * k))
     page = document(model_of(terms=terms))

@@ -1,4 +1,4 @@
-"""What a model may be: the general ordinary differential equation, its NumPy functions, and wrong models by name."""
+"""Models: the general ordinary differential equation, its NumPy functions, and wrong models by name."""
 
 import math
 from dataclasses import replace

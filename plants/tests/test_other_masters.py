@@ -40,7 +40,7 @@ def fmu(request: pytest.FixtureRequest) -> Path:
 
 
 class Experiment:
-    """An FMU with start values and constant torques, and what FMPy's own methods make of it."""
+    """An FMU with start values and constant torques, and the results of FMPy's own methods."""
 
     def __init__(self, fmu: Path, directory: Path) -> None:
         self.path = str(fmu)

@@ -1,4 +1,4 @@
-"""Short forms: equal to what they stand for, and short."""
+"""Short forms: equal to the long ones, and short."""
 
 import numpy as np
 import pytest

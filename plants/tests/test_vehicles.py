@@ -1,4 +1,4 @@
-"""What holds for all vehicles: equations, references, FMU, NumPy and SciPy agree; effects are off until asked for."""
+"""Tests for all vehicles: equations, references, FMU, NumPy and SciPy agree; effects are off until asked for."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -142,7 +142,7 @@ def assert_close(actual: Any, expected: np.ndarray) -> None:
 
 
 def test_directional_derivatives_equal_the_jacobians_of_numpy(plant: Plant) -> None:
-    """The derivatives in C and those in NumPy, with friction and stop at work."""
+    """Derivatives in C against NumPy, with friction and stop at work."""
     functions, rng = NUMPY[plant.description.modelName], np.random.default_rng(6)
     model = functions.model
     states, inputs = [s.name for s in model.states], [i.name for i in model.inputs]
@@ -189,7 +189,7 @@ def test_motion_basis_keeps_the_constraints(vehicle: ModuleType) -> None:
 
 @pytest.mark.parametrize("vehicle", VEHICLES.values(), ids=VEHICLES)
 def test_energy_balance(vehicle: ModuleType) -> None:
-    """d/dt(v' M2 v / 2) = v' (B2 tau - D2 v - S' tau_d): M2_dot/2 - C2 does no work, whatever v it is multiplied by."""
+    """d/dt(v' M2 v / 2) = v' (B2 tau - D2 v - S' tau_d): M2_dot/2 - C2 does no work for any v."""
     system = vehicle.SYSTEM
     M2 = system.M2.subs({angle.symbol: angle.expression for angle in system.angles})
     M2_dot = sum((M2.diff(q) * rate for q, rate in zip(system.eta, system.eta_dot, strict=True)), 0 * M2)
@@ -325,7 +325,7 @@ def test_stop_holds_the_angle(name: str, side: float) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_effects_take_energy(name: str) -> None:
-    """The power of friction, and that of the stop beyond the work stored in its spring, is never positive."""
+    """The power of friction is never positive, nor the power of the stop without the work stored in its spring."""
     functions, rng = NUMPY[name], np.random.default_rng(5)
     states = [s.symbol for s in functions.model.states]
     M2 = sympy.lambdify(states, numbers(name, VEHICLES[name].SYSTEM.M2))

@@ -1,4 +1,4 @@
-"""Simulates FMUs with FMPy, each in a process of its own, for those that kill or hang theirs. Reads and writes JSON.
+"""Simulates FMUs with FMPy, each in a process of its own, as some kill or hang their process. Reads and writes JSON.
 
 Imports once and forks for each job, which takes a tenth of the time that new interpreters would.
 """
@@ -19,7 +19,7 @@ from fmpy.fmi1 import FMICallException
 
 
 def child(job: dict[str, Any], out: Any) -> None:
-    """Simulate an FMU and write what the process is like afterwards."""
+    """Simulate an FMU and write the state of the process afterwards."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     description = read_model_description(job["fmu"])
     folder = extract(job["fmu"], job["fmu"] + ".unpacked")

@@ -90,7 +90,7 @@ def make_broken(where: Path, kind: str, **options: object) -> Path:
 
 
 def _content(kind: str, options: Options) -> dict[str, bytes]:
-    """Return the entries, with what is wrong with them."""
+    """Return the entries, with their faults."""
     place = binary_path(options)
     library = binary(options.fmi, options.name, ("WITHOUT_DO_STEP",) if kind == "no_do_step" else ())
     encoding = "latin-1" if kind == "no_utf8" else "utf-8"
@@ -120,7 +120,7 @@ def _content(kind: str, options: Options) -> dict[str, bytes]:
 
 
 def _description(kind: str, options: Options) -> str:
-    """Return the model description, with what is wrong with it."""
+    """Return the model description, with its faults."""
     root, identifier = "<fmiModelDescription ", f'modelIdentifier="{options.name}"'
     bomb = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
     external = f'<!DOCTYPE d [<!ENTITY e SYSTEM "{Path(__file__).as_uri()}">]>'

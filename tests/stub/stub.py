@@ -1,6 +1,6 @@
 """FMUs for tests that behave well, unusually or badly, made of C written for that: see stub_model.h.
 
-The token (guid) in a model description tells the binary what to do: one binary serves all FMUs of a version of FMI.
+The token (guid) in a model description selects the behaviour of the binary: one binary for each version of FMI.
 """
 
 import functools
@@ -137,7 +137,7 @@ _COMPASS = {
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a stub: what the model description says of it, in the words of FMI 2 and 3."""
+    """A variable of a stub as in its model description, in the words of FMI 2 and 3."""
 
     name: str
     reference: int
@@ -155,7 +155,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Options:
-    """How a stub is described, and what it does: see `make_fmu`."""
+    """Description and behaviour of a stub: see `make_fmu`."""
 
     fmi: str = "2.0"
     interface: str = "co_simulation"
@@ -227,7 +227,7 @@ class Options:
 
     @property
     def token(self) -> str:
-        """The token that tells the binary what to do."""
+        """The token that selects the behaviour of the binary."""
         said = {
             "behaviour": self.behaviour,
             "place": self.place or _PLACE.get(self.behaviour, "step"),
@@ -320,7 +320,7 @@ def make_fmu(where: Path, **options: object) -> Path:
     tolerance : str
         That of the default experiment.
     says_tolerance : bool
-        It logs the tolerance that it is told. FMI 2 and 3.
+        It logs the tolerance that it gets. FMI 2 and 3.
     velocities, drive : bool
         Whether v and omega are outputs (else they are local, named s5 and s6); whether there is the enumeration.
     discrete : bool
@@ -400,7 +400,7 @@ def _compile(major: str, name: str, macros: tuple[str, ...]) -> bytes:
 
 @functools.cache
 def vendor_library(mass: float) -> bytes:
-    """Return a library that says which mass a stub has; all are known by one name."""
+    """Return a library that returns the mass of a stub; all libraries have one name."""
     with tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "vendor.c").write_text(
             'double vendor_mass(void);\n__attribute__((visibility("default"))) '

@@ -1,4 +1,4 @@
-"""The stubs do what they say: FMPy has no complaint of those meant to be valid, and each does its own thing."""
+"""The stubs behave as stated: FMPy accepts the valid ones, and each shows its own fault."""
 
 import ctypes
 import json
@@ -31,7 +31,7 @@ def made(tmp_path: Path) -> Callable[..., str]:
 
 
 class Messages:
-    """A logger for FMPy that keeps what it is told."""
+    """A logger for FMPy that keeps its messages."""
 
     def __init__(self) -> None:
         self.said: list[tuple[int, bytes]] = []
@@ -148,7 +148,7 @@ def test_arrays(made: Callable[..., str], kind: str) -> None:
 
 @pytest.mark.parametrize("fmi", FMI)
 def test_feedthrough(made: Callable[..., str], fmi: str) -> None:
-    """The output at a communication point is that of the input at that point, which was set after the step."""
+    """The output at a communication point follows from the input at that point, which was set after the step."""
     fmu = made(fmi=fmi, feedthrough=True)
     signals = np.array([(0.0, 10.0), (1.0, 10.0), (1.0, 20.0), (2.0, 20.0)], [("time", float), ("tau_drive", float)])
     result = simulate(fmu, input=signals)
@@ -551,7 +551,7 @@ _CASES = [(behaviour, "step", fmi) for behaviour in ("segfault", "exit", "hang")
 
 @pytest.fixture(scope="module")
 def apart(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What became of the processes that ran dangerous stubs."""
+    """Outcome of the processes that ran dangerous stubs."""
     folder = tmp_path_factory.mktemp("apart")
     jobs: list[dict[str, Any]] = []
     for behaviour, place, fmi in _CASES:
