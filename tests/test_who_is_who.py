@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -121,6 +123,35 @@ def test_the_drawing_is_one(file: Path, tmp_path: Path) -> None:
     assert (tmp_path / "drawn.png").read_bytes().startswith(b"\x89PNG")
 
 
+def outlines(file: Path, robot: str) -> dict[str, np.ndarray]:
+    """Return the corners of the parts of a follower at the end, as the code on the page draws them."""
+    page = (Path(__file__).parents[1] / "docs" / "results.md").read_text(encoding="utf-8")
+    code = "".join(re.findall(r"^```python\n(.*?)^```$", page.partition("### Who is who")[2], re.M | re.S)[:2])
+    drawn: list[np.ndarray] = []
+    plot = SimpleNamespace(fill=lambda x, y: drawn.append(x + 1j * y))
+    known: dict[str, Any] = {"result": xr.load_dataset(file, engine="h5netcdf"), "np": np, "plt": plot}
+    exec(code.replace("truck_1", robot).replace("hitch_x", "# hitch_x"), known)
+    return dict(zip([name for name in known["truck"].outline_name.values if name], drawn, strict=True))
+
+
+@pytest.mark.parametrize("robot", ["car_1", "car_2", "truck_1", "truck_2"])
+def test_a_stranger_draws_the_outlines_as_the_page_says(file: Path, robot: str) -> None:
+    parts = outlines(file, robot)
+    front_of, *axle = by_xarray(file, -1)[robot]
+    reference, front = (complex(*point) for point in front_of)
+    if robot.startswith("car"):
+        body = parts["body"]
+        assert body[:4].mean() == pytest.approx((reference + front) / 2, abs=1e-12), "the wheelbase is in its middle"
+        assert np.ptp((body / (front - reference)).real) == pytest.approx(1.4)
+        wheels = [parts[f"front {side} wheel"][:4].mean() for side in ("left", "right")]
+        assert sum(wheels) / 2 == pytest.approx(front, abs=1e-12)
+    else:
+        assert list(parts)[:2] == ["trailer", "tractor"]
+        assert np.abs(parts["trailer"] - front).min() == pytest.approx(0, abs=1e-12), "it ends at the hitch"
+        wheels = [parts[f"tractor's {side} wheel"][:4].mean() for side in ("right", "left")]
+        assert wheels == pytest.approx([complex(*point) for point in axle[0]], abs=1e-12)
+
+
 # The facts ----------------------------------------------------------------------------------------------------
 
 
@@ -177,19 +208,21 @@ def test_every_coordinate_explains_itself(file: Path) -> None:
 def test_no_signal_of_a_controller_can_take_these_names(file: Path) -> None:
     result = load(file)
     for name in result.coords:
-        if set(result[name].dims) & {"vehicle", "plant", "message"}:
+        if set(result[name].dims) & {"vehicle", "plant", "message", "outline_axis"}:
             assert is_taken(str(name))
     assert not any(map(is_taken, map(str, result.data_vars)))
 
 
 def test_a_result_of_an_earlier_version_still_loads(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = load(file)
-    own = {name for name in result.coords if set(result[name].dims) & {"vehicle", "plant", "message"}}
+    own = {name for name in result.coords if set(result[name].dims) & {"vehicle", "plant", "message", "outline_axis"}}
     older = result.drop_vars([*own, *(name for name in result.coords if str(name).endswith("_units"))])
     assert set(older.dims) == {"time", "robot"} | {dim for dim in result.dims if str(dim).endswith("_component")}
     assert set(older.data_vars) == set(result.data_vars)
     save(older, path := file.with_name("older.nc"))
     assert main(["show", str(file)]) == main(["show", str(path)])
-    shown = capsys.readouterr().out
+    shown = capsys.readouterr().out.splitlines()
+    (at,) = (at for at, line in enumerate(shown) if ", bodies " in line)
+    shown[at] = shown[at].partition(", bodies ")[0]  # an older file does not tell them
     assert shown[: len(shown) // 2] == shown[len(shown) // 2 :]
     assert cosim.summary_of(load(path)).followers == cosim.summary_of(result).followers

@@ -43,9 +43,16 @@ def print_summary(console: Console, summary: Summary) -> None:
     console.print(safe(summary.provenance.basis), style="dim", soft_wrap=True)
     if summary.provenance.changes:
         console.print(f"[yellow]{safe(summary.provenance.changed)}[/]", soft_wrap=True)
-    if summary.smallest_distance is not None and summary.smallest_distance_between:
-        a, b = summary.smallest_distance_between
-        console.print(safe(f"smallest distance between followers: {summary.smallest_distance:.3f} m ({a}, {b})"))
+    distances = [
+        f"{what} {distance:.3f} m ({', '.join(between)})"
+        for what, distance, between in (
+            ("reference points", summary.smallest_distance, summary.smallest_distance_between),
+            ("bodies", summary.smallest_distance_of_bodies, summary.smallest_distance_of_bodies_between),
+        )
+        if distance is not None and between
+    ]
+    if distances:
+        console.print(safe(f"smallest distance between followers: {', '.join(distances)}"))
     for note in summary.notes:
         console.print(f"[yellow]note:[/] {safe(note)}", soft_wrap=True)
     for verdict in _worst(summary.verdicts):

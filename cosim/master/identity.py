@@ -1,4 +1,4 @@
-"""Who is who in a result: kind, geometry and plant of every robot, components, and the FMUs' messages.
+"""Who is who in a result: kind, geometry, outline and plant of every robot, components, and the FMUs' messages.
 
 All of it is coordinates, variables that describe others: texts and numbers with units, so that a file explains itself.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from cosim.fmu.package import Fmu
 from cosim.master.robot import RobotSetup
 from cosim.plant.message import RobotMessage
+from cosim.results import outlines
 from cosim.results.result import Variable
 from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import Columns, run_columns
@@ -44,7 +45,7 @@ _OWN = re.compile(
 
 def is_taken(name: str) -> bool:
     """Return whether a name in a result is for who is who, so that no signal of a controller can have it."""
-    return _OWN.fullmatch(name) is not None or name in _PLANT or name in _MESSAGE
+    return _OWN.fullmatch(name) is not None or name in _PLANT or name in _MESSAGE or outlines.is_taken(name)
 
 
 def who_is_who(
@@ -63,7 +64,8 @@ def who_is_who(
     messages
         The FMUs' messages.
     """
-    return {**_vehicles(robots), **_components(robots), **_plants(scenario, fmus), **_messages(messages)}
+    drawn = outlines.coordinates_of({robot.name: robot.outline for robot in robots})
+    return {**_vehicles(robots), **drawn, **_components(robots), **_plants(scenario, fmus), **_messages(messages)}
 
 
 def _vehicles(robots: Sequence[RobotSetup]) -> Coordinates:

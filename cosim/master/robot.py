@@ -16,6 +16,7 @@ from cosim.fmu.parameters import ParameterValue
 from cosim.scenario.scenario import PlantSource
 from cosim.signals.effects import Effect
 from cosim.vehicle.kind import Kind
+from cosim.vehicle.outline import Outline
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class RobotSetup:
         The parameters of its plant; its own take their place.
     vehicle : formation_controllers.CarLike or formation_controllers.TractorTrailer
         Its geometry for controllers.
+    outline : Outline or None
+        Its bodies and wheels; None if its kind states none.
     pose : tuple of float
         Initial pose in the kind's order and units.
     sensor, actuator : tuple of Effect
@@ -52,6 +55,7 @@ class RobotSetup:
     source: PlantSource
     parameters: tuple[ParameterValue, ...]
     vehicle: Vehicle
+    outline: Outline | None
     pose: tuple[float, ...]
     sensor: tuple[Effect, ...]
     actuator: tuple[Effect, ...]

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import formation_controllers as fc
 import numpy as np
+from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.clock import tick_at
@@ -19,7 +20,8 @@ from cosim.master.used_fmus import understood
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, EffectSource, Entries, InputSource, Scenario, Setting
 from cosim.signals import effects
-from cosim.vehicle.kind import Kind, Role, units_of
+from cosim.vehicle.kind import Kind, Role, names, units_of
+from cosim.vehicle.outline import Outline, outline_fault
 
 
 def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
@@ -132,6 +134,7 @@ def _robot(
         source=source,
         parameters=parameters,
         vehicle=vehicle,
+        outline=outline_of(kind, vehicle, name, where),
         pose=(0.0,) * len(kind.pose) if pose is None else _entries(pose, kind, kind.pose),
         sensor=sensing,
         actuator=(*acting, *stops(scenario, name)),
@@ -154,6 +157,26 @@ def _entries(entries: Entries, kind: Kind, roles: Sequence[Role], missing: float
     if missing is None and (lacking := [name for name in names if name not in entries.values]):
         raise InputError(f"the <pose> of a {kind.name} vehicle lacks {', '.join(lacking)}", entries.where)
     return tuple(entries.values.get(name, missing or 0.0) for name in names)
+
+
+def outline_of(kind: Kind, vehicle: Vehicle, name: str, where: Location) -> Outline | None:
+    """Return the outline of a robot; None if its kind states none.
+
+    Raises
+    ------
+    InputError
+        The kind states one that makes no sense.
+    """
+    if kind.outline is None:
+        return None
+    try:
+        outline = kind.outline(vehicle)
+        fault = outline_fault(outline, names(kind.pose))
+    except Exception as error:  # whatever someone's function does
+        fault = f"cannot be computed: {type(error).__name__}: {error}"
+    if fault:
+        raise InputError(f"{name}: the outline of the kind of vehicle {kind.name!r} {fault}", where)
+    return outline
 
 
 def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:

@@ -126,7 +126,8 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         other, setup = others[path]
         return Recording(other, setup.signals)
 
-    check(scenario, signals, prepare)
+    shapeless = {robot.name: robot.kind.name for robot in followers if robot.outline is None}
+    check(scenario, signals, prepare, shapeless)
     return Setup(
         leader=leader,
         followers=followers,

@@ -69,8 +69,27 @@ def settling_time(result: Result, robot: str, range_band: float, bearing_band: f
     return float(time[first]) if first < len(time) else None
 
 
-def smallest_distance(result: Result, robots: Collection[str] = ()) -> tuple[float, tuple[str, str], float] | None:
-    """Return the smallest distance [m] between the reference points of two followers, which two, and when [s].
+@dataclass(frozen=True)
+class Nearest:
+    """Where two followers came nearest to each other.
+
+    Attributes
+    ----------
+    distance : float
+        The distance [m]; NaN where a pose is not a number.
+    between : tuple of str
+        The two followers.
+    time : float
+        The time [s].
+    """
+
+    distance: float
+    between: tuple[str, str]
+    time: float
+
+
+def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest | None:
+    """Return where the reference points of two followers came nearest to each other.
 
     Parameters
     ----------
@@ -81,7 +100,7 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> tuple[flo
 
     Returns
     -------
-    tuple or None
+    Nearest or None
         None if there is no sample or no pair.
     """
     time, position = result["time"].values, result["pose"].values[..., :2]
@@ -92,6 +111,6 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> tuple[flo
             continue
         distance = np.hypot(*(position[:, i] - position[:, j]).T)
         nearest = int(distance.argmin())  # one that is not a number, if there is any
-        if smallest is None or not distance[nearest] >= smallest[0]:
-            smallest = float(distance[nearest]), (names[i], names[j]), float(time[nearest])
+        if smallest is None or not distance[nearest] >= smallest.distance:
+            smallest = Nearest(float(distance[nearest]), (names[i], names[j]), float(time[nearest]))
     return smallest

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import MEASURES, settling_time, smallest_distance
@@ -62,6 +63,8 @@ class Summary:
     ----------
     smallest_distance : float or None
         Between the reference points of any two followers, over the run [m]; None for a single follower.
+    smallest_distance_of_bodies : float or None
+        Between the bodies of any two, 0 if they overlap; None also if a follower has no outline.
     title : str
         The scenario's.
     provenance : Provenance
@@ -80,6 +83,8 @@ class Summary:
     smallest_distance_between: tuple[str, str] | None
     notes: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
+    smallest_distance_of_bodies: float | None = None
+    smallest_distance_of_bodies_between: tuple[str, str] | None = None
     title: str = ""
     provenance: Provenance = field(default_factory=Provenance)
     messages: tuple[LoggedMessage, ...] = ()
@@ -144,15 +149,17 @@ def summary_of(result: xr.Dataset | Result) -> Summary:
 
 def _summary(name: str, horizon: float, step: float, result: Result, verdicts: tuple[Verdict, ...]) -> Summary:
     time = result["time"].values
-    nearest = smallest_distance(result)
+    nearest, bodies = smallest_distance(result), smallest_body_distance(result)
     messages, left_out = logged_messages(result)
     return Summary(
         scenario=name,
         status=result.attrs["status"],
         end_time=float(time[-1]) if len(time) else 0.0,
         followers=tuple(_figures(horizon, step, result, robot) for robot in result.robots),
-        smallest_distance=nearest[0] if nearest else None,
-        smallest_distance_between=nearest[1] if nearest else None,
+        smallest_distance=nearest.distance if nearest else None,
+        smallest_distance_between=nearest.between if nearest else None,
+        smallest_distance_of_bodies=bodies.distance if bodies else None,
+        smallest_distance_of_bodies_between=bodies.between if bodies else None,
         notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
         verdicts=verdicts,
         title=result.attrs["title"],

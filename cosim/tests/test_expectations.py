@@ -349,6 +349,7 @@ KNOWN = {
         ("distance", "1 s", {}, "the bound of the distance, which is in m: cannot"),
         ("distance", "-1 m", {}, "is not greater than zero, so it would hold whatever happens"),
         ("distance", "0 m", {}, "is not greater than zero, so it would hold whatever happens"),
+        ("distance", "-1 mm", {"of": "bodies"}, "is negative, so it would hold whatever happens"),
         (
             "compare",
             "1e999",
@@ -372,6 +373,8 @@ def test_good_expectations(scenario: Scenario) -> None:
         expecting("least", "-1 km/h", signal="speed", robots=("follower_2",)),
         expecting("regular"),
         expecting("distance", "10 cm"),
+        expecting("distance", "10 cm", of="reference_points"),
+        expecting("distance", "0 m", of="bodies"),
         expecting("settled", "1 min", range="1 m", bearing="1 rad"),
     ):
         check(replace(scenario, expectations=(expectation,)), KNOWN, no_other)
@@ -381,6 +384,17 @@ def test_what_the_team_cannot_have(scenario: Scenario) -> None:
     alone = replace(scenario, followers=scenario.followers[:1], expectations=(expecting("distance", "1 m"),))
     with pytest.raises(InputError, match="a single follower has no distance"):
         check(alone, KNOWN, no_other)
+    shapeless = replace(scenario, expectations=(expecting("distance", "1 m", of="bodies"),))
+    with pytest.raises(InputError) as caught:
+        check(shapeless, KNOWN, no_other, {"follower_2": "rover"})
+    assert caught.value.where == HERE
+    assert caught.value.message == (
+        'of="bodies" of <distance> needs the outline of every follower, but follower_2 has none, as the kind of '
+        "vehicle 'rover' states none: state one in the kind, or leave of=\"bodies\" out for the distance of "
+        "reference points"
+    )
+    points = replace(scenario, expectations=(expecting("distance", "1 m"),))
+    check(points, KNOWN, no_other, {"follower_2": "rover"})
     untold = replace(scenario, expectations=(expecting("regular"),))
     with pytest.raises(InputError, match=r"no follower has a controller that signals singularities: remove <regular>"):
         check(untold, {"range_error": KNOWN["range_error"]}, no_other)

@@ -57,6 +57,7 @@ def _robot(scenario: Scenario, name: str, about: Any) -> RobotSetup:
         source=scenario.plants[about.plant],
         parameters=(),
         vehicle=fc.CarLike(wheelbase=1.2),
+        outline=None,
         pose=(0.0,) * 4,
         sensor=(),
         actuator=(),

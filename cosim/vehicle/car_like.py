@@ -11,6 +11,7 @@ from formation_controllers.vehicles import DRIVES
 
 from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
+from cosim.vehicle.outline import Outline, Part, box, wheels
 from cosim.vehicle.path import Course, Motion, PathMotion
 from cosim.vehicle.words import (
     COMPASS,
@@ -105,6 +106,20 @@ def _motion(vehicle: fc.CarLike, path: PathMotion) -> Motion:
     )
 
 
+def _outline(vehicle: fc.CarLike) -> Outline:
+    """Return the body, whose length and width no parameter states: in proportion to the wheelbase a, as cars have it.
+
+    It reaches 0.2 a beyond both axles and is 0.6 a wide. The wheels, of diameter 0.25 a, stand 0.5 a apart; steered
+    ones may stick out of the body, and do not count as it.
+    """
+    a = vehicle.wheelbase
+    return (
+        Part("body", box(-0.2 * a, 1.2 * a, 0.3 * a), ("psi",)),
+        *wheels("rear", "body", ("psi",), (0.0, 0.25 * a), 0.125 * a),
+        *wheels("front", "body", ("psi", "gamma"), (a, 0.25 * a), 0.125 * a),
+    )
+
+
 CAR_LIKE = Kind(
     name="car_like",
     title="car-like robot",
@@ -151,5 +166,6 @@ CAR_LIKE = Kind(
         limited="tau_drive",
         limit="200 N.m",
     ),
+    outline=_outline,
 )
 """The car-like robot of the paper's simulations."""

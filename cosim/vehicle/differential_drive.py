@@ -10,8 +10,9 @@ import numpy as np
 
 from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
+from cosim.vehicle.outline import Outline, Part, wheels
 from cosim.vehicle.path import Course, Motion, PathMotion
-from cosim.vehicle.wheels import SIDES, wheel_torques
+from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques
 from cosim.vehicle.words import (
     COMPASS,
     DISTURBANCES,
@@ -86,6 +87,12 @@ def _motion(_: fc.DifferentialDrive, path: PathMotion) -> Motion:
     )
 
 
+def _outline(vehicle: fc.DifferentialDrive) -> Outline:
+    """Return a body about the wheels, see `body_about_wheels`, and the wheels."""
+    b, r = vehicle.half_track, vehicle.wheel_radius
+    return Part("body", body_about_wheels(b, r), ("theta",)), *wheels("", "body", ("theta",), (0.0, b), r)
+
+
 DIFFERENTIAL_DRIVE = Kind(
     name="differential_drive",
     title="differential-drive robot",
@@ -125,5 +132,6 @@ DIFFERENTIAL_DRIVE = Kind(
         limited="tau_right",
         limit="20 N.m",
     ),
+    outline=_outline,
 )
 """The differential-drive robot."""

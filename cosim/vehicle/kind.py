@@ -1,7 +1,7 @@
 """A kind of vehicle: all its facts for the harness, in one object.
 
 `Kind` states the roles of a plant of the kind with their units, its geometry for controllers, the words by which a
-foreign FMU is recognised, how two plants are compared, and how it moves along a path.
+foreign FMU is recognised, how two plants are compared, how it moves along a path, and its outline.
 `cosim.vehicle.kinds` finds the kinds that are installed. No other module knows how many entries a pose has.
 """
 
@@ -15,6 +15,7 @@ from typing import Any
 from formation_controllers.vehicles import Vehicle
 
 from cosim.vehicle.evidence import Evidence, nothing_against
+from cosim.vehicle.outline import Outline
 from cosim.vehicle.path import Course, Floats, Motion, PathMotion
 from cosim.vehicle.words import Recognition, Series, words
 
@@ -193,6 +194,9 @@ class Kind:
         Its motion along a path; without it, the vehicle leads no other kind, and along no trajectory.
     example : Example or None
         Values of a first scenario; without it, ``formation new`` writes none.
+    outline : callable or None
+        Returns the bodies and wheels of a vehicle, see `cosim.vehicle.outline`; without it, the vehicle has no body,
+        and ``<distance of="bodies">`` is refused.
     """
 
     name: str
@@ -209,6 +213,7 @@ class Kind:
     excitation: Excitation | None = None
     on_path: OnPath | None = None
     example: Example | None = None
+    outline: Callable[[Any], Outline] | None = None
 
     @property
     def roles(self) -> tuple[Role, ...]:

@@ -10,8 +10,9 @@ import numpy as np
 
 from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
+from cosim.vehicle.outline import Outline, Part, wheels
 from cosim.vehicle.path import Course, Motion, PathMotion
-from cosim.vehicle.wheels import SIDES, wheel_torques
+from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques
 from cosim.vehicle.words import (
     COMPASS,
     DISTURBANCES,
@@ -109,6 +110,23 @@ def _motion(vehicle: fc.TractorTrailer, path: PathMotion) -> Motion:
     )
 
 
+def _outline(vehicle: fc.TractorTrailer) -> Outline:
+    """Return two bodies, the trailer and the tractor, and their wheels.
+
+    The tractor's body is one about its wheels, see `body_about_wheels`. No parameter states the trailer's: it is as
+    wide, reaches 0.3 d behind its axle and 0.5 d ahead, d being the hitch length, and tapers from there to the hitch.
+    """
+    d, b, r = vehicle.hitch_length, vehicle.half_track, vehicle.wheel_radius
+    width = 1.2 * b
+    trailer = ((-0.3 * d, -width), (0.5 * d, -width), (d, 0.0), (0.5 * d, width), (-0.3 * d, width))
+    return (
+        Part("trailer", trailer, ("theta_1",)),
+        Part("tractor", body_about_wheels(b, r), ("theta_0",), on="trailer", at=(d, 0.0)),
+        *wheels("trailer's", "trailer", ("theta_1",), (0.0, b), r),
+        *wheels("tractor's", "tractor", ("theta_0",), (0.0, b), r),
+    )
+
+
 TRACTOR_TRAILER = Kind(
     name="tractor_trailer",
     title="tractor-trailer",
@@ -152,5 +170,6 @@ TRACTOR_TRAILER = Kind(
         limited="tau_right",
         limit="200 N.m",
     ),
+    outline=_outline,
 )
 """The tractor-trailer of the paper's third simulation."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.vehicle.outline import Point
 from cosim.vehicle.path import Floats
 from cosim.vehicle.words import words
 
@@ -15,3 +16,21 @@ def wheel_torques(drive_and_turning: Floats) -> Floats:
     """Return the torques (T, 2) of the right and the left wheel for courses of drive and turning (T, 2)."""
     drive, turning = drive_and_turning.T
     return np.column_stack([drive + turning, drive - turning]) / 2
+
+
+def body_about_wheels(half_track: float, wheel_radius: float) -> tuple[Point, ...]:
+    """Return the corners of a body about two wheels, whose length and width no parameter states.
+
+    Its half width is 1.2 times the half track; so is its half length, or as much as the wheels' radius if that is
+    larger. Its front corners are cut off, so that a drawing shows where ahead is.
+    """
+    width = 1.2 * half_track
+    length = max(width, wheel_radius)
+    return (
+        (-length, -width),
+        (length / 2, -width),
+        (length, -width / 2),
+        (length, width / 2),
+        (length / 2, width),
+        (-length, width),
+    )

@@ -37,7 +37,9 @@ def understood(written: Expectation) -> Kind:
     return KINDS[written.kind](written)
 
 
-def check(scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare) -> None:
+def check(
+    scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare, shapeless: Mapping[str, str] | None = None
+) -> None:
     """Check that every expectation of a scenario can be judged when it has run.
 
     Parameters
@@ -48,15 +50,17 @@ def check(scenario: Scenario, signals: Mapping[str, Recorded], prepare: Prepare)
         The signals that its run will record, by name.
     prepare
         Returns the signals of another scenario.
+    shapeless
+        The kind of vehicle of each follower that has no outline.
 
     Raises
     ------
     InputError
-        An expectation is about a signal, component or follower that is not there, its bound has a unit that does not
-        fit, its window holds no sample, or what it compares with cannot be run; with the place in the scenario.
+        An expectation is about a signal, component, follower or body that is not there, its bound has a unit that does
+        not fit, its window holds no sample, or what it compares with cannot be run; with the place in the scenario.
     """
     for expectation in scenario.expectations:
-        understood(expectation).check(Recording(scenario, signals), prepare)
+        understood(expectation).check(Recording(scenario, signals, shapeless or {}), prepare)
 
 
 def judge(

@@ -1,9 +1,10 @@
-"""The smallest distance between the reference points of any two followers is above a bound."""
+"""The smallest distance between any two followers is above a bound: that of reference points, or that of bodies."""
 
 from __future__ import annotations
 
 import math
 
+from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.metrics import smallest_distance
 from cosim.results.result import Result
@@ -20,28 +21,44 @@ class Distance(Kind):
     def __init__(self, written: Expectation) -> None:
         super().__init__(written)
         self.read_bound("above")
+        self.of_bodies = written.get("of", "reference_points") == "bodies"
 
     @property
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
-        return f"distance between followers above {self.bound_text}, {self.span}"
+        between = "bodies of followers" if self.of_bodies else "followers"
+        return f"distance between {between} above {self.bound_text}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
-        """Check that there are two followers, bound and window."""
+        """Check that there are two followers, bound and window, and that followers have bodies if these count."""
         self.check_within(own.scenario.horizon)
         if len(own.scenario.followers) < 2:
             raise self.written.error("a single follower has no distance to another")
         self.check_bound("m", "the bound of the distance")
-        if self.bound <= 0:
+        if self.bound < 0 or (self.bound == 0 and not self.of_bodies):
+            least = "is negative" if self.of_bodies else "is not greater than zero"
+            raise self.written.error(f"the bound of the distance {least}, so it would hold whatever happens")
+        if self.of_bodies and own.shapeless:
+            robot, kind = next(iter(own.shapeless.items()))
             raise self.written.error(
-                "the bound of the distance is not greater than zero, so it would hold whatever happens"
+                f'of="bodies" of <distance> needs the outline of every follower, but {robot} has none, as the kind of '
+                f'vehicle {kind!r} states none: state one in the kind, or leave of="bodies" out for the distance of '
+                "reference points"
             )
         self.check_samples(own.scenario)
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the two followers that came nearest to each other."""
-        found = smallest_distance(self.window(result), self.written.robots)
+        window = self.window(result)
+        found = (smallest_body_distance if self.of_bodies else smallest_distance)(window, self.written.robots)
         if found is None:
-            return [self.above(math.nan, "", "no two followers")]
-        distance, (one, other), time = found
-        return [self.above(units.convert(distance, "m", self.unit), "", f"{one} and {other} at t = {time:.2f} s")]
+            return [self.above(math.nan, "", self._why_none(window))]
+        one, other = found.between
+        how = f"{one} and {other} overlap first" if self.of_bodies and found.distance == 0 else f"{one} and {other}"
+        detail = f"{how} at t = {found.time:.2f} s"
+        return [self.above(units.convert(found.distance, "m", self.unit), "", detail)]
+
+    def _why_none(self, window: Result) -> str:
+        if self.of_bodies and window.sizes["robot"] > 1 and window.sizes["time"]:
+            return "the result does not hold the outline of every follower"
+        return "no two followers"

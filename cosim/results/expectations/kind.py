@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, TypeAlias
 
@@ -20,10 +20,21 @@ from plants import UnitError, units
 
 @dataclass(frozen=True)
 class Recording:
-    """A scenario and the signals that its run will record, by name."""
+    """A scenario and what its run will record.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario.
+    signals : dict
+        The signals, by name.
+    shapeless : dict
+        The kind of vehicle of each follower that has no outline.
+    """
 
     scenario: Scenario
     signals: Mapping[str, Recorded]
+    shapeless: Mapping[str, str] = field(default_factory=dict)
 
 
 Prepare: TypeAlias = Callable[[Path], Recording]

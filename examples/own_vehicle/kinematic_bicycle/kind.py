@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.vehicle.kind import Example, ExampleLaw, Excitation, Kind, OnPath, Response, Role
+from cosim.vehicle.outline import Outline, Part, box
 from cosim.vehicle.path import Course, Motion, PathMotion
 from kinematic_bicycle.vehicle import KinematicBicycle
 
@@ -27,6 +28,20 @@ def _motion(_: KinematicBicycle, path: PathMotion) -> Motion:
     return Motion(
         np.column_stack([path.x, path.y, path.heading, path.v, path.v * path.kappa]),
         np.column_stack([path.v_dot, path.v_dot * path.kappa + path.v * path.kappa_dot]),
+    )
+
+
+def _outline(bicycle: KinematicBicycle) -> Outline:
+    """Return the body, from wheel to wheel and as wide as a handlebar, and the wheels, which are only drawn.
+
+    The pose does not tell the steering angle, so the front wheel is drawn straight.
+    """
+    a = bicycle.wheelbase
+    wheel = box(-0.25 * a, 0.25 * a, 0.02 * a)
+    return (
+        Part("body", box(-0.25 * a, 1.25 * a, 0.25 * a), ("psi",)),
+        Part("rear wheel", wheel, ("psi",), on="body", collides=False),
+        Part("front wheel", wheel, ("psi",), on="body", at=(a, 0.0), collides=False),
     )
 
 
@@ -67,4 +82,5 @@ BICYCLE = Kind(
             gains={"K": "0.8", "v_max": "3", "v_stop": "0.01"},
         ),
     ),
+    outline=_outline,
 )

@@ -9,6 +9,7 @@ from kinematic_bicycle.vehicle import KinematicBicycle
 import cosim
 import plants
 from cosim.vehicle.kinds import kind_named
+from cosim.vehicle.outline import outline_fault, placed
 from cosim.vehicle.path import PathMotion
 
 
@@ -47,6 +48,16 @@ def test_its_motion_on_a_path():
     assert course.curvature == pytest.approx(0.2)
     assert BICYCLE.on_path.state(bicycle, course) == pytest.approx(motion.state[700])
     assert BICYCLE.on_path.course(bicycle, [0.0, 0.0, 0.3, 0.0, 0.0]).curvature == 0.0
+
+
+def test_its_outline_is_where_it_is():
+    """A bicycle with a wheelbase of 2 m heads along Y: its body reaches half a metre beyond both wheels' middles."""
+    outline = BICYCLE.outline(KinematicBicycle(2.0))
+    assert outline_fault(outline, ("x", "y", "psi")) == ""
+    assert [part.name for part in outline if part.collides] == ["body"]
+    body, rear, front = placed(outline, {"x": np.array(1.0), "y": np.array(3.0), "psi": np.array(np.pi / 2)})
+    np.testing.assert_allclose([body.min(axis=0), body.max(axis=0)], [[0.5, 2.5], [1.5, 5.5]])
+    np.testing.assert_allclose([rear.mean(axis=0), front.mean(axis=0)], [[1.0, 3.0], [1.0, 5.0]])
 
 
 def test_its_fmu_is_driven_as_it_is(tmp_path):
