@@ -12,6 +12,16 @@
  */
 #include <math.h>
 
+/* A header with functions of the same names behind a prefix, in place of the C library's. */
+#ifdef FUNCTIONS
+#include FUNCTIONS
+#define sin elementary_sin
+#define cos elementary_cos
+#define tan elementary_tan
+#define atan2 elementary_atan2
+#define exp elementary_exp
+#endif
+
 enum { CENTRES = 9, INPUTS = 13 };
 
 static const double PI = 3.141592653589793;

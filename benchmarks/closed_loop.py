@@ -4,7 +4,8 @@
     python benchmarks/closed_loop.py [--followers N...] [--rounds N] [--ticks N] [--json FILE]
 
 closed_loop.c is the lower bound: plants, control law, saturation and records in one hand-written file, nothing else. It
-is compiled by the C compiler of this machine for any processor, with -O3 -ffp-contract=off.
+is compiled by the C compiler of this machine for any processor, with -O3 -ffp-contract=off, and calls the C library's
+sine, exponential function and so on. Where the plants' FMU brings functions of its own, it is compiled with these, too.
 
 1. The loop: `cosim.Simulation.run`, less what the result takes that it returns, against one call in C. Everything that
    a result holds is recorded by both. Not measured is what comes before: reading, FMUs, robots, arrays. The first tick,
@@ -16,8 +17,8 @@ is compiled by the C compiler of this machine for any processor, with -O3 -ffp-c
 5. The result: from records to the variables computed from them, units and provenance; in C, the variables.
 
 Larger teams are copies of the four followers. Before anything is printed, all numbers are compared: every variable of
-the result, the states of the plants alone, the commands of the law alone. They are equal to the bit if both call the
-same sine, cosine, tangent, arctangent and exponential function, and else, as the loop damps differences, to rounding.
+the result, the states of the plants alone, the commands of the law alone. They are equal to the bit where both call the
+same functions, and else, as the loop damps differences, to rounding.
 
 Ours and C take turns in one process. CPU times are those of the process.
 """
@@ -29,13 +30,13 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import formation_controllers as fc
 import numpy as np
-from loop_in_c import DESIRED, STATE, LoopInC, compiled
+from loop_in_c import DESIRED, STATE, LoopInC, compiled, own_functions
 from numpy.typing import NDArray
 from teams import team_scenario
 
@@ -53,8 +54,10 @@ AGREEMENT = 1e-10  # differences of 4e-15 in every measurement make 7e-12 [N.m] 
 
 LOOP, PLANTS, LAW, REST, RESULT = "loop, all recorded", "plants alone", "law alone", "rest of the loop", "result"
 WAYS = ("ours", "C")
+OWN = "C, own functions"
 
 Times = dict[tuple[str, str], list[float]]  # of each part, by ours and C [s per follower and tick]
+Differences = dict[str, dict[str, float]]  # of what is compared, by name
 
 
 def cpu(action: Callable[[], object]) -> float:
@@ -129,80 +132,91 @@ def check_result(result: Any, loop: LoopInC) -> dict[str, float]:
     return {name: apart(ours[name], in_c[name], name) for name in ours}
 
 
-def measure(followers: int, samples: int, rounds: int, folder: Path) -> tuple[Times, dict[str, float], list[float]]:
-    """Return the times of all parts, how far apart the numbers are, and the seconds of our first ticks."""
+def measure(followers: int, samples: int, rounds: int, folder: Path) -> tuple[Times, Differences, list[float]]:
+    """Return the times of all parts, how far apart all numbers are, and the seconds of our first ticks."""
     scenario = cosim.read_scenario(team_scenario(followers, samples - 1, folder))
-    c, each = compiled(), followers * samples
     with cosim.Simulation(scenario) as simulation:  # as a warm-up
-        loop = LoopInC(c, simulation)
-        loop.run()
-        loop.derive()
-        differences = check_result(simulation.run(), loop)
-        law = LawTeam(simulation, loop)
-    torques = np.ascontiguousarray(loop.torques[:-1])
+        loops = {"C": LoopInC(compiled(), simulation)}
+        if functions := own_functions(simulation.setup.leader.fmu.path):
+            loops[OWN] = LoopInC(compiled(functions), simulation)
+        differences: Differences = {}
+        result = simulation.run()
+        for way, loop in loops.items():
+            loop.run()
+            loop.derive()
+            differences[way] = check_result(result, loop)
+        alike = loops.get(OWN, loops["C"])  # calls the functions that ours calls
+        law = LawTeam(simulation, alike)
+    torques = np.ascontiguousarray(alike.torques[:-1])
     moved = np.full((samples - 1, 1 + followers), np.nan, STATE)
-    times: Times = {(part, way): [] for part in (LOOP, PLANTS, LAW, RESULT) for way in WAYS}
-    first: list[float] = []
+    times: Times = {}
 
-    def take(part: str, way: str, action: Callable[[], object], count: int = each) -> None:
-        times[part, way].append(cpu(action) / count)
+    def take(part: str, way: str, action: Callable[[], object], count: int = followers * samples) -> float:
+        times.setdefault((part, way), []).append(cpu(action) / count)
+        return times[part, way][-1]
 
+    c, first = loops["C"], []
     for _ in range(rounds):
         with cosim.Simulation(scenario) as simulation:
-            whole = cpu(simulation.run)
-            take(RESULT, "ours", simulation.result)
-            times[LOOP, "ours"].append(whole / each - times[RESULT, "ours"][-1])
+            take(LOOP, "ours", simulation.run)
+            times[LOOP, "ours"][-1] -= take(RESULT, "ours", simulation.result)
             first.append(simulation.timing.get("first tick", 0.0))
             plants = Plants(simulation, torques)
         take(PLANTS, "ours", plants.run)
         law.start()
         take(LAW, "ours", law.run, law.measured[..., 0].size)
         for _ in range(IN_TURN):
-            take(LOOP, "C", loop.run)
-            take(RESULT, "C", loop.derive)
-            take(PLANTS, "C", lambda: loop.plants_alone(torques, moved))
+            for way, loop in loops.items():
+                take(LOOP, way, loop.run)
+            take(RESULT, "C", c.derive)
+            take(PLANTS, "C", lambda: c.plants_alone(torques, moved))
             given = (law.desired, law.measured, law.leader, law.commands["C"])
-            take(LAW, "C", lambda: loop.law_alone(*given), law.measured[..., 0].size)  # noqa: B023
+            take(LAW, "C", lambda: c.law_alone(*given), law.measured[..., 0].size)  # noqa: B023
         plants.close()
-    for way, states in (("ours", plants.states), ("C", moved.view(float).reshape(plants.states.shape))):
-        expected = loop.states[1:].view(float).reshape(states.shape)
-        differences[f"{PLANTS}, {way}"] = apart(states, expected, f"the motion of the plants alone, {way},")
-        differences[f"{LAW}, {way}"] = apart(law.commands[way], law.expected, f"the commands of the law alone, {way},")
+    expected = alike.states[1:].view(float).reshape(plants.states.shape)
+    for way, states in (("ours", plants.states), ("C", moved.view(float).reshape(expected.shape))):
+        differences[f"parts alone, {way}"] = {
+            PLANTS: apart(states, expected, f"the motion of the {PLANTS}, {way},"),
+            LAW: apart(law.commands[way], law.expected, f"the commands of the {LAW}, {way},"),
+        }
     return times, differences, first
 
 
 def summed_up(times: Times) -> dict[str, dict[str, dict[str, float]]]:
     """Return minimum and median of each part in ns, by ours and C, and their ratios."""
-    table: dict[str, dict[str, dict[str, float]]] = {}
-    for part in (LOOP, PLANTS, LAW, REST, RESULT):
-        own = table[part] = {way: {} for way in (*WAYS, "ratio")}
-        for name, choose in (("min", min), ("median", statistics.median)):
-            if part == REST:
-                own["ours"][name] = table[LOOP]["ours"][name] - sum(table[p]["ours"][name] for p in (PLANTS, LAW))
-                continue
-            for way in WAYS:
-                own[way][name] = 1e9 * choose(times[part, way])
-            own["ratio"][name] = own["ours"][name] / own["C"][name]
+    table: dict[str, dict[str, dict[str, float]]] = {part: {} for part in (LOOP, PLANTS, LAW, REST, RESULT)}
+    for (part, way), own in times.items():
+        table[part][way] = {"min": 1e9 * min(own), "median": 1e9 * statistics.median(own)}
+    for own in table.values():
+        for way in [way for way in own if way != "ours"]:
+            own[f"ours to {way}"] = {name: own["ours"][name] / time for name, time in own[way].items()}
+    table[REST]["ours"] = {
+        name: time - sum(table[part]["ours"][name] for part in (PLANTS, LAW))
+        for name, time in table[LOOP]["ours"].items()
+    }
     return table
 
 
-def print_table(
-    followers: int, samples: int, table: dict[str, Any], differences: dict[str, float], first: Sequence[float]
-) -> None:
-    equal = sum(distance == 0.0 for distance in differences.values())
-    told = f"{equal} of {len(differences)} compared arrays equal to the bit"
-    if worst := max(differences.values()):
-        told += f", the others by at most {worst:.1g}: {', '.join(k for k, v in differences.items() if v)}"
-    print(f"\n{followers} followers, {samples} ticks: {told}")
-    print("CPU time per follower and tick [ns], the leader's included\n")
-    print(f"{'':20}" + "".join(f"{way:>22}" for way in (*WAYS, "ratio")))
-    print(f"{'':20}" + f"{'min':>11}{'median':>11}" * 3)
+def print_agreement(differences: Differences) -> None:
+    for way, own in differences.items():
+        equal = sum(off == 0.0 for off in own.values())
+        worst = max(own, key=own.__getitem__)
+        told = f", the others to rounding: {worst} to {own[worst]:.1g}" if own[worst] else ""
+        print(f"{way}: {equal} of {len(own)} arrays equal to the bit{told}")
+
+
+def print_table(table: dict[str, dict[str, dict[str, float]]]) -> None:
+    columns = list(table[LOOP])
+    print("\nCPU time per follower and tick [ns], the leader's included\n")
+    print(f"{'':20}" + "".join(f"{column:>26}" for column in columns))
+    print(f"{'':20}" + f"{'min':>15}{'median':>11}" * len(columns))
     for part, own in table.items():
-        cells = "".join(f"{number:>11.0f}" for way in WAYS for number in own[way].values())
-        print(f"{part:20}{cells}" + "".join(f"{ratio:>11.1f}" for ratio in own["ratio"].values()))
-    tick = table[LOOP]["ours"]["min"] * followers * 1e-3
-    each = min(first) * 1e9 / samples / followers
-    print(f"a tick of our loop {tick:.2f} us; of the loop, the first tick is {each:.0f} ns per follower and tick")
+        cells = ""
+        for column in columns:
+            digits = 1 if "to" in column.split() else 0
+            low, middle = (f"{own[column][name]:.{digits}f}" if column in own else "" for name in ("min", "median"))
+            cells += f"{low:>15}{middle:>11}"
+        print(f"{part:20}{cells}".rstrip())
 
 
 def main() -> None:
@@ -214,12 +228,17 @@ def main() -> None:
     options = parser.parse_args()
     out = {}
     with tempfile.TemporaryDirectory() as folder:
+        measure(4, 10, 1, Path(folder))  # so that Numba has compiled everything
         for followers in options.followers:
             ticks, rounds = RUNS[max(least for least in RUNS if least <= followers)]
             samples = options.ticks or ticks
             times, differences, first = measure(followers, samples, options.rounds or rounds, Path(folder))
             table = summed_up(times)
-            print_table(followers, samples, table, differences, first)
+            print(f"\n{followers} followers, {samples} ticks\n")
+            print_agreement(differences)
+            print_table(table)
+            tick, of_it = 1e-3 * followers * table[LOOP]["ours"]["min"], 1e9 * min(first) / samples / followers
+            print(f"a tick of our loop takes {tick:.2f} us; the first tick is {of_it:.0f} ns of {LOOP!r}")
             out[followers] = {"ticks": samples, "nanoseconds": table, "apart": differences, "first tick": first}
     if options.json:
         options.json.write_text(json.dumps(out, indent=1) + "\n")

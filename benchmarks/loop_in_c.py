@@ -3,6 +3,7 @@
 import ctypes
 import subprocess
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,21 @@ TELEMETRY = _record(
 FORMATION = _record("range", "bearing", "range_error", "bearing_error")
 
 
-def compiled() -> ctypes.CDLL:
-    """Return closed_loop.c as a library."""
+def own_functions(fmu: Path) -> bytes | None:
+    """Return the header of the elementary functions that a plant's FMU brings, if it brings any."""
+    with zipfile.ZipFile(fmu) as archive:
+        name = "sources/elementary.h"
+        return archive.read(name) if name in archive.namelist() else None
+
+
+def compiled(functions: bytes | None = None) -> ctypes.CDLL:
+    """Return closed_loop.c as a library, with a header's elementary functions or the C library's."""
     with tempfile.TemporaryDirectory() as scratch:
-        library = Path(scratch, "closed_loop.so")
-        subprocess.run([*find_compiler().command, *FLAGS, "-o", str(library), str(SOURCE), "-lm"], check=True)
+        library, header = Path(scratch, "closed_loop.so"), Path(scratch, "functions.h")
+        header.write_bytes(functions or b"")
+        more = [f'-DFUNCTIONS="{header}"'] if functions else []
+        command = [*find_compiler().command, *FLAGS, *more, "-o", str(library), str(SOURCE), "-lm"]
+        subprocess.run(command, check=True)
         return ctypes.CDLL(str(library))
 
 
