@@ -66,7 +66,8 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
         "once": (
             {"once": True},
             "",
-            "FMI 2.0 Co-Simulation, each robot in a process of its own, as it can be there only once in a process",
+            "FMI 2.0 Co-Simulation, each robot in a process of its own, "
+            "as it can be instantiated only once in a process",
         ),
         "steps": (
             {"interface": "model_exchange"},

@@ -62,7 +62,7 @@ def test_a_parameter_that_another_plant_lacks(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(path), *options]) == 2
     said = capsys.readouterr().err
     assert "the FMU vendor.fmu has no parameter 'm_c': " in said
-    assert '"formation swap" writes a variant of a scenario without what an FMU lacks' in said
+    assert '"formation swap" writes a variant without the parts that an FMU lacks' in said
 
 
 @pytest.mark.parametrize(

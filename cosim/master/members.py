@@ -157,7 +157,7 @@ def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
 def why_own_process(fmu: Fmu) -> str:
     """Return why an FMU must run in processes of its own, with the FMU as the subject; empty if it need not."""
     if fmu.about_interface.canBeInstantiatedOnlyOncePerProcess:
-        return "can be there only once in a process"
+        return "can be instantiated only once in a process"
     return f"brings {fmu.brought_code}" if fmu.brought_code else ""
 
 

@@ -153,7 +153,7 @@ def _entries(entries: Entries, kind: Kind, roles: Sequence[Role], missing: float
     names = [role.name for role in roles]
     for name in entries.values:
         if name not in names:
-            raise InputError(f"a {kind.name} vehicle has no {name!r}, but: {', '.join(names)}", entries.where)
+            raise InputError(f"a {kind.name} vehicle has no {name!r}; it has {', '.join(names)}", entries.where)
     if missing is None and (lacking := [name for name in names if name not in entries.values]):
         raise InputError(f"the <pose> of a {kind.name} vehicle lacks {', '.join(lacking)}", entries.where)
     return tuple(entries.values.get(name, missing or 0.0) for name in names)

@@ -47,14 +47,16 @@ def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) 
 
 def understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
     """Return the values of parameters; if the FMU replaces another one, an error names the remedy."""
-    way_out = '"formation swap" writes a variant of a scenario without what an FMU lacks' if source.fmu else ""
+    way_out = '"formation swap" writes a variant without the parts that an FMU lacks' if source.fmu else ""
     return understand(fmu, settings, way_out)
 
 
 def _fmu_path(source: PlantSource) -> Path:
     if source.fmu is not None:
-        if source.fmu.name in plants.models() and not source.fmu.exists():
-            raise InputError(f'a built-in model is no file: write model="{source.fmu.name}" for fmu=...', source.where)
+        if (name := source.fmu.name) in plants.models() and not source.fmu.exists():
+            raise InputError(
+                f'{name} is a built-in model, not a file: write model="{name}" instead of fmu=...', source.where
+            )
         return source.fmu
     assert source.model is not None
     try:
