@@ -135,7 +135,7 @@ def check_result(result: Any, loop: LoopInC) -> dict[str, float]:
 def measure(followers: int, samples: int, rounds: int, folder: Path) -> tuple[Times, Differences, list[float]]:
     """Return the times of all parts, how far apart all numbers are, and the seconds of our first ticks."""
     scenario = cosim.read_scenario(team_scenario(followers, samples - 1, folder))
-    with cosim.Simulation(scenario) as simulation:  # as a warm-up
+    with cosim.Simulation(scenario) as simulation:  # the run that is compared, and a warm-up
         loops = {"C": LoopInC(compiled(), simulation)}
         if functions := own_functions(simulation.setup.leader.fmu.path):
             loops[OWN] = LoopInC(compiled(functions), simulation)
@@ -238,7 +238,7 @@ def main() -> None:
             print_agreement(differences)
             print_table(table)
             tick, of_it = 1e-3 * followers * table[LOOP]["ours"]["min"], 1e9 * min(first) / samples / followers
-            print(f"a tick of our loop takes {tick:.2f} us; the first tick is {of_it:.0f} ns of {LOOP!r}")
+            print(f"a tick of our loop takes {tick:.2f} us; the first tick is {of_it:.0f} ns of {LOOP!r}, by the clock")
             out[followers] = {"ticks": samples, "nanoseconds": table, "apart": differences, "first tick": first}
     if options.json:
         options.json.write_text(json.dumps(out, indent=1) + "\n")
