@@ -12,29 +12,13 @@ import xarray as xr
 
 import cosim
 
-SCENARIO = """<?xml version="1.0" encoding="UTF-8"?>
-<scenario xmlns="urn:formation-cosim:scenario:1" name="two">
-  <title>Two followers</title>
-  <simulation horizon="4 s" step="20 ms" seed="1"/>
-  <plant id="car" model="car_like"/>
-  <plant id="truck" model="tractor_trailer"/>
-  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0"/>
-  <sensor><noise x="1 mm" y="1 mm"/></sensor>
-  <actuator><saturation limit="200 N.m"/></actuator>
-  <leader plant="car">
-    <pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>
-    <torque tau_drive="8 N.m"/>
-  </leader>
-  <follower id="one" plant="car" controller="pid">
-    <pose x="-5 m" y="-2 m" psi="0 deg" gamma="0 deg"/>
-    <desired range="3 m" bearing="30 deg"/>
-  </follower>
-  <follower id="two" plant="car" controller="pid">
-    <pose x="-5 m" y="2 m" psi="0 deg" gamma="0 deg"/>
-    <desired range="3 m" bearing="-30 deg"/>
-  </follower>
-</scenario>
-"""
+from .two_followers import two_followers
+
+SCENARIO = two_followers(
+    '<plant id="car" model="car_like"/><plant id="truck" model="tractor_trailer"/>',
+    horizon="4 s",
+    team='<sensor><noise x="1 mm" y="1 mm"/></sensor><actuator><saturation limit="200 N.m"/></actuator>',
+)
 TRUCK = """<follower id="truck" plant="truck" controller="pid">
     <pose x="-6 m" y="0 m" theta_1="0 deg" theta_0="0 deg"/>
     <desired range="3 m" bearing="0 deg"/>

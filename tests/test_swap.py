@@ -13,40 +13,24 @@ from cosim.scenario.reader import read_binding, read_scenario
 
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu
+from .two_followers import two_followers
 
-SCENARIO = """<?xml version="1.0" encoding="UTF-8"?>
-<scenario xmlns="urn:formation-cosim:scenario:1" name="two">
-  <title>Two followers</title>
-  <simulation horizon="2 s" step="20 ms" seed="1"/>
-  <plant id="car" model="car_like">
+SCENARIO = two_followers(
+    """<plant id="car" model="car_like">
     <parameter name="m_c" value="31 kg"/>
     <parameter name="a" value="1.3 m"/>
     <parameter name="drive" value="rear_wheel"/>
   </plant>
-  <plant id="other" model="car_like"/>
-  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0"/>
-  <sensor><noise x="1 mm" y="1 mm"/></sensor>
-  <input name="tau_d_x"><constant value="1 N"/></input>
-  <leader plant="car">
-    <pose x="0 m" y="0 m" psi="0 deg" gamma="0 deg"/>
-    <torque tau_drive="8 N.m"/>
-    <parameter name="m_c" value="32 kg"/>
-    <parameter name="d_x" value="26 N.s/m"/>
-  </leader>
-  <follower id="one" plant="car" controller="pid">
-    <pose x="-5 m" y="-2 m" psi="0 deg" gamma="0 deg"/>
-    <desired range="3 m" bearing="30 deg"/>
-    <parameter name="a" value="1.4 m"/>
-    <input name="tau_d_y"><constant value="2 N"/></input>
-    <input name="tau_steer"><constant value="0.1 N.m"/></input>
-  </follower>
-  <follower id="two" plant="other" controller="pid">
-    <pose x="-5 m" y="2 m" psi="0 deg" gamma="0 deg"/>
-    <desired range="3 m" bearing="-30 deg"/>
-  </follower>
-  <event at="1 s" robots="one two"><parameter name="m_c" value="45 kg"/><parameter name="d_x" value="27 N.s/m"/></event>
-</scenario>
-"""
+  <plant id="other" model="car_like"/>""",
+    team='<sensor><noise x="1 mm" y="1 mm"/></sensor><input name="tau_d_x"><constant value="1 N"/></input>',
+    leader='<parameter name="m_c" value="32 kg"/><parameter name="d_x" value="26 N.s/m"/>',
+    one="""<parameter name="a" value="1.4 m"/>
+    <input name="tau_d_y"><constant value="2 N"/></input><input name="tau_steer"><constant value="0.1 N.m"/></input>""",
+    second_plant="other",
+    end="""<event at="1 s" robots="one two">
+    <parameter name="m_c" value="45 kg"/><parameter name="d_x" value="27 N.s/m"/>
+  </event>""",
+)
 
 
 @pytest.fixture

@@ -19,32 +19,19 @@ from cosim.cli import main
 from cosim.scenario.scenario import OPEN
 
 from .stub.stub import make_fmu
+from .two_followers import two_followers
 
-SCENARIO = """<?xml version="1.0" encoding="UTF-8"?>
-<scenario xmlns="urn:formation-cosim:scenario:1" name="two">
-  <title>Two followers</title>
-  <simulation horizon="2.1 s" step="20 ms" seed="1"/>
-  <plant id="car" model="car_like"/>
-  <controller id="pid" name="neural-adaptive-pid" package="formation-controllers" version="~=0.1.0"/>
-  <actuator><saturation limit="20 N.m"/></actuator>
-  <leader plant="car">
-    <pose x="1 m" y="0 m" psi="10 deg" gamma="0 deg"/>
-    <torque tau_drive="2 N.m"/>
-  </leader>
-  <follower id="one" plant="car" controller="pid">
-    <pose x="-2 m" y="-2 m" psi="20 deg" gamma="3 deg"/>
-    <desired range="3 m" bearing="30 deg"/>
-  </follower>
-  <follower id="two" plant="car" controller="pid">
-    <pose x="-2 m" y="2 m" psi="0 deg" gamma="-3 deg"/>
-    <desired range="3 m" bearing="-30 deg"/>
-  </follower>
-  <expect>
-    <rms signal="range_error" below="1 m" from="1.4 s"/>
-    <regular/>
-  </expect>
-</scenario>
-"""
+SCENARIO = two_followers(
+    horizon="2.1 s",
+    team='<actuator><saturation limit="20 N.m"/></actuator>',
+    torque="2 N.m",
+    poses=(
+        'x="1 m" y="0 m" psi="10 deg" gamma="0 deg"',
+        'x="-2 m" y="-2 m" psi="20 deg" gamma="3 deg"',
+        'x="-2 m" y="2 m" psi="0 deg" gamma="-3 deg"',
+    ),
+    end='<expect><rms signal="range_error" below="1 m" from="1.4 s"/><regular/></expect>',
+)
 
 GERMAN = {
     "x": "Lage.x",
