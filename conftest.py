@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -27,6 +28,24 @@ def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def scenarios() -> Path:
     """Return the folder of the scenarios that come with the project."""
     return ROOT / "scenarios"
+
+
+@pytest.fixture
+def line(scenarios: Path) -> str:
+    """Return the file of four followers on a line."""
+    return str(scenarios / "clmr_line.xml")
+
+
+@pytest.fixture(scope="session")
+def make(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Return a function that makes stubs, FMUs that do as they are told, each once."""
+    from tests.stub.stub import make_fmu
+
+    @cache
+    def made(**options: Any) -> Path:
+        return make_fmu(tmp_path_factory.mktemp("fmu"), **options)
+
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -23,17 +23,7 @@ from cosim.scenario.grammar import NAMESPACE
 from cosim.tests.driving import SHORT
 
 
-@pytest.fixture
-def line(scenarios: Path) -> str:
-    return str(scenarios / "clmr_line.xml")
-
-
-def failed(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
-    """Run the command, demand the exit status, and return its standard error."""
-    assert main(arguments) == status
-    printed = capsys.readouterr().err
-    assert "Traceback" not in printed
-    return printed
+from .commands import failed
 
 
 # What works -------------------------------------------------------------------------------------------------

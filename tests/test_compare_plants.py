@@ -17,6 +17,7 @@ from cosim.cli.comparing import _print
 from cosim.compare.comparison import TOLERANCE
 from cosim.vehicle.car_like import CAR_LIKE
 
+from .commands import command
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu
 
@@ -29,10 +30,8 @@ def compare(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
 
     def run(*arguments: object, status: int = 0, duration: str = "2 s") -> tuple[str, str]:
         options = ["--out", str(tmp_path / "out"), "--no-figure", "--duration", duration]
-        assert main(["compare-plants", *map(str, arguments), *options]) == status
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.err
-        return " ".join(printed.out.split()), printed.err
+        printed, warned = command(capsys, "compare-plants", *arguments, *options, status=status)
+        return " ".join(printed.split()), warned
 
     return run
 

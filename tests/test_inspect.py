@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import plants
-from cosim.cli import main
 
+from .commands import command
 from .fmus import rewritten
 from .stub.broken import BROKEN, make_broken
 from .stub.stub import make_fmu
@@ -39,10 +39,8 @@ def inspect(capsys: pytest.CaptureFixture[str]):
     """Return a function that inspects an FMU and returns what is printed, each space once, and the warnings."""
 
     def run(path: Path, *options: str, status: int = 0) -> tuple[str, str]:
-        assert main(["inspect", str(path), *options]) == status
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.err
-        return " ".join(printed.out.split()), printed.err
+        printed, warned = command(capsys, "inspect", path, *options, status=status)
+        return " ".join(printed.split()), warned
 
     return run
 

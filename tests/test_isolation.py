@@ -12,7 +12,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +28,6 @@ from cosim.plant.protocol import HEADER, Reply
 from cosim.plant.spec import Block, Exchanged, PlantSpec
 from cosim.results.files import load
 from cosim.tests.driving import scenario
-
-from .stub.stub import make_fmu
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and signals")
 
@@ -49,14 +46,9 @@ Run = Callable[..., tuple[int, str, xr.Dataset | None]]
 
 
 @pytest.fixture(scope="module")
-def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
-    """Return a function that makes stubs, each once."""
-
-    @cache
-    def made(**options: Any) -> Path:
-        return make_fmu(tmp_path_factory.mktemp("fmu"), **{"when": WHEN, "name": "bad", **options})
-
-    return made
+def make(make: Make) -> Make:
+    """Return a function that makes stubs, each once, which are bad in the course of a run."""
+    return lambda **options: make(**{"when": WHEN, "name": "bad", **options})
 
 
 @pytest.fixture

@@ -8,6 +8,8 @@ import pytest
 
 from cosim.cli import main
 
+from .commands import failed
+
 LAW = '''"""A law of one's own."""
 
 from dataclasses import dataclass
@@ -70,10 +72,7 @@ def fails(scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     def run(status: int, *options: str) -> str:
         line = str(scenarios / "clmr_line.xml")
         arguments = ["run", line, "--controller", "pid=mine", "--out", str(tmp_path / "runs"), "--no-figure", *options]
-        assert main(arguments) == status
-        printed = capsys.readouterr().err
-        assert "Traceback" not in printed
-        return printed
+        return failed(capsys, status, *arguments)
 
     return run
 

@@ -19,20 +19,10 @@ from cosim.results.files import load
 from cosim.signals.sensors import PoseSensor
 from cosim.tests import driving
 
+from .commands import failed
+
 SHORT = [*driving.SHORT, "--no-figure"]
 FORMATION = str(Path(sys.executable).with_name("formation"))
-
-
-@pytest.fixture
-def line(scenarios: Path) -> str:
-    return str(scenarios / "clmr_line.xml")
-
-
-def failed(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
-    assert main(arguments) == status
-    printed = capsys.readouterr().err
-    assert "Traceback" not in printed
-    return printed
 
 
 # Who reads --------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from cosim.errors import InputError
 from cosim.fmu.package import open_package
 from cosim.fmu.reference_experiments import MANIFEST, read_experiments
 
+from .commands import command
 from .stub.stub import make_fmu
 
 FOLDER = MANIFEST.parent.as_posix()
@@ -52,10 +53,8 @@ def self_test(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[str, st
     """Return a function that lets an FMU test itself and returns what is printed, each space once, and the errors."""
 
     def run(path: Path, *options: str, status: int = 0) -> tuple[str, str]:
-        assert main(["inspect", "--self-test", str(path), *options]) == status
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.err
-        return " ".join(printed.out.split()), printed.err
+        printed, warned = command(capsys, "inspect", "--self-test", path, *options, status=status)
+        return " ".join(printed.split()), warned
 
     return run
 

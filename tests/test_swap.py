@@ -11,6 +11,7 @@ import plants
 from cosim.cli import main
 from cosim.scenario.reader import read_binding, read_scenario
 
+from .commands import command
 from .fmus import NAMES, renamed
 from .stub.stub import make_fmu
 from .two_followers import two_followers
@@ -46,10 +47,7 @@ def swap(capsys: pytest.CaptureFixture[str]):
     """Return a function that swaps and returns what is printed to standard output and to standard error."""
 
     def run(*arguments: object, status: int = 0) -> tuple[str, str]:
-        assert main(["swap", *map(str, arguments)]) == status
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.err
-        return printed.out, printed.err
+        return command(capsys, "swap", *arguments, status=status)
 
     return run
 

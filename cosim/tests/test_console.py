@@ -14,7 +14,7 @@ from cosim.cli.console import broken, taking_a_while
 from cosim.cli.summary import print_summary
 from cosim.results.summary import summary_of
 
-SHORT = ("//settled/@by=0.5 s", "//rms/@from=0 s")
+from .driving import IN_A_SECOND
 
 
 @pytest.mark.parametrize(
@@ -60,4 +60,4 @@ def test_no_heading_is_cut(result: xr.Dataset, width: int) -> None:
 
 @pytest.fixture(scope="module")
 def result(scenarios: Path) -> xr.Dataset:
-    return cosim.run(scenarios / "clmr_line.xml", SHORT, horizon=1.0)
+    return cosim.run(scenarios / "clmr_line.xml", IN_A_SECOND, horizon=1.0)

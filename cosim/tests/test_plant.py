@@ -31,7 +31,6 @@ from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding, read_scenario
 from cosim.scenario.scenario import BindingSource
-from tests.stub.stub import make_fmu
 
 from .driving import STEP, drive, fleet, scenario
 
@@ -43,17 +42,6 @@ MODEL = {"interface": "model_exchange"}
 
 Make = Callable[..., Path]
 Floats = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
-    """Return a function that makes stubs, each once."""
-
-    @cache
-    def made(**options: Any) -> Path:
-        return make_fmu(tmp_path_factory.mktemp("fmu"), **options)
-
-    return made
 
 
 class Names(dict[str, str]):

@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,24 +17,13 @@ from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding
 from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import host
-from tests.stub.stub import Options, binary_path, description, make_fmu, write
+from tests.stub.stub import Options, binary_path, description, write
 
 from .driving import STEP, drive, fleet, scenario
 
 Make = Callable[..., Path]
 MODEL = {"interface": "model_exchange"}
 ISOLATE = 'isolate="process" time_limit="30 s"'
-
-
-@pytest.fixture(scope="module")
-def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
-    """Return a function that makes stubs, each once."""
-
-    @cache
-    def made(**options: Any) -> Path:
-        return make_fmu(tmp_path_factory.mktemp("fmu"), **options)
-
-    return made
 
 
 # Inputs at the start ----------------------------------------------------------------------------------------
