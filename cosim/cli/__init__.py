@@ -33,7 +33,7 @@ def entry() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    options = _parser().parse_args(arguments)
+    options = _parser().options(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # `kill` and `timeout` clean up as Ctrl-C does
     try:
         return _COMMANDS[options.command](options)

@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -29,18 +28,21 @@ def compare(options: argparse.Namespace) -> int:
     """Drive two plants, print and draw how far apart they are; return 1 if that is beyond ``--within``."""
     a, b = (_plant(options, side) for side in "ab")
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
-    arguments: dict[str, Any] = {
-        "duration": _quantity("--duration", options.duration, "s"),
-        "step": _quantity("--step", options.step, "s"),
-        "pose": dict(_pose(options.pose)),
-        "torque": options.torque,
-        "seed": options.seed,
-        "within": options.within,
-    }
+    duration, step = _quantity("--duration", options.duration, "s"), _quantity("--step", options.step, "s")
+    pose = dict(_pose(options.pose))
     existed = folder.exists()
     writable_folder(folder, "--out")
     try:
-        comparison = compare_plants(a, b, **arguments)
+        comparison = compare_plants(
+            a,
+            b,
+            duration=duration,
+            step=step,
+            pose=pose,
+            torque=options.torque,
+            seed=options.seed,
+            within=options.within,
+        )
     except BaseException:
         if not existed:
             with suppress(OSError):
@@ -112,7 +114,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
             console.print(f"[yellow]they differ:[/] {safe(text)}", soft_wrap=True)
     if comparison.reached > 0:
         console.print(_differences(console, comparison))
-    absent = comparison.to_dict()["not_offered"]
+    absent = comparison.not_offered
     if absent:
         console.print(f"not compared, because only one of the two offers it: {', '.join(absent)}", style="dim")
     if late := comparison.late:

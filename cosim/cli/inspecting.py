@@ -6,7 +6,6 @@ import argparse
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import chain
-from typing import Any
 
 from rich.console import Console
 
@@ -17,7 +16,7 @@ from cosim.fmu.archive import size
 from cosim.fmu.binding import match, shape_of
 from cosim.fmu.capabilities import NAMES, obstacle
 from cosim.fmu.description import without_collection
-from cosim.fmu.model_description import Variable
+from cosim.fmu.model_description import DefaultExperiment, Variable
 from cosim.fmu.package import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu.reference_experiments import carries_experiments
 from cosim.fmu.units import unit_name
@@ -113,7 +112,7 @@ def _platforms(package: Package) -> str:
     return f"{', '.join(names) or 'no machine'}: {whether}{sources}"
 
 
-def _experiment(experiment: Any) -> Iterator[str]:
+def _experiment(experiment: DefaultExperiment | None) -> Iterator[str]:
     if experiment is not None:
         for name, text in (("start", "startTime"), ("stop", "stopTime"), ("step", "stepSize")):
             if (value := getattr(experiment, text)) is not None:

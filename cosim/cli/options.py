@@ -17,9 +17,9 @@ class Parser(argparse.ArgumentParser):
         self.register("action", None, _Once)
         self.register("action", "store", _Once)
 
-    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Return the options; refuse an unknown one, with the nearest known one."""
-        options, rest = self.parse_known_args(args, namespace)
+    def options(self, arguments: Sequence[str] | None) -> argparse.Namespace:
+        """Return the options of a command line; refuse an unknown one, with the nearest known one."""
+        options, rest = self.parse_known_args(arguments)
         if rest:
             self._refuse(getattr(options, "command", ""), rest[0])
         return options

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,20 @@ class RoleDifference:
     first_beyond: float | None
 
 
+class PlantFacts(TypedDict):
+    """Facts about a plant, for JSON."""
+
+    file: str
+    built_in: bool
+    sha256: str
+    fmi_version: str
+    interface: str
+    tolerance: float | None
+    generation_tool: str | None
+    binding: Mapping[str, object]
+    parameters: Mapping[str, str]
+
+
 @dataclass(frozen=True, eq=False)
 class PlantComparison:
     """The motions of two plants under the same commands.
@@ -102,8 +116,8 @@ class PlantComparison:
     ----------
     kind : Kind
         The kind of vehicle of both.
-    plants : tuple of dict
-        Of each its file, SHA-256, FMI version, interface, tolerance, generation tool, binding and parameters.
+    plants : tuple of PlantFacts
+        Facts about each.
     geometry : dict
         Geometry as controllers know it: each field's value for the first and the second plant.
     step : float
@@ -126,8 +140,8 @@ class PlantComparison:
     """
 
     kind: Kind
-    plants: tuple[dict[str, Any], dict[str, Any]]
-    geometry: Mapping[str, tuple[Any, Any]]
+    plants: tuple[PlantFacts, PlantFacts]
+    geometry: Mapping[str, tuple[float | str | None, float | str | None]]
     step: float
     torque_from: str
     torque: NDArray[np.float64]
@@ -161,9 +175,14 @@ class PlantComparison:
         rows = np.flatnonzero(np.isfinite(self.difference[:, 0]))
         return round(float(self.time[rows[-1]]), 9) if len(rows) else 0.0
 
-    def to_dict(self) -> dict[str, Any]:
+    @property
+    def not_offered(self) -> list[str]:
+        """Names of the roles that only one of the two plants offers."""
+        offered = [found.role.name for found in self.roles]
+        return [role.name for role in self.kind.states if role.name not in offered]
+
+    def to_dict(self) -> dict[str, object]:
         """Return all figures as data for JSON; trajectories are left out."""
-        states = self.kind.states
         return {
             "vehicle": self.kind.name,
             "plants": list(self.plants),
@@ -190,7 +209,7 @@ class PlantComparison:
                 }
                 for found in self.roles
             },
-            "not_offered": [role.name for role in states if role.name not in [found.role.name for found in self.roles]],
+            "not_offered": self.not_offered,
             "within": self.within,
             "one_step_late": self.late or None,
             "failures": [str(failure) for failure in self.failures],
@@ -335,7 +354,7 @@ class _Run:
         return self.fmu.binding.kind
 
     @property
-    def about(self) -> dict[str, Any]:
+    def about(self) -> PlantFacts:
         """Facts about the plant, for JSON."""
         return {
             "file": str(self.fmu.path),

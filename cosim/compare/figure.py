@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,9 +17,19 @@ from cosim.compare.comparison import PlantComparison, RoleDifference
 from cosim.errors import printable
 from cosim.results.files import write
 
-_STYLES: tuple[dict[str, Any], ...] = (
+
+class _Style(TypedDict):
+    """How a line is drawn, as Matplotlib takes it."""
+
+    color: str
+    linestyle: str | tuple[int, tuple[int, int]]
+    linewidth: float
+    alpha: float
+
+
+_STYLES: tuple[_Style, ...] = (
     {"color": "tab:blue", "linestyle": "-", "linewidth": 2.2, "alpha": 0.8},
-    {"color": "tab:orange", "linestyle": (0, (4, 2)), "linewidth": 1.4},
+    {"color": "tab:orange", "linestyle": (0, (4, 2)), "linewidth": 1.4, "alpha": 1.0},
 )
 """The second plant is drawn over the first, which is seen through its gaps."""
 _DIFFERENCE = "tab:red"

@@ -39,8 +39,8 @@ class Law:
     source: ControllerSource
     package: str
     version: str
-    controller_type: Any
-    gains: Any
+    controller_type: type[Controller[Any]]
+    gains: fc.Gains
 
 
 def find_law(source: ControllerSource) -> Law:
@@ -66,7 +66,7 @@ def find_law(source: ControllerSource) -> Law:
     return Law(source, found.package, found.version, law, _gains(source.id, law, source.gains))
 
 
-def gains_of(law: Law, own: Sequence[Setting]) -> Any:
+def gains_of(law: Law, own: Sequence[Setting]) -> fc.Gains:
     """Return the gains of a follower with some of its own.
 
     Raises
@@ -117,7 +117,7 @@ class Team:
     def __init__(
         self,
         law: Law,
-        gains: Sequence[Any],
+        gains: Sequence[fc.Gains],
         robots: Sequence[str],
         rows: Sequence[int],
         vehicle: Vehicle,
@@ -153,7 +153,7 @@ class Team:
             [(s.name, np.float64, (len(s.components),) if s.components else ()) for s in signals]
         )
 
-    def _index(self, entries: int) -> tuple[Any, slice]:
+    def _index(self, entries: int) -> tuple[slice | NDArray[np.int_], slice]:
         return self.place, slice(0, entries)
 
     def step(
@@ -262,15 +262,17 @@ def _check_package(source: ControllerSource, found: fc.Installed) -> None:
         )
 
 
-def _gains(controller: str, law: Any, settings: Sequence[Setting]) -> Any:
+def _gains(controller: str, law: type[Controller[Any]], settings: Sequence[Setting]) -> fc.Gains:
     values: dict[str, float | tuple[float, ...]] = {}
     for setting in settings:
         numbers = tuple(float(number) for number in setting.value.split())
         values[setting.name] = numbers[0] if len(numbers) == 1 else numbers
         try:  # one by one, so that the error names the line of the gain that is wrong
-            gains = law.gains_type.from_mapping(values)
+            gains: fc.Gains = law.gains_type.from_mapping(values)
         except fc.GainError as error:
             raise InputError(f"controller {controller!r}: {error}", setting.where) from None
         except Exception as error:  # the gains are other people's code, too
             raise InputError(f"controller {controller!r}: {told(error, law)}", setting.where) from None
-    return gains if settings else law.gains_type()
+    if not settings:
+        gains = law.gains_type()
+    return gains

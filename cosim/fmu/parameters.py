@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
@@ -161,7 +160,7 @@ def _value_of_role(fmu: Fmu, setting: Setting, player: BoundVariable) -> float |
     return round(number)
 
 
-def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, Any]:
+def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) -> dict[str, float | str | None]:
     """Return the fields of the controllers' vehicle description, as the parameters of an FMU are set.
 
     Raises
@@ -170,7 +169,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
         A parameter of the geometry is neither set nor has a start value.
     """
     values = {parameter.variable.name: parameter.value for parameter in parameters}
-    found: dict[str, Any] = {}
+    found: dict[str, float | str | None] = {}
     for field, role in fmu.binding.kind.geometry.items():
         bound = fmu.binding.bound[role.name]
         if bound.played_by is None:

@@ -7,7 +7,6 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -53,7 +52,7 @@ class SeriesReader:
         self._variables = {variable.name: variable for variable in package.description.modelVariables}
         self.notes: list[str] = []
 
-    def variable(self, file: Path, place: etree._Element | int, name: str) -> Any:
+    def variable(self, file: Path, place: etree._Element | int, name: str) -> Variable:
         """Return the variable of a name that a file gives at some element or line.
 
         Raises
@@ -125,7 +124,7 @@ class SeriesReader:
             {v.name: np.array(column) for v, column in zip(variables, columns, strict=True) if v is not None},
         )
 
-    def _stimulus(self, file: Path, name: str) -> Any:
+    def _stimulus(self, file: Path, name: str) -> Variable:
         variable = self.variable(file, 1, name)
         if variable.causality != "input" and variable.variability != "tunable":
             raise self._files.error(file, 1, f"{name!r} is a stimulus, but no input of the FMU")
@@ -134,7 +133,9 @@ class SeriesReader:
             raise self._files.error(file, 1, f"the stimulus {name!r} is {kind}, which cannot be given here")
         return variable
 
-    def _comparable(self, file: Path, names: Sequence[str], variables: Sequence[Any]) -> list[Any]:
+    def _comparable(
+        self, file: Path, names: Sequence[str], variables: Sequence[Variable | None]
+    ) -> list[Variable | None]:
         """Return the variables of columns; None, and a note, for a column that is not compared."""
         unknown = [name for name, variable in zip(names, variables, strict=True) if variable is None]
         strange = [v.name for v in variables if v is not None and v.type not in _COMPARED]

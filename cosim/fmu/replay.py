@@ -40,7 +40,7 @@ def _replay(request: dict[str, Any], said: deque[str]) -> bytes:
     import numpy as np
     from fmpy.simulation import instantiate_fmu
 
-    def say(*arguments: Any) -> None:  # the message comes last, in all versions of FMI
+    def say(*arguments: object) -> None:  # the message comes last, in all versions of FMI
         text = arguments[-1]
         said.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
@@ -203,7 +203,7 @@ def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: floa
 
 def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
     """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
-    values: dict[tuple[str, int], tuple[Any, list[float]]] = {}
+    values: dict[tuple[str, int], tuple[Variable, list[float]]] = {}
     for bound, entry in zip(fmu.binding.of(fmu.binding.kind.pose), pose, strict=True):
         assert bound is not None
         assert bound.initial is not None

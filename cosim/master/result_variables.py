@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 from cosim.control.team import Law
 from cosim.errors import InputError
@@ -72,7 +71,7 @@ def result_variables_of(
             name, ("pose_component",), (poses,), pose_units, "pose of the virtual leader as followers are told"
         )
     taken = {*variables, *RESERVED, *(dim for variable in variables.values() for dim in variable.dims)}
-    telemetry: dict[str, tuple[Any, ResultVariable]] = {}
+    telemetry: dict[str, tuple[object, ResultVariable]] = {}
     for law in laws:
         for signal in law.controller_type.signals:
             parts = signal.components

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,12 +89,12 @@ def robot_inputs(
             later.setdefault(setting.name, []).append((tick_at(event.time, scenario.step), setting))
     for source in _joined([*sources, *(InputSource(name, (), given[0][1].where) for name, given in later.items())]):
         events = later.get(source.name, [])
-        role, variable = _player(fmu, source)
-        if role is None and variable.type in DISCRETE:
-            for tick, value in _course(fmu, source, events, variable, times).items():
-                found.discrete[tick] = (*found.discrete.get(tick, ()), ParameterValue(variable, value, source.where))
+        player = _player(fmu, source)
+        if isinstance(player, Variable) and player.type in DISCRETE:
+            for tick, value in _course(fmu, source, events, player, times).items():
+                found.discrete[tick] = (*found.discrete.get(tick, ()), ParameterValue(player, value, source.where))
             continue
-        bound, unit = _as_role(fmu, source, role, variable, events)
+        bound, unit = _as_role(fmu, source, player, events)
         if source.name in torques and events:
             raise InputError(
                 f"an event cannot set {source.name!r}, which a controller or the <torque> of the leader commands; "
@@ -124,13 +123,13 @@ def _joined(sources: Iterable[InputSource]) -> Iterable[InputSource]:
     return joined.values()
 
 
-def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
+def _player(fmu: Fmu, source: InputSource) -> BoundRole | Variable:
     """Return the role of an FMU that a source names, or else the input of this name."""
     kind = fmu.binding.kind
     roles = [fmu.binding.bound.get(role.name) for role in (*kind.command, *kind.disturbance)]
     for bound in roles:
         if bound is not None and bound.role.name == source.name:
-            return bound, None
+            return bound
     known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type in INPUT_TYPES}
     if source.name not in known:
         raise InputError(
@@ -149,27 +148,27 @@ def _player(fmu: Fmu, source: InputSource) -> tuple[BoundRole | None, Any]:
             "elements a role",
             source.where,
         )
-    return None, variable
+    return variable
 
 
 # Real inputs ------------------------------------------------------------------------------------------------
 
 
 def _as_role(
-    fmu: Fmu, source: InputSource, role: BoundRole | None, variable: Variable, events: Sequence[tuple[int, Setting]]
+    fmu: Fmu, source: InputSource, player: BoundRole | Variable, events: Sequence[tuple[int, Setting]]
 ) -> tuple[BoundRole, units.Unit]:
     """Return the role that stands for an input, perhaps its own role, and the unit of its samples."""
-    if role is not None:
-        return role, units.parse(role.role.unit)
+    if isinstance(player, BoundRole):
+        return player, units.parse(player.role.unit)
     values = [value for wave in source.waves if (value := understood(wave).value)]
     try:
-        unit = unit_of_values(fmu.description, variable, [*values, *(setting.value for _, setting in events)])
-        start_of(variable)  # its causality and variability must allow the exchange
+        unit = unit_of_values(fmu.description, player, [*values, *(setting.value for _, setting in events)])
+        start_of(player)  # its causality and variability must allow the exchange
     except (ValueError, UnitError) as error:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: {error}", source.where
         ) from None
-    return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(variable, 0, 1.0, 0.0)), unit
+    return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(player, 0, 1.0, 0.0)), unit
 
 
 def _at_rest(fmu: Fmu, bound: BoundRole) -> float:

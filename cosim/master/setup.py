@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import formation_controllers as fc
 import numpy as np
@@ -67,7 +66,7 @@ class Setup:
     desired: fc.Desired
     fmus: Mapping[str, Fmu]
     laws: Mapping[str, Law]
-    gains: tuple[Any, ...]
+    gains: tuple[fc.Gains, ...]
     result_variables: tuple[ResultVariable, ...]
     signals: Mapping[str, Recorded]
     others: Mapping[Path, tuple[Scenario, Setup]]

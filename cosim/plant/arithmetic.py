@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 _SIZE = 512
 """Bytes, more than a ``fenv_t`` has anywhere."""
 
 
-def _functions() -> tuple[Any, Any] | None:
+def _functions() -> tuple[Callable[..., int], Callable[..., int]] | None:
     try:
         library = ctypes.cdll.ucrtbase if sys.platform == "win32" else ctypes.CDLL(None)
         return library.fegetenv, library.fesetenv

@@ -180,7 +180,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
             self.set_x(self.px, self.nx)
         return flag == CV_ROOT_RETURN, reached.value
 
-    def f(self, *arguments: Any) -> int:
+    def f(self, *arguments: object) -> int:
         """Return the derivatives; called by CVODE, which an exception would not stop."""
         try:
             super().f(*arguments)
@@ -189,7 +189,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         derivatives = np.ctypeslib.as_array(NV_DATA_S(arguments[2]), (self.nx,))
         return 0 if np.isfinite(derivatives).all() else _TRY_A_SHORTER_STEP
 
-    def g(self, *arguments: Any) -> int:
+    def g(self, *arguments: object) -> int:
         """Return the event indicators; called by CVODE, which an exception would not stop."""
         try:
             return int(super().g(*arguments))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 from cosim.plant.failures import PlantError
 from cosim.plant.spec import REAL_TYPES, Block
@@ -12,7 +11,7 @@ from cosim.plant.spec import REAL_TYPES, Block
 _LARGEST_SINGLE = 3.4028234663852886e38
 
 
-def give(fmu: Any, block: Block, numbers: Sequence[float]) -> None:
+def give(fmu: object, block: Block, numbers: Sequence[float]) -> None:
     """Give the numbers of a block to an FMU: whole numbers are rounded.
 
     Raises
@@ -29,7 +28,7 @@ def give(fmu: Any, block: Block, numbers: Sequence[float]) -> None:
         getattr(fmu, f"set{kind}")(references, values)
 
 
-def take(fmu: Any, block: Block) -> list[float]:
+def take(fmu: object, block: Block) -> list[float]:
     """Return the numbers of a block as an FMU has them.
 
     Raises

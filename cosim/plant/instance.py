@@ -250,7 +250,7 @@ class Instance:
         except Exception as error:
             reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before the system's
             raise PlantError(f"its binary cannot be loaded: {why_not_loaded(reason, spec.directory)}") from None
-        callbacks: dict[str, Any]
+        callbacks: dict[str, object]
         if self._version == 1:
             callbacks = {"functions": self.log.callbacks_1}
         elif self._version == 2:
@@ -362,7 +362,7 @@ class Instance:
             raise PlantError(f"{self._it}refuses {value.name} = {shown}: {self._reason(str(error))}") from None
 
 
-def _in_order(info: tuple[Any, ...]) -> tuple[Any, ...]:
+def _in_order(info: tuple[bool, bool, bool, bool, bool, float]) -> tuple[bool, bool, bool, bool, bool, float]:
     """Return the event information of FMI 1.0 in the form of FMI 2.0."""
     converged, names_changed, values_changed, end, is_next, next_event = info
     return (not converged, end, names_changed, values_changed, is_next, next_event)

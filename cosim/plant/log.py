@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import fmpy
 from fmpy import fmi1, fmi2
@@ -43,9 +43,9 @@ class Log:
         self._open[self._handle] = self
 
     @property
-    def callbacks_1(self) -> Any:
+    def callbacks_1(self) -> ctypes.Structure:
         """The callback functions of FMI 1.0."""
-        callbacks = fmi1.fmi1CallbackFunctions()
+        callbacks: ctypes.Structure = fmi1.fmi1CallbackFunctions()
         callbacks.logger = _logger_1
         callbacks.allocateMemory = fmi1.fmi1CallbackAllocateMemoryTYPE(fmpy.calloc)
         callbacks.freeMemory = fmi1.fmi1CallbackFreeMemoryTYPE(fmpy.free)
@@ -53,9 +53,9 @@ class Log:
         return callbacks
 
     @property
-    def callbacks_2(self) -> Any:
+    def callbacks_2(self) -> ctypes.Structure:
         """The callback functions of FMI 2.0."""
-        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks: ctypes.Structure = fmi2.fmi2CallbackFunctions()
         callbacks.logger = _logger_2
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)

@@ -18,7 +18,6 @@ from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,21 +222,16 @@ def environment() -> dict[str, str]:
 
 
 def _launched() -> subprocess.Popen[bytes]:
-    options: dict[str, Any] = (
-        {"start_new_session": True}  # Ctrl-C is the harness's
-        if os.name == "posix"
-        else {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined]
-    )
-    if not _standard_error():
-        options["stderr"] = subprocess.DEVNULL
     try:
         return subprocess.Popen(
             [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment(),
+            stderr=None if _standard_error() else subprocess.DEVNULL,
             bufsize=0,
-            **options,
+            start_new_session=os.name == "posix",  # Ctrl-C is the harness's
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
         )
     except OSError as error:
         raise PlantError(f"its process cannot be started: {error.strerror}") from None

@@ -11,7 +11,6 @@ import shlex
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from lxml import etree
 
@@ -40,7 +39,7 @@ class Edit:
 
     words: str
     make: Callable[..., None]
-    about: tuple[Any, ...]
+    about: tuple[object, ...]
 
     def __call__(self, root: etree._Element) -> None:
         """Make the change."""

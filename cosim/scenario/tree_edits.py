@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 from lxml import etree
 
 from cosim.scenario.grammar import children_of
@@ -9,7 +11,7 @@ from cosim.scenario.grammar import children_of
 _INDENT = "  "
 
 
-def is_element(node: object) -> bool:
+def is_element(node: object) -> TypeGuard[etree._Element]:
     """Return whether a node is an element, not a comment, an attribute or a text."""
     return isinstance(node, etree._Element) and isinstance(node.tag, str)
 

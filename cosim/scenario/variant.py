@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, MutableMapping
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from lxml import etree
 
@@ -64,9 +64,8 @@ def _set(base: etree._Element, rule: etree._Element, places: Places) -> None:
 
 def _replace(base: etree._Element, rule: etree._Element, places: Places) -> None:
     nodes = _selected(base, rule, "select", places)
-    if len(nodes) != 1 or not is_element(nodes[0]):
+    if len(nodes) != 1 or not is_element(old := nodes[0]):
         _refuse(rule, f'select="{rule.get("select")}" selects {len(nodes)} nodes: expected one element', places)
-    (old,) = nodes
     parent = old.getparent()
     if parent is None:
         _refuse(rule, "the scenario itself cannot be replaced", places)
@@ -86,12 +85,10 @@ def _insert(base: etree._Element, rule: etree._Element, places: Places) -> None:
 
 def _remove(base: etree._Element, rule: etree._Element, places: Places) -> None:
     for node in _selected(base, rule, "select", places):
-        parent = node.getparent() if hasattr(node, "getparent") else None
-        if parent is None:
-            _refuse(rule, f'select="{rule.get("select")}": only elements and attributes can be removed', places)
-        if is_element(node):
+        if is_element(node) and node.getparent() is not None:
             take_out(node)
-        elif getattr(node, "is_attribute", False):
+        elif isinstance(node, etree._ElementUnicodeResult) and node.is_attribute:
+            parent = node.getparent()
             del parent.attrib[node.attrname]
             places[parent] = places[rule]
         else:
@@ -114,8 +111,8 @@ def _selected(
     rule: etree._Element,
     attribute: str,
     places: Places,
-    selecting: Callable[[etree._Element, str], list[Any]] = select,
-) -> list[Any]:
+    selecting: Callable[[etree._Element, str], list[object]] = select,
+) -> list[object]:
     try:
         return selecting(base, rule.get(attribute, ""))
     except ValueError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from lxml import etree
 
@@ -18,7 +17,7 @@ _NAMED_VALUE = re.compile(
 """``PARENT/gain[@name='NAME']/@value``: it suffices to add the element."""
 
 
-def select(root: etree._Element, xpath: str) -> list[Any]:
+def select(root: etree._Element, xpath: str) -> list[object]:
     """Return the nodes that an XPath selects from the root, at least one.
 
     Raises
@@ -32,7 +31,7 @@ def select(root: etree._Element, xpath: str) -> list[Any]:
     return selected
 
 
-def selected_or_added(root: etree._Element, xpath: str) -> list[Any]:
+def selected_or_added(root: etree._Element, xpath: str) -> list[object]:
     """Return the nodes that an XPath selects; if there are none, a gain or parameter that it names is added.
 
     It is added for ``PARENT/gain[@name='NAME']/@value`` (or ``parameter``) if PARENT selects one element that can have
@@ -84,7 +83,7 @@ def assign(node: object, value: str) -> etree._Element:
     raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
 
 
-def _evaluated(root: etree._Element, xpath: str) -> list[Any]:
+def _evaluated(root: etree._Element, xpath: str) -> list[object]:
     try:
         selected = root.xpath(xpath)
     except etree.XPathError as error:

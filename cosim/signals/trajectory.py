@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from formation_controllers.vehicles import Vehicle
@@ -15,6 +15,9 @@ from cosim.scenario.csv_table import read_table
 from cosim.scenario.scenario import Trajectory
 from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Motion, PathMotion
+
+Path = Callable[..., NDArray[np.float64]]
+"""A path: its points (T, 2) at times (T,), or a derivative of them, whose order is the second argument."""
 
 MIN_POINTS = 6
 MAX_SMOOTHED = 10_000
@@ -54,7 +57,7 @@ def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.fl
     return motion
 
 
-def _flat_motion(trajectory: Trajectory, path: Any, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
+def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
     on_path = kind_named(vehicle.kind).on_path
     if on_path is None:
         raise InputError(
@@ -92,7 +95,7 @@ def _flat_motion(trajectory: Trajectory, path: Any, vehicle: Vehicle, times: NDA
     return on_path.motion(vehicle, PathMotion(x, y, heading, v, v_dot, kappa, kappa_dot, kappa_ddot))
 
 
-def _spline(trajectory: Trajectory, horizon: float) -> Any:
+def _spline(trajectory: Trajectory, horizon: float) -> Path:
     """Return the path as a function of the time [s] and the order of the derivative, with values (T, 2) [m]."""
     from scipy import interpolate  # slow to import, and few scenarios need it
 
@@ -111,7 +114,8 @@ def _spline(trajectory: Trajectory, horizon: float) -> Any:
         )
     try:
         if trajectory.smoothing == 0:
-            return interpolate.make_interp_spline(time, points, k=5)
+            exact: Path = interpolate.make_interp_spline(time, points, k=5)
+            return exact
         allowed = len(time) * trajectory.smoothing * trajectory.smoothing
         (spline, _), _, flag, _ = interpolate.splprep(points.T, u=time, k=5, s=allowed, full_output=1, quiet=1)
         if flag > 0:
@@ -119,7 +123,8 @@ def _spline(trajectory: Trajectory, horizon: float) -> Any:
     except ValueError as error:
         raise InputError(f"no spline leads through the trajectory's points: {error}", trajectory.where) from None
     knots, coefficients, degree = spline
-    return interpolate.BSpline(knots, np.column_stack(coefficients), degree)
+    smooth: Path = interpolate.BSpline(knots, np.column_stack(coefficients), degree)
+    return smooth
 
 
 def _points(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import CO_SIMULATION, Block, Exchanged, PlantSpec
 from cosim.scenario.scenario import OPEN
 from cosim.swap.candidates import Number, Numbers
-from cosim.swap.proposal import Proposal
+from cosim.swap.proposal import Proposal, Suggestion
 
 DURATION = 1.0
 """Length of the drive [s]."""
@@ -183,7 +182,7 @@ def _step(description: ModelDescription) -> float:
 # Conclusions -----------------------------------------------------------------------------------------------
 
 
-def _names(suggestion: Any) -> tuple[str, ...]:
+def _names(suggestion: Suggestion) -> tuple[str, ...]:
     source = suggestion.source
     return suggestion.candidates or ((source.variable,) if source is not None and source.variable != OPEN else ())
 

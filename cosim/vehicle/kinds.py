@@ -7,11 +7,10 @@ name its fault.
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Any
 
 from cosim.errors import InputError, nearest
 from cosim.vehicle.car_like import CAR_LIKE
@@ -57,7 +56,7 @@ def kind_named(name: str) -> Kind:
     raise InputError(f"there is no kind of vehicle {name!r}: {nearest(name, [k.name for k in kinds()])}{faults()}")
 
 
-def _by_name(kind: Kind) -> tuple[Any, tuple[str]]:
+def _by_name(kind: Kind) -> tuple[Callable[[str], Kind], tuple[str]]:
     return kind_named, (kind.name,)
 
 
