@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 import pytest
@@ -15,6 +15,8 @@ import pytest
 from cosim.errors import FormationError
 
 if TYPE_CHECKING:
+    from _pytest._code.code import TerminalRepr, TracebackStyle
+
     from cosim.results.summary import Summary
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
@@ -67,7 +69,9 @@ class ScenarioItem(pytest.Item):
         if not summary.passed:  # the option --runxfail: pytest treats a marked failure like any other
             raise _NotAsExpected(summary)
 
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+    def repr_failure(
+        self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
+    ) -> str | TerminalRepr:
         """Return the report: verdicts, or one sentence on the fault; a traceback only of a fault of ours."""
         if isinstance(excinfo.value, _NotAsExpected):
             return "\n".join(_report(excinfo.value.summary))

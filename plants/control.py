@@ -7,7 +7,7 @@ outputs of the FMU, by the same names: the states that are outputs, then the com
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,13 @@ from plants.errors import ModelError, PlantError
 from plants.numeric import Array
 from plants.ode import OdeModel
 
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem, StateSpace
+
 
 def nonlinear_io_system(
     model: str | OdeModel, *, parameters: Mapping[str, float | str] | None = None, name: str | None = None
-) -> Any:
+) -> "NonlinearIOSystem":
     """Make a python-control system of a model.
 
     Parameters
@@ -75,7 +78,7 @@ def linearise(
     *,
     t: float = 0.0,
     name: str | None = None,
-) -> Any:
+) -> "StateSpace":
     """Linearise a model at a point, by its exact Jacobians.
 
     Parameters
@@ -129,7 +132,9 @@ def _loaded(model: str | OdeModel) -> OdeModel:
     return plants.load(model) if isinstance(model, str) else model
 
 
-def _point(default: Array, by_name: Callable[..., Array], values: Any, letter: str) -> Array:
+def _point(
+    default: Array, by_name: Callable[..., Array], values: npt.ArrayLike | Mapping[str, float] | None, letter: str
+) -> Array:
     if values is None or isinstance(values, Mapping):
         return by_name(**(values or {}))
     point = np.asarray(values, dtype=float)

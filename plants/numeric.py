@@ -3,10 +3,10 @@
 All arrays may have leading batch dimensions, which broadcast: x (..., states), u (..., inputs), p (..., parameters).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,10 @@ class Jacobians(NamedTuple):
     D: Array
 
 
+Function = Callable[..., Sequence[npt.ArrayLike]]
+"""A function that SymPy has made: of the time and lists of states, inputs and parameters."""
+
+
 @dataclass(frozen=True)
 class NumericModel:
     """The functions f and g of ``der(x) = f(time, x, u, p), y = g(time, x, u, p)``, and one step of each solver.
@@ -40,8 +44,8 @@ class NumericModel:
     """
 
     model: OdeModel
-    _derivatives: Callable[..., Any]
-    _outputs: Callable[..., Any]
+    _derivatives: Function
+    _outputs: Function
 
     def start(self, **values: npt.ArrayLike) -> Array:
         """Return x with some states set by name, the others at their start values, (..., states)."""
@@ -83,7 +87,7 @@ class NumericModel:
         return Jacobians(matrix[..., :n, :n], matrix[..., :n, n:], matrix[..., n:, :n], matrix[..., n:, n:])
 
     @cached_property
-    def _partials(self) -> Callable[..., Any]:
+    def _partials(self) -> Function:
         """The entries of the Jacobian of (f, g) with respect to (x, u), row by row."""
         model = self.model
         unknowns = [(s.name, f, s.unit) for s, f in zip(model.states, model.derivatives, strict=True)]
@@ -114,17 +118,17 @@ def compile(model: OdeModel) -> NumericModel:
     )
 
 
-def _function(model: OdeModel, expressions: Sequence[sympy.Expr], terms: Iterable[Term]) -> Callable[..., Any]:
+def _function(model: OdeModel, expressions: Sequence[sympy.Expr], terms: Iterable[Term]) -> Function:
     named = [(term.symbol, term.expression) for term in terms]
     groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
     # The named terms take the place of the common subexpressions that SymPy would look for.
-    function: Callable[..., Any] = sympy.lambdify(
+    function: Function = sympy.lambdify(
         [TIME, *groups], expressions, modules="numpy", cse=lambda reduced: (named, list(reduced)), docstring_limit=0
     )
     return function
 
 
-def _call(function: Callable[..., Any], t: npt.ArrayLike, *vectors: npt.ArrayLike) -> Array:
+def _call(function: Function, t: npt.ArrayLike, *vectors: npt.ArrayLike) -> Array:
     arrays = [np.asarray(vector, dtype=float) for vector in vectors]
     shape = np.broadcast_shapes(np.shape(t), *(array.shape[:-1] for array in arrays))
     values = function(np.asarray(t, dtype=float), *(list(np.moveaxis(array, -1, 0)) for array in arrays))
@@ -134,7 +138,7 @@ def _call(function: Callable[..., Any], t: npt.ArrayLike, *vectors: npt.ArrayLik
     return result
 
 
-def _vector(kind: str, defaults: dict[str, float], values: dict[str, Any]) -> Array:
+def _vector(kind: str, defaults: dict[str, float], values: Mapping[str, npt.ArrayLike | str]) -> Array:
     unknown = set(values) - set(defaults)
     if unknown:
         raise ModelError(f"there is no {kind} {min(unknown)!r}; there are {', '.join(defaults)}")

@@ -1,10 +1,21 @@
 """One step of the classical Runge-Kutta method of order 4, for numbers of Python as for arrays of NumPy."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Protocol, Self, TypeVar
 
 
-def runge_kutta_4(f: Callable[[float, list[Any]], Sequence[Any]], t: float, x: Sequence[Any], h: float) -> list[Any]:
+class _State(Protocol):
+    """What can be multiplied with a number, and added: a number, or an array."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+
+    def __rmul__(self, factor: float, /) -> Self: ...
+
+
+T = TypeVar("T", bound=_State)
+
+
+def runge_kutta_4(f: Callable[[float, list[T]], Sequence[T]], t: float, x: Sequence[T], h: float) -> list[T]:
     """Return the states at t + h.
 
     Parameters
@@ -19,7 +30,7 @@ def runge_kutta_4(f: Callable[[float, list[Any]], Sequence[Any]], t: float, x: S
         The step [s].
     """
 
-    def along(k: Sequence[Any], step: float) -> list[Any]:
+    def along(k: Sequence[T], step: float) -> list[T]:
         return [a + step * slope for a, slope in zip(x, k, strict=True)]
 
     k1 = f(t, list(x))

@@ -9,7 +9,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from plants.errors import UnitError
 from plants.spelling import respelled
@@ -186,7 +186,7 @@ def convert(value: float, source: str, target: str) -> float: ...
 def convert(value: "npt.NDArray[np.float64]", source: str, target: str) -> "npt.NDArray[np.float64]": ...
 
 
-def convert(value: Any, source: str, target: str) -> Any:
+def convert(value: "float | npt.NDArray[np.float64]", source: str, target: str) -> "float | npt.NDArray[np.float64]":
     """Convert a number or an array from one unit to another.
 
     Parameters

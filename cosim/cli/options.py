@@ -42,7 +42,7 @@ class _Once(argparse.Action):
     """Keeps a value like ``store``; a second one is refused, because either could be meant."""
 
     def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
     ) -> None:
         given = vars(namespace).setdefault("_given", {})
         if option is not None and self.dest in given:

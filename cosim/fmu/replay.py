@@ -11,9 +11,32 @@ import os
 import sys
 from collections import deque
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 REQUEST, RESULT, FAILURE = "request.json", "result.bin", "failure.txt"
+
+
+class Stimuli(TypedDict):
+    """Values of inputs over time: the columns after the time, and the rows."""
+
+    columns: list[str]
+    rows: list[list[float]]
+
+
+class Request(TypedDict):
+    """The experiment."""
+
+    directory: str
+    interface: str
+    start: float | None
+    stop: float | None
+    step: float | None
+    tolerance: float | None
+    values: dict[str, str]
+    stimuli: Stimuli | None
+    outputs: dict[str, int]
+
+
 _SAID = 3
 """Number of the FMU's last messages that are reported when it fails."""
 
@@ -34,7 +57,7 @@ def main() -> None:
     os._exit(0)
 
 
-def _replay(request: dict[str, Any], said: deque[str]) -> bytes:
+def _replay(request: Request, said: deque[str]) -> bytes:
     """Return time and variables, row by row, as doubles."""
     import fmpy
     import numpy as np

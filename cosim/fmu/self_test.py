@@ -23,7 +23,7 @@ from cosim.errors import printable
 from cosim.fmu.package import Package, check_binary, choose_interface, interfaces
 from cosim.fmu.reference_experiments import Experiment
 from cosim.fmu.reference_series import Series
-from cosim.fmu.replay import FAILURE, REQUEST, RESULT
+from cosim.fmu.replay import FAILURE, REQUEST, RESULT, Request
 from cosim.plant.process import environment, kill
 from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 
@@ -102,24 +102,21 @@ def replay(package: Package, experiment: Experiment, time_limit: float = TIME_LI
 
 def _request(package: Package, experiment: Experiment, interface: str) -> str:
     stimuli = experiment.stimuli
-    return json.dumps(
-        {
-            "directory": str(package.directory),
-            "interface": "CoSimulation" if interface == CO_SIMULATION else "ModelExchange",
-            "start": experiment.start,
-            "stop": experiment.stop,
-            "step": experiment.step,
-            "tolerance": experiment.tolerance,
-            "values": dict(experiment.values),
-            "stimuli": None
-            if stimuli is None
-            else {"columns": list(stimuli.columns), "rows": _table(stimuli).tolist()},
-            "outputs": {
-                name: column.shape[1]
-                for name, column in (experiment.references.columns if experiment.references else {}).items()
-            },
-        }
-    )
+    request: Request = {
+        "directory": str(package.directory),
+        "interface": "CoSimulation" if interface == CO_SIMULATION else "ModelExchange",
+        "start": experiment.start,
+        "stop": experiment.stop,
+        "step": experiment.step,
+        "tolerance": experiment.tolerance,
+        "values": dict(experiment.values),
+        "stimuli": None if stimuli is None else {"columns": list(stimuli.columns), "rows": _table(stimuli).tolist()},
+        "outputs": {
+            name: column.shape[1]
+            for name, column in (experiment.references.columns if experiment.references else {}).items()
+        },
+    }
+    return json.dumps(request)
 
 
 def _table(series: Series) -> NDArray[np.float64]:

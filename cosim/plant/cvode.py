@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
@@ -21,7 +21,7 @@ from cosim.plant.exchange import give, take
 from cosim.plant.failures import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.instance import Instance
 from cosim.plant.message import Message
-from cosim.plant.spec import PlantSpec
+from cosim.plant.spec import PlantSpec, Value
 
 _CLOSE = 1e-9
 """Part of a communication step below which two times are the same."""
@@ -88,7 +88,7 @@ class CvodePlant:
             self._instance.status = max(self._instance.status, status)
             raise PlantError(failure(COMPLETE, status, self._instance.log.take() or str(error))) from None
 
-    def change(self, values: Any) -> None:
+    def change(self, values: Sequence[Value]) -> None:
         """See `Instance.change`."""
         self._instance.change(values)
 
@@ -201,7 +201,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         self._failure = error
         return _TRY_A_SHORTER_STEP if error.status == DISCARD else _STOP
 
-    def _nominals(self, place: Any, n: int) -> None:
+    def _nominals(self, place: ctypes._Pointer[ctypes.c_double], n: int) -> None:
         if self._one:
             self._fmu.getNominalContinuousStates(place, n)
         else:
@@ -210,7 +210,7 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         nominals[~(np.isfinite(nominals) & (nominals > 0.0))] = 1.0
 
 
-def _silence(context: Any) -> None:
+def _silence(context: ctypes.c_void_p) -> None:
     """Keep SUNDIALS from writing to the terminal; FMPy reports the same."""
     logger, core = ctypes.c_void_p(), libraries.sundials_core
     core.SUNContext_GetLogger(context, ctypes.byref(logger))

@@ -1,7 +1,7 @@
 """The documentation page of an FMU. The equations are MathML: browsers show it without any script."""
 
 from dataclasses import dataclass
-from typing import Any
+from xml.dom.minidom import Element
 
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
@@ -74,19 +74,19 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
         right = f"<mo>≤</mo><mn>{high:g}</mn>" if high < float("inf") else ""
         return f"<mrow>{left}{self.render(expression)}{right}</mrow>"
 
-    def _element(self, tag: str, *children: Any, **attributes: str) -> Any:
+    def _element(self, tag: str, *children: Element | str, **attributes: str) -> Element:
         """Return an element with child nodes; text is a child too."""
-        element = self.dom.createElement(tag)
+        element: Element = self.dom.createElement(tag)
         for child in children:
             element.appendChild(self.dom.createTextNode(child) if isinstance(child, str) else child)
         for name, value in attributes.items():
             element.setAttribute(name, value)
         return element
 
-    def _print_Symbol(self, symbol: sympy.Symbol, style: str = "plain") -> Any:
+    def _print_Symbol(self, symbol: sympy.Symbol, style: str = "plain") -> Element:
         return self._symbol(symbol.name)
 
-    def _symbol(self, name: str, dot: bool = False) -> Any:
+    def _symbol(self, name: str, dot: bool = False) -> Element:
         """Return a name as it is typeset in LaTeX too: I_theta1 is I with the index θ1, e_dot_stop has a dot."""
         parts = latex.split(name)
         base = self._word(parts.base)
@@ -99,10 +99,10 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
         row = [element for pair in zip(commas, words, strict=True) for element in pair][1:]
         return self._element("msub", base, self._element("mrow", *row))
 
-    def _word(self, word: str) -> Any:
+    def _word(self, word: str) -> Element:
         return self._element("mn" if word.isdigit() else "mi", greek_unicode.get(word, word))
 
-    def _print_Piecewise(self, expression: sympy.Piecewise) -> Any:
+    def _print_Piecewise(self, expression: sympy.Piecewise) -> Element:
         rows = []
         for value, condition in expression.args:
             when = [self._element("mtext", "otherwise")]
@@ -112,11 +112,12 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
             rows.append(self._element("mtr", *cells))
         return self._element("mrow", self._element("mo", "{"), self._element("mtable", *rows))
 
-    def _print_Equality(self, expression: sympy.Eq) -> Any:
+    def _print_Equality(self, expression: sympy.Eq) -> Element:
         left, right = expression.args
         enumeration = self._enumerations.get(left)
         if enumeration is None or not right.is_Integer:
-            return super()._print_Relational(expression)
+            relation: Element = super()._print_Relational(expression)
+            return relation
         item = list(enumeration.items)[int(right) - 1]
         parts = (("mi", enumeration.name), ("mo", "="), ("mtext", item))
         return self._element("mrow", *(self._element(tag, text) for tag, text in parts))

@@ -3,8 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import sympy
 
@@ -210,16 +209,13 @@ def tabulate(model: OdeModel) -> Table:
             for v in variables
         )
 
-    def calculated(causality: str, name: str, description: str, unit: str, **rest: Any) -> Entry:
-        return Entry(next(references), name, causality, "continuous", "calculated", description, unit, **rest)
+    def calculated(causality: str, name: str, description: str, unit: str) -> Entry:
+        return Entry(next(references), name, causality, "continuous", "calculated", description, unit)
 
     states = entries("output", model.states)
     derivatives = tuple(
-        calculated(
-            "local",
-            state.name,
-            f"Time derivative of {state.name}",
-            units.per_second(state.unit),
+        replace(
+            calculated("local", state.name, f"Time derivative of {state.name}", units.per_second(state.unit)),
             derivative_of=state.reference,
         )
         for state in states
@@ -227,7 +223,7 @@ def tabulate(model: OdeModel) -> Table:
     inputs = entries("input", model.inputs)
     parameters = entries("parameter", (*model.reals, SOLVER_STEP, TOLERANCE))
     outputs = tuple(
-        calculated("output", output.name, output.description, output.unit, nominal=output.nominal)
+        replace(calculated("output", output.name, output.description, output.unit), nominal=output.nominal)
         for output in model.outputs
     )
     all_enumerations = (*model.enumerations, SOLVER, *([AT_SINGULARITY] if model.limits else []))
