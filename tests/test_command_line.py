@@ -22,9 +22,7 @@ from cosim.results.files import load
 from cosim.scenario.grammar import NAMESPACE
 from cosim.tests.driving import SHORT
 
-
 from .commands import failed
-
 
 # What works -------------------------------------------------------------------------------------------------
 

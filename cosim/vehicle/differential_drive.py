@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import formation_controllers as fc
-import numpy as np
 
 from cosim.vehicle.evidence import Evidence
-from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
+from cosim.vehicle.kind import Example, Excitation, Kind, Recognised, Response, Role, disturbances
 from cosim.vehicle.outline import Outline, Part, wheels
-from cosim.vehicle.path import Course, Motion, PathMotion
-from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques
+from cosim.vehicle.unicycle import unicycle_on_path
+from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques, wheels_known_by
 from cosim.vehicle.words import (
     COMPASS,
-    DISTURBANCES,
-    EFFORT,
     EFFORTS,
     FORWARD,
     HEADING,
@@ -30,9 +26,6 @@ from cosim.vehicle.words import (
     clue,
     known_by,
 )
-
-_STANDING = 1e-6
-"""Speed [m/s] below which a robot turns on the spot, so that its path has no curvature."""
 
 
 def _refusal(evidence: Evidence) -> str:
@@ -54,37 +47,12 @@ _RECOGNISED = Recognised(
             clue("omega|w", alone=True),
             never=f"{OTHER} {EFFORTS} wheel motor engine right left",
         ),
-        "tau_right": known_by(
-            f"right|r {EFFORT}", clue("right motor|wheel|drive", with_unit=True), never=f"{DISTURBANCES} left l"
-        ),
-        "tau_left": known_by(
-            f"left|l {EFFORT}", clue("left motor|wheel|drive", with_unit=True), never=f"{DISTURBANCES} right r"
-        ),
-        "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
-        "b": known_by("half track|gauge|width", never=OTHER),
+        **wheels_known_by(),
     },
     order=SIDES,
     conventions={"x": X_AXIS, "y": Y_AXIS, "theta": COMPASS, "v": FORWARD, "omega": TURNING},
     refusal=_refusal,
 )
-
-
-def _course(_: fc.DifferentialDrive, state: Sequence[float]) -> Course:
-    """Return its course on a path; a robot that turns on the spot is on a straight path. The rate is not known."""
-    x, y, heading, v, omega = state
-    return Course(x, y, heading, v, omega / v if abs(v) > _STANDING else 0.0, 0.0)
-
-
-def _state(_: fc.DifferentialDrive, course: Course) -> tuple[float, ...]:
-    return course.x, course.y, course.heading, course.v, course.v * course.curvature
-
-
-def _motion(_: fc.DifferentialDrive, path: PathMotion) -> Motion:
-    omega_dot = path.v_dot * path.kappa + path.v * path.kappa_dot
-    return Motion(
-        np.column_stack([path.x, path.y, path.heading, path.v, path.v * path.kappa]),
-        np.column_stack([path.v_dot, omega_dot]),
-    )
 
 
 def _outline(vehicle: fc.DifferentialDrive) -> Outline:
@@ -123,7 +91,7 @@ DIFFERENTIAL_DRIVE = Kind(
         Response("tau_right", "v", 1),
     ),
     excitation=Excitation(size=(4.0, 1.0), commands=wheel_torques, turned=lambda states: states[:, 2]),
-    on_path=OnPath(_course, _state, _motion, steering_length=lambda _: None),
+    on_path=unicycle_on_path(),
     example=Example(
         plant="robot",
         leader={"tau_right": "1 N.m", "tau_left": "1 N.m"},

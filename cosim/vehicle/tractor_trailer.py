@@ -12,11 +12,9 @@ from cosim.vehicle.evidence import Evidence
 from cosim.vehicle.kind import Example, Excitation, Kind, OnPath, Recognised, Response, Role, disturbances
 from cosim.vehicle.outline import Outline, Part, wheels
 from cosim.vehicle.path import Course, Motion, PathMotion
-from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques
+from cosim.vehicle.wheels import SIDES, body_about_wheels, wheel_torques, wheels_known_by
 from cosim.vehicle.words import (
     COMPASS,
-    DISTURBANCES,
-    EFFORT,
     EFFORTS,
     FORWARD,
     HEADING,
@@ -59,19 +57,8 @@ _RECOGNISED = Recognised(
             clue("omega", alone=True),
             never=f"{OTHER} {EFFORTS} trailer wheel motor engine steer steering",
         ),
-        "tau_right": known_by(
-            f"right|r {EFFORT}",
-            clue("right motor|wheel|drive", with_unit=True),
-            never=f"{DISTURBANCES} left l steer steering",
-        ),
-        "tau_left": known_by(
-            f"left|l {EFFORT}",
-            clue("left motor|wheel|drive", with_unit=True),
-            never=f"{DISTURBANCES} right r steer steering",
-        ),
         "d": known_by("hitch|drawbar|coupling length|distance|offset", "trailer length", never=OTHER),
-        "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
-        "b": known_by("half track|gauge|width", never=OTHER),
+        **wheels_known_by(never="steer steering"),
     },
     order=SIDES,
     conventions={

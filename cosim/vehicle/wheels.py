@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.vehicle.outline import Point
 from cosim.vehicle.path import Floats
-from cosim.vehicle.words import words
+from cosim.vehicle.words import DISTURBANCES, EFFORT, OTHER, Recognition, clue, known_by, words
 
 SIDES = {"tau_right": words("right"), "tau_left": words("left")}
 """Words of a description that distinguish the wheels' torques."""
@@ -34,3 +34,21 @@ def body_about_wheels(half_track: float, wheel_radius: float) -> tuple[Point, ..
         (length / 2, width),
         (-length, width),
     )
+
+
+def wheels_known_by(never: str = "") -> dict[str, Recognition]:
+    """Return how torques, radius and half track of the wheels are recognised; torques have no word of `never`."""
+    return {
+        "tau_right": known_by(
+            f"right|r {EFFORT}",
+            clue("right motor|wheel|drive", with_unit=True),
+            never=f"{DISTURBANCES} left l {never}",
+        ),
+        "tau_left": known_by(
+            f"left|l {EFFORT}",
+            clue("left motor|wheel|drive", with_unit=True),
+            never=f"{DISTURBANCES} right r {never}",
+        ),
+        "r": known_by("wheel radius", clue("radius", alone=True), never=OTHER),
+        "b": known_by("half track|gauge|width", never=OTHER),
+    }

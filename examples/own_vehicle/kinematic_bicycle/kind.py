@@ -3,32 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-import numpy as np
-
-from cosim.vehicle.kind import Example, ExampleLaw, Excitation, Kind, OnPath, Response, Role
+from cosim.vehicle.kind import Example, ExampleLaw, Excitation, Kind, Response, Role
 from cosim.vehicle.outline import Outline, Part, box
-from cosim.vehicle.path import Course, Motion, PathMotion
+from cosim.vehicle.unicycle import unicycle_on_path
 from kinematic_bicycle.vehicle import KinematicBicycle
-
-
-def _course(_: KinematicBicycle, state: Sequence[float]) -> Course:
-    """Return where on a path a bicycle is; at rest it is on a straight one."""
-    x, y, heading, v, omega = state
-    return Course(x, y, heading, v, omega / v if v else 0.0, 0.0)
-
-
-def _state(_: KinematicBicycle, course: Course) -> tuple[float, ...]:
-    return course.x, course.y, course.heading, course.v, course.v * course.curvature
-
-
-def _motion(_: KinematicBicycle, path: PathMotion) -> Motion:
-    """Return pose and velocities along a path: omega is speed times curvature."""
-    return Motion(
-        np.column_stack([path.x, path.y, path.heading, path.v, path.v * path.kappa]),
-        np.column_stack([path.v_dot, path.v_dot * path.kappa + path.v * path.kappa_dot]),
-    )
 
 
 def _outline(bicycle: KinematicBicycle) -> Outline:
@@ -67,7 +46,7 @@ BICYCLE = Kind(
     responses=(Response("v_command", "v", 1),),
     # In a comparison, one course is the speed and the other the steering angle; the heading must not turn too far.
     excitation=Excitation((1.0, 0.3), commands=lambda courses: courses, turned=lambda states: states[:, 2]),
-    on_path=OnPath(_course, _state, _motion, steering_length=lambda vehicle: vehicle.wheelbase),
+    on_path=unicycle_on_path(steering_length=lambda vehicle: vehicle.wheelbase),
     example=Example(
         plant="bicycle",
         source='fmu="fmus/kinematic_bicycle.fmu"',
