@@ -5,7 +5,10 @@ from __future__ import annotations
 import difflib
 import unicodedata
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, order=True)
@@ -28,7 +31,7 @@ def _restored(kind: type[BaseException], args: tuple[object, ...]) -> BaseExcept
 class Picklable(BaseException):
     """An exception that is pickled by its fields, without a call of its constructor."""
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Return the steps to make it again: without its constructor, which takes other arguments than the text."""
         return _restored, (type(self), self.args), self.__dict__
 
@@ -137,7 +140,7 @@ class SimulationError(FormationError):
         super().__init__(str(self.failure))
 
     @property
-    def result(self) -> Any:
+    def result(self) -> xr.Dataset | None:
         """Everything recorded up to then, as an xarray dataset; None if nothing was."""
         return None if self.recorded is None else self.recorded.dataset
 
@@ -151,9 +154,10 @@ class RunInterrupted(Picklable, KeyboardInterrupt):
         super().__init__(str(interruption(time)))
 
     @property
-    def result(self) -> Any:
+    def result(self) -> xr.Dataset:
         """Everything recorded up to then, as an xarray dataset."""
-        return self.recorded.dataset
+        dataset: xr.Dataset = self.recorded.dataset
+        return dataset
 
 
 def interruption(time: float) -> Failure:

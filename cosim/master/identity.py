@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -84,12 +83,6 @@ def _vehicles(robots: Sequence[RobotSetup]) -> Coordinates:
         else:
             found[name] = texts("vehicle", ["" if value is None else str(value) for value in values], role.meaning)
     return found
-
-
-def _geometry_of(robot: RobotSetup, fields: Mapping[str, str], otherwise: Any) -> Any:
-    """Return one of a robot's lengths, or something else if its kind has none of that name."""
-    field = fields.get(robot.kind.name)
-    return otherwise if field is None else getattr(robot.vehicle, field)
 
 
 def _components(robots: Sequence[RobotSetup]) -> Coordinates:

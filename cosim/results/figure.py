@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -27,6 +27,9 @@ from cosim.results.thinned import thinned
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Colour = NDArray[np.float64]
+"""Red, green, blue and opacity."""
 
 _SNAPSHOTS = 5
 _LEADER = "black"
@@ -152,7 +155,7 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, first: Axes | None = 
     return axes
 
 
-def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Any]) -> None:
+def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Colour]) -> None:
     leader = result["leader_pose"].values
     axes.plot(leader[:, 0], leader[:, 1], color=_LEADER, linestyle="--", linewidth=1.2, label="leader")
     for robot, colour in colours.items():
@@ -166,7 +169,7 @@ def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Any]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_formation(axes: Axes, result: Result, colours: Mapping[str, Any]) -> None:
+def _draw_formation(axes: Axes, result: Result, colours: Mapping[str, Colour]) -> None:
     """Draw the last part of the paths, and the robots and their lines of sight at a few instants."""
     places = [np.isfinite(result[name].values[..., :3]).all(axis=-1) for name in ("pose", "leader_pose")]
     drawn = places[0].all(axis=1) & places[1]
@@ -205,7 +208,7 @@ def _draw_signals(
     place: SubplotSpec,
     title: str,
     result: Result,
-    colours: Mapping[str, Any],
+    colours: Mapping[str, Colour],
     signals: Mapping[str, NDArray[np.float64] | None],
 ) -> None:
     """Draw signals (T, N) above each other over the same time."""
@@ -222,7 +225,7 @@ def _draw_signals(
 
 
 def _draw_lines(
-    axes: Axes, result: Result, colours: Mapping[str, Any], label: str, signal: NDArray[np.float64] | None
+    axes: Axes, result: Result, colours: Mapping[str, Colour], label: str, signal: NDArray[np.float64] | None
 ) -> None:
     axes.set_ylabel(label)
     axes.grid(alpha=0.3)
@@ -265,7 +268,7 @@ def _missing(values: NDArray[np.float64]) -> int:
     return int(np.isnan(values).sum())
 
 
-def _colours(number: int) -> Any:
+def _colours(number: int) -> Iterable[Colour]:
     if number <= 10:
         return mpl.colormaps["tab10"](np.arange(number))
     return mpl.colormaps["viridis"](np.linspace(0, 1, number))

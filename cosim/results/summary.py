@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -104,7 +104,8 @@ class Summary:
         """Return the content of ``summary.json``."""
         told = asdict(self)
         told |= told.pop("provenance")
-        return json.dumps({**_without_nan(told), "passed": self.passed}, indent=2) + "\n"
+        told["passed"] = self.passed
+        return json.dumps(_without_nan(told), indent=2) + "\n"
 
     def verdicts_as_json(self) -> str:
         """Return the verdicts as a result keeps them in its attribute ``verdicts``."""
@@ -213,7 +214,7 @@ def _singularities(result: Result) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _without_nan(value: Any) -> Any:
+def _without_nan(value: object) -> object:
     """Return the value with None for every number that JSON does not know."""
     if isinstance(value, dict):
         return {key: _without_nan(entry) for key, entry in value.items()}
