@@ -81,6 +81,19 @@ def test_links_between_pages_lead_somewhere() -> None:
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
+def test_rows_of_tables_fit_a_page() -> None:
+    pages = [
+        page
+        for folder in ("", "docs", "controllers", "plants", "plants/*", "examples/*")
+        for page in ROOT.glob(f"{folder}/*.md".lstrip("/"))
+    ]
+    rows = [
+        (page.name, line) for page in pages for line in page.read_text("utf-8").splitlines() if line.startswith("|")
+    ]
+    assert len(rows) > 300
+    assert [(name, line) for name, line in rows if len(line) > 120] == []
+
+
 def shown_commands() -> Iterator[str]:
     """Return every command line of ``formation`` that a page shows, in a line of its own or within a sentence."""
     for page in [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]:
