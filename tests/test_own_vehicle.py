@@ -69,9 +69,11 @@ def test_it_drives_in_a_scenario_from_outside(outside: tuple[Path, Path, dict[st
         assert np.abs(result["range_error"].values[-1]).max() < 0.01
 
 
-def test_the_page_shows_the_entry_point_as_it_is() -> None:
+def test_the_page_shows_entry_points_and_outline_as_they_are() -> None:
     page = (EXAMPLE.parents[1] / "docs" / "own_model.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     assert blocks
     for block in blocks:
         assert block.strip() in (EXAMPLE / "pyproject.toml").read_text(encoding="utf-8")
+    (outline,) = re.findall(r"def outline\(bicycle\):\n(.*?)```", page, re.DOTALL)
+    assert outline in (EXAMPLE / "kinematic_bicycle" / "kind.py").read_text(encoding="utf-8")

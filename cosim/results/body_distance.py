@@ -47,7 +47,9 @@ def smallest_body_distance(result: Result, robots: Collection[str] = ()) -> Near
     followers = outlined_followers(result)
     if not followers or not result.sizes["time"]:
         return None
-    bodies, names, time = _bodies(followers.values()), list(followers), result["time"].values
+    with np.errstate(invalid="ignore"):  # the cosine of a heading that is not finite
+        bodies = _bodies(followers.values())
+    names, time = list(followers), result["time"].values
     one, other = np.triu_indices(len(bodies.owner), k=1)
     counts = bodies.owner[one] != bodies.owner[other]
     if robots:

@@ -140,10 +140,10 @@ def test_only_pairs_that_a_named_robot_belongs_to() -> None:
     assert smallest_body_distance(result.between(50.0, 60.0)) is None
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e200])
-def test_a_pose_that_is_no_number_has_no_distance(wrong: float) -> None:
+@pytest.mark.parametrize(("entry", "wrong"), [(0, math.nan), (1, math.inf), (0, 1e200), (2, math.nan), (2, -math.inf)])
+def test_a_pose_that_is_no_number_has_no_distance(entry: int, wrong: float) -> None:
     poses = standing(5.0, 0.0, 0.0)
-    poses[3, 0] = wrong
+    poses[3, entry] = wrong
     result = result_of(
         {"a": (ROBOT, standing(0.0, 0.0, 0.0)), "b": (ROBOT, standing(1.0, 0.0, 0.0)), "c": (ROBOT, poses)}
     )
