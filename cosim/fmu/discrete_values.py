@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cosim.clock import ROUNDING
-from cosim.errors import InputError, nearest
+from cosim.errors import nearest
 from cosim.fmu.model_description import Variable
 from cosim.plant.exchange import whole_range
 from cosim.plant.spec import WHOLE
-from cosim.scenario.csv_table import Table
-from cosim.scenario.grammar import children_of
-from cosim.scenario.scenario import InputSource
-from cosim.signals.waves import WAVES, Wave, understood
-from plants import units
 
 DISCRETE = (*WHOLE, "Boolean", "Enumeration", "String")
 """Types of variables that change at communication points only."""
@@ -106,96 +96,3 @@ def start_of_discrete(variable: Variable) -> Discrete:
         except ValueError:
             raise ValueError(f"has the start value {text[:40]!r} of {variable.name!r}, which is no number") from None
     return _SWITCHES.get(text, False) if variable.type == "Boolean" else text
-
-
-# Inputs over time -------------------------------------------------------------------------------------------
-
-
-def input_course(source: InputSource, variable: Variable, times: NDArray[np.float64]) -> dict[int, Discrete]:
-    """Return the value of an input at the first tick, and at each tick at which it changes.
-
-    Whole numbers of signals that act at the same time add up, as real numbers do. Of others the signal that is written
-    last counts; where none acts, the FMU's start value.
-
-    Parameters
-    ----------
-    source
-        The input and its signals.
-    variable
-        The FMU's variable.
-    times
-        The communication points (T,) [s].
-
-    Raises
-    ------
-    InputError
-        A signal makes no sense for the type of the input, or a value does not fit.
-    """
-    courses = [_course(understood(wave), source, variable, times) for wave in source.waves]
-    index = np.stack([which for _, which in courses])
-    ticks = [0, *(np.flatnonzero((index[:, 1:] != index[:, :-1]).any(axis=0)) + 1).tolist()]
-    course: dict[int, Discrete] = {}
-    before: Discrete | None = None
-    for tick in ticks:
-        acting_now = [values[k] for (values, _), k in zip(courses, index[:, tick], strict=True) if k >= 0]
-        try:
-            value = _together(variable, acting_now)
-            if value == before:
-                continue
-            check_whole(variable, value, str(value))
-        except ValueError as error:
-            raise InputError(f"the input {source.name!r} at {times[tick]:g} s: {error}", source.where) from None
-        course[tick] = before = value
-    return course
-
-
-def _together(variable: Variable, acting_now: Sequence[Discrete]) -> Discrete:
-    if variable.type in WHOLE:
-        return sum(int(value) for value in acting_now)
-    return acting_now[-1] if acting_now else start_of_discrete(variable)
-
-
-def _course(
-    wave: Wave, source: InputSource, variable: Variable, times: NDArray[np.float64]
-) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the values of a signal, and the index of its value at each tick; -1 where it does not act."""
-    if variable.type != "String" and (tabled := wave.table()) is not None:
-        return _tabled(*tabled, wave, variable, times)
-    if not wave.keeps_a_value:
-        usable = ", ".join(f"<{name}>" for name in children_of("input") if WAVES[name].keeps_a_value)
-        raise wave.written.error(
-            f"the input {source.name!r} is {_kind(variable)} and takes no <{wave.element}>; it takes {usable}"
-            f"{' and <table>' if variable.type != 'String' else ''}"
-        )
-    try:
-        value = discrete_value(variable, wave.value)
-    except ValueError as error:
-        raise wave.written.error(f'value="{wave.value}" of <{wave.element}>: {error}') from None
-    return [value], np.where(wave.acting(times), 0, -1)
-
-
-def _tabled(
-    table: Table, column: str, wave: Wave, variable: Variable, times: NDArray[np.float64]
-) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the rows of a table; each holds from its time on, the first one before its time too."""
-    where = wave.written.where
-    known = (
-        items(variable) if variable.type == "Enumeration" else {0: "", 1: ""} if variable.type == "Boolean" else None
-    )
-    values: list[Discrete] = []
-    for time, number in zip(table.time, table.column(column, units.parse("1"), where), strict=True):
-        if number != round(number) or (known is not None and int(number) not in known):
-            wanted = "a whole number" if known is None else f"one of {', '.join(map(str, known))}"
-            raise InputError(
-                f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected {wanted}", where
-            )
-        values.append(bool(number) if variable.type == "Boolean" else int(number))
-    which = np.searchsorted(table.time, times * (1 + 1e-12) + ROUNDING, side="right") - 1
-    return values, np.maximum(which, 0)
-
-
-def _kind(variable: Variable) -> str:
-    """Return the kind of value of a variable, in words."""
-    if variable.type in WHOLE:
-        return "a whole number"
-    return {"Boolean": "true or false", "Enumeration": "an item of an enumeration"}.get(variable.type, "a text")

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from cosim.clock import tick_at
 from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
-from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value, input_course
+from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value
 from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.units import unit_of_values
+from cosim.master.discrete_inputs import input_course
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting, WaveSource
