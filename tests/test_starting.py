@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import cosim
-from cosim.cli import main
+from cosim.cli import _COMMANDS, _function, main
 from cosim.cli.completing import SHELLS
 from cosim.cli.help_texts import _EXAMPLES
 from cosim.results.expectations import understood
@@ -168,6 +168,15 @@ def test_help_has_examples_and_the_exit_status(command: str, capsys: pytest.Capt
     assert f"  formation {command}" in printed.split("examples:" if command else "start:")[1]
     assert "exit status:\n  0    " in printed
     assert "  2    bad input" in printed
+
+
+@pytest.mark.parametrize("command", _COMMANDS)
+def test_every_command_has_its_function_and_its_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert callable(_function(command))
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    assert ended.value.code == 0
+    assert command in capsys.readouterr().out.partition("commands:")[2].split()
 
 
 @pytest.mark.parametrize("shell", SHELLS)

@@ -11,7 +11,8 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
@@ -36,7 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().options(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # `kill` and `timeout` clean up as Ctrl-C does
     try:
-        return _COMMANDS[options.command](options)
+        started = time.perf_counter()
+        function = _function(options.command)
+        options.imports = time.perf_counter() - started
+        return function(options)
     except FormationError as error:
         report(error)
         return error.exit_status
@@ -51,68 +55,6 @@ def _kinds() -> list[str]:
     return list(kinds_with_example())
 
 
-def _run(options: argparse.Namespace) -> int:
-    started = time.perf_counter()
-    from cosim.cli.run import run
-
-    options.imports = time.perf_counter() - started
-    return run(options)
-
-
-def _show(options: argparse.Namespace) -> int:
-    from cosim.cli.show import show
-
-    return show(options)
-
-
-def _check(options: argparse.Namespace) -> int:
-    from cosim.cli.check import check
-
-    return check(options)
-
-
-def _build(options: argparse.Namespace) -> int:
-    from cosim.cli.build import build
-
-    return build(options)
-
-
-def _inspect(options: argparse.Namespace) -> int:
-    from cosim.cli.inspecting import inspect
-
-    return inspect(options)
-
-
-def _swap(options: argparse.Namespace) -> int:
-    from cosim.cli.swapping import swap_plants
-
-    return swap_plants(options)
-
-
-def _compare_plants(options: argparse.Namespace) -> int:
-    from cosim.cli.comparing import compare
-
-    return compare(options)
-
-
-def _list(options: argparse.Namespace) -> int:
-    from cosim.cli.listing import inventory
-
-    return inventory(options)
-
-
-def _new(options: argparse.Namespace) -> int:
-    from cosim.cli.new_scenario import new
-
-    return new(options)
-
-
-def _examples(options: argparse.Namespace) -> int:
-    from cosim.cli.new_scenario import copy_examples
-
-    return copy_examples(options)
-
-
 def _completion(options: argparse.Namespace) -> int:
     from cosim.cli.completing import completion
 
@@ -120,18 +62,25 @@ def _completion(options: argparse.Namespace) -> int:
 
 
 _COMMANDS = {
-    "run": _run,
-    "show": _show,
-    "check": _check,
-    "build": _build,
-    "inspect": _inspect,
-    "swap": _swap,
-    "compare-plants": _compare_plants,
-    "new": _new,
-    "examples": _examples,
-    "list": _list,
-    "completion": _completion,
+    "run": "cosim.cli.run.run",
+    "show": "cosim.cli.show.show",
+    "check": "cosim.cli.check.check",
+    "build": "cosim.cli.build.build",
+    "inspect": "cosim.cli.inspecting.inspect",
+    "swap": "cosim.cli.swapping.swap_plants",
+    "compare-plants": "cosim.cli.comparing.compare",
+    "new": "cosim.cli.new_scenario.new",
+    "examples": "cosim.cli.new_scenario.copy_examples",
+    "list": "cosim.cli.listing.inventory",
+    "completion": "cosim.cli._completion",
 }
+"""The function behind each command; it takes the options and returns the exit status."""
+
+
+def _function(command: str) -> Callable[[argparse.Namespace], int]:
+    module, _, name = _COMMANDS[command].rpartition(".")
+    function: Callable[[argparse.Namespace], int] = getattr(import_module(module), name)
+    return function
 
 
 def _parser() -> Parser:
@@ -139,8 +88,10 @@ def _parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"formation-cosim {version('formation-cosim')}")
     commands = parser.add_subparsers(title="commands", dest="command", required=True, metavar="COMMAND")
 
-    about = "run scenarios and write results, summary and figure to DIR/NAME/"
-    run = commands.add_parser("run", help=about, description=about[0].upper() + about[1:] + ".")
+    def command(name: str, about: str) -> argparse.ArgumentParser:
+        return commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+
+    run = command("run", "run scenarios and write results, summary and figure to DIR/NAME/")
     _add_scenarios(run)
     _add_strict(run, otherwise="")
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
@@ -154,13 +105,11 @@ def _parser() -> Parser:
     )
     run.add_argument("--timing", action="store_true", help="print where the time went")
 
-    about = "show the summary of a finished run, with its exit status"
-    show = commands.add_parser("show", help=about, description=about[0].upper() + about[1:] + ".")
+    show = command("show", "show the summary of a finished run, with its exit status")
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
     show.add_argument("--figure", type=Path, metavar="FILE.png", help="also draw the figure")
 
-    about = "check scenarios and show their content, without running them"
-    check = commands.add_parser("check", help=about, description=about[0].upper() + about[1:] + ".")
+    check = command("check", "check scenarios and show their content, without running them")
     _add_scenarios(check)
     _add_strict(check)
     check.add_argument(
@@ -169,8 +118,7 @@ def _parser() -> Parser:
         help="print only the XML of the scenario, with all variants and edits applied",
     )
 
-    about = "build FMUs of the built-in models"
-    build = commands.add_parser("build", help=about, description=about[0].upper() + about[1:] + ".")
+    build = command("build", "build FMUs of the built-in models")
     build.add_argument("models", nargs="*", metavar="MODEL", help="built-in models to build (all)")
     build.add_argument("--fmi", choices=["2", "3"], default="2", help="version of FMI (2)")
     build.add_argument(
@@ -181,8 +129,7 @@ def _parser() -> Parser:
     )
     build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
-    about = "show the content of an FMU, and the kinds of vehicle that it could be"
-    inspect = commands.add_parser("inspect", help=about, description=about[0].upper() + about[1:] + ".")
+    inspect = command("inspect", "show the content of an FMU, and the kinds of vehicle that it could be")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
     inspect.add_argument("--all", action="store_true", help="show all variables and warnings, however many")
     inspect.add_argument(
@@ -197,8 +144,7 @@ def _parser() -> Parser:
     )
     _add_strict(inspect)
 
-    about = "replace plants of a scenario by other FMUs: write a variant, and bindings to complete"
-    swap = commands.add_parser("swap", help=about, description=about[0].upper() + about[1:] + ".")
+    swap = command("swap", "replace plants of a scenario by other FMUs: write a variant, and bindings to complete")
     swap.add_argument("scenario", type=Path, metavar="SCENARIO.xml")
     swap.add_argument(
         "--plant",
@@ -228,12 +174,10 @@ def _parser() -> Parser:
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")
 
-    about = "drive two plants with the same torques and show how far apart they are"
-    compare = commands.add_parser("compare-plants", help=about, description=about[0].upper() + about[1:] + ".")
+    compare = command("compare-plants", "drive two plants with the same torques and show how far apart they are")
     _add_comparison(compare)
 
-    about = "write a commented scenario to start from"
-    new = commands.add_parser("new", help=about, description=about[0].upper() + about[1:] + ".")
+    new = command("new", "write a commented scenario to start from")
     new.add_argument(
         "file", type=Path, metavar="NAME.xml", help="file of the scenario; its name is the scenario's name"
     )
@@ -243,18 +187,15 @@ def _parser() -> Parser:
     new.add_argument("--followers", type=int, default=2, metavar="N", help="number of followers (2)")
     new.add_argument("--force", action="store_true", help="overwrite the file")
 
-    about = "copy the scenarios that come with Formation into a folder"
-    examples = commands.add_parser("examples", help=about, description=about[0].upper() + about[1:] + ".")
+    examples = command("examples", "copy the scenarios that come with Formation into a folder")
     examples.add_argument(
         "folder", type=Path, nargs="?", default=Path("scenarios"), metavar="DIR", help="the folder (scenarios)"
     )
     examples.add_argument("--force", action="store_true", help="overwrite files")
 
-    about = "list plants, controllers and scenarios, and the path of the schema"
-    commands.add_parser("list", help=about, description=about[0].upper() + about[1:] + ".")
+    command("list", "list plants, controllers and scenarios, and the path of the schema")
 
-    about = "print the script that makes a shell complete the command line"
-    completion = commands.add_parser("completion", help=about, description=about[0].upper() + about[1:] + ".")
+    completion = command("completion", "print the script that makes a shell complete the command line")
     completion.add_argument("shell", choices=SHELLS)
 
     explain(parser)
