@@ -31,14 +31,15 @@ def compiled(function: F) -> F:
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
         file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_source_stamp")
+        fresh = hasattr(file, "_version")
     except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
         fresh = False
     if not fresh:
         dispatcher = numba.njit(**options)(function)
         return dispatcher  # type: ignore[no-any-return]
-    # Numba renews a cached function only when its own file changes, not one from which another function was inlined.
-    file._source_stamp = _sources()
+    # Numba renews a cached function only when its own file changes, not one from which another function was inlined or
+    # whose types it takes. The version is looked at first: what is kept of other sources may not even be readable.
+    file._version = f"{numba.__version__} {_sources()}"
     return dispatcher  # type: ignore[no-any-return]
 
 

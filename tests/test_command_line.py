@@ -16,8 +16,9 @@ from lxml import etree
 
 import plants
 from cosim.cli import main
+from cosim.master.loop import Driving, give
 from cosim.master.simulation import Simulation
-from cosim.plant.fleet import Fleet
+from cosim.master.ticks import Ticks
 from cosim.results.files import load
 from cosim.scenario.grammar import NAMESPACE
 from cosim.tests.driving import SHORT
@@ -300,14 +301,14 @@ def test_a_plant_that_fails(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A leader's torque that is not a number, from the third tick on."""
-    original = Fleet.step
 
-    def breaks(self: Fleet, tick: int, step: float, given: np.ndarray) -> None:
+    def breaks(driving: Driving, tick: int) -> None:
+        give(driving, tick)
         if tick == 3:
-            given[1] = np.nan
-        original(self, tick, step, given)
+            driving.given[1] = np.nan
 
-    monkeypatch.setattr(Fleet, "step", breaks)
+    monkeypatch.setattr("cosim.master.ticks.give", breaks)
+    monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "leader at t = 0.06 s: the plant car_like.fmu did not " in printed
     assert "tau_steer" in printed
@@ -317,14 +318,14 @@ def test_a_plant_that_fails(
 def test_ctrl_c_keeps_what_was_recorded(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = Simulation.step
+    original = Ticks.some
 
-    def step(self: Simulation) -> None:
+    def some(self: Ticks, most: int) -> bool:
         if self.tick == 30:
             signal.raise_signal(signal.SIGINT)
-        original(self)
+        return original(self, 1)
 
-    monkeypatch.setattr(Simulation, "step", step)
+    monkeypatch.setattr(Ticks, "some", some)
     printed = failed(capsys, 130, "run", line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "interrupted" in printed
     result = load(tmp_path / "clmr_line" / "result.nc")

@@ -15,8 +15,8 @@ from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
+from cosim.master.loop import LawCall, Loop, Sensing, advance, sense
 from cosim.results.files import load
-from cosim.signals.sensors import PoseSensor
 from cosim.tests import driving
 
 from .commands import failed
@@ -78,15 +78,17 @@ def test_a_signal_to_the_process(line: str, tmp_path: Path, number: signal.Signa
     """The signal comes when the run has begun; all that the process made apart from its results is gone afterwards."""
     started = tmp_path / "started"
     program = f"""
-import pathlib, sys
+import pathlib, sys, time
 from cosim.cli import main
-from cosim.master.simulation import Simulation
-original = Simulation.step
-def step(self):
-    original(self)
-    if self.tick == 10:
+from cosim.master.ticks import Ticks
+original = Ticks.some
+def some(self, most):
+    time.sleep(0.001)
+    possible = original(self, min(most, 10))
+    if self.tick >= 10:
         pathlib.Path({str(started)!r}).touch()
-Simulation.step = step
+    return possible
+Ticks.some = some
 sys.exit(main(["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulation/@horizon=2000 s"]))
 """
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -125,16 +127,15 @@ def test_a_signal_while_the_result_is_made_or_written(
 def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = PoseSensor.measure
-
-    def never_ends(self: PoseSensor, tick: int, *arrays: np.ndarray) -> None:
-        original(self, tick, *arrays)
+    def never_ends(sensing: Sensing, tick: int) -> None:
+        sense(sensing, tick)
         if tick == 5:
             for _ in range(2):
                 signal.raise_signal(signal.SIGINT)
             pytest.fail("the second signal should have ended this tick")
 
-    monkeypatch.setattr(PoseSensor, "measure", never_ends)
+    monkeypatch.setattr("cosim.master.ticks.sense", never_ends)
+    monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
     failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
 
@@ -216,17 +217,15 @@ def test_laws_that_do_not_fit(
 def test_a_fault_of_the_master_loses_nothing_either(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = PoseSensor.measure
-
-    def breaks(self: PoseSensor, tick: int, *arrays: np.ndarray) -> None:
-        if tick == 7:
+    def breaks(loop: Loop, laws: tuple[LawCall, ...], first: int, last: int) -> tuple[int, int]:
+        if first > 7:
             raise IndexError("off by one")
-        original(self, tick, *arrays)
+        return advance(loop, laws, first, min(last, 8))
 
-    monkeypatch.setattr(PoseSensor, "measure", breaks)
+    monkeypatch.setattr("cosim.master.ticks.advance", breaks)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), *SHORT)
-    assert "the master at t = 0.14 s: IndexError: off by one" in printed
-    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 7
+    assert "the master at t = 0.16 s: IndexError: off by one" in printed
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 8
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from collections.abc import Callable
 import numba
 import numpy as np
 from formation_controllers import CarLike, ControllerError, Desired, Leader, Team, load
-from formation_controllers.compiled_law import CompiledLaw, TickInputs
+from formation_controllers.compiled_law import CompiledLaw
+from formation_controllers.interface import TickInputs
 
 PERIOD = 0.02
 LAWS = ("neural-adaptive-pid", "observer-pid", "neural-high-gain", "feedback-linearisation", "lqg")

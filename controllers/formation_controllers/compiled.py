@@ -31,15 +31,15 @@ def compiled(function: F) -> F:
     try:
         dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
         file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_source_stamp")
+        fresh = hasattr(file, "_version")
     except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
         fresh = False
     if not fresh:
         dispatcher = numba.njit(error_model="numpy")(function)
         return dispatcher  # type: ignore[no-any-return]
-    # Numba renews a cached function only when that function's own file changes, and would go on with an
-    # old formula inlined from another file. Let all of our sources be the stamp.
-    file._source_stamp = _SOURCES
+    # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
+    # inlined from another file. The version is looked at first: what is kept of other sources may not even be readable.
+    file._version = f"{numba.__version__} {_SOURCES}"
     return dispatcher  # type: ignore[no-any-return]
 
 

@@ -14,32 +14,9 @@ from formation_controllers.controller import Controller, G
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
 from formation_controllers.geometry import first_range_bearing
-from formation_controllers.interface import Desired, Floats, Leader, Team
+from formation_controllers.interface import CompiledTick, Desired, Floats, Leader, Team, TickInputs
 from formation_controllers.kinematics import Geometry, geometry_of
 from formation_controllers.vehicles import OTHERS, VEHICLES, states_all
-
-
-class TickInputs(NamedTuple):
-    """The inputs of a team at a tick: the arrays of `Controller.step`, checked.
-
-    Attributes
-    ----------
-    pose, velocity : ndarray
-        Poses of the followers and their measured velocities, NaN for a law that does not need these.
-    leader_pose, leader_velocity, leader_acceleration : ndarray
-        The leader; its acceleration is zero where it is not known.
-    q_d, q_d_dot, q_d_ddot : ndarray
-        Desired range and bearing and their derivatives.
-    """
-
-    pose: Floats
-    velocity: Floats
-    leader_pose: Floats
-    leader_velocity: Floats
-    leader_acceleration: Floats
-    q_d: Floats
-    q_d_dot: Floats
-    q_d_ddot: Floats
 
 
 class TeamRecords(NamedTuple):
@@ -73,7 +50,7 @@ class CompiledLaw(Controller[G], Generic[G]):
     state `tick`, `gains_type` and `signals`, and implement `own_state_shapes`.
     """
 
-    interface: ClassVar[str] = "1.2"
+    interface: ClassVar[str] = "1.3"
     vehicles: ClassVar[tuple[str, ...]] = (*(vehicle.kind for vehicle in VEHICLES), OTHERS)
     tick: ClassVar[staticmethod[[TickInputs, TeamRecords, Floats], None]]
 
@@ -117,6 +94,13 @@ class CompiledLaw(Controller[G], Generic[G]):
             self._call = compiled_for(type(self).tick, inputs, self._records, torque)
         self._call(inputs, self._records, torque)
         return torque
+
+    def compiled_tick(self) -> CompiledTick | None:
+        """Return the law's tick and its records, unless a subclass steps in another way."""
+        own = type(self)
+        if own.step is not Controller.step or own.on_step is not CompiledLaw.on_step:
+            return None
+        return CompiledTick(own.tick, self._records)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the compiled code, which another process has at another place."""

@@ -22,7 +22,7 @@ from formation_controllers.input_checks import (
     finite,
     fits,
 )
-from formation_controllers.interface import Desired, Floats, Leader, Signal, Team
+from formation_controllers.interface import CompiledTick, Desired, Floats, Leader, Signal, Team
 from formation_controllers.vehicles import OTHERS, Vehicle, names, states_all
 
 G = TypeVar("G", bound=Gains)
@@ -206,8 +206,16 @@ class Controller(ABC, Generic[G]):
         if not fits(command, self._command_shape):
             command = converted(f"the {self._command_word} of {type(self).__name__}", command, self._command_shape)
         if not finite(command):
-            raise self._not_finite(command)
+            raise self.not_finite(command)
         return command
+
+    def compiled_tick(self) -> CompiledTick | None:
+        """Return the law as compiled code can call it in place of `step`, with the same numbers; None if it cannot.
+
+        The caller starts the controller by `start`, gives inputs of the right shapes that are finite, and checks that
+        the commands are.
+        """
+        return None
 
     def telemetry(self) -> dict[str, Floats]:
         """Return every signal at the last step, from which its torques came; NaN before the first step."""
@@ -287,8 +295,11 @@ class Controller(ABC, Generic[G]):
             raise ControllerError(f"the bytes are not a controller's state: {error}") from None
         self.set_state({name: state[name] for name in state.dtype.names or ()})
 
-    def _not_finite(self, command: Floats) -> ControllerError:
-        """Return the error that names the first follower whose command is not finite, and its signals near zero."""
+    def not_finite(self, command: Floats) -> ControllerError:
+        """Return the error of commands (N, C) that are not finite.
+
+        It names the first such follower, and its signals near zero.
+        """
         robot = int(np.argmin(np.isfinite(command).all(axis=1)))
         told = [(signal, self._telemetry[signal.name][robot]) for signal in self.signals]
         values = ", ".join(f"{signal.name} = {value} {signal.unit}" for signal, value in told)

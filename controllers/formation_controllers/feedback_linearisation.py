@@ -8,10 +8,10 @@ from typing import ClassVar
 
 from formation_controllers import dynamics, kinematics, robot_view
 from formation_controllers.compiled import compiled
-from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.gains import gain
-from formation_controllers.interface import Floats, Signal
+from formation_controllers.interface import Floats, Signal, TickInputs
 from formation_controllers.singularities import TORQUE_SIGNALS, GuardGains
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,13 @@ from formation_controllers.vehicles import Vehicle, is_positive, vehicle_fault
 
 Floats: TypeAlias = NDArray[np.float64]
 
-INTERFACE_VERSION: Final = "1.2"
+INTERFACE_VERSION: Final = "1.3"
 """Version of the interface: of the types below and of `formation_controllers.controller.Controller`.
 
 It is not the package's. The minor number grows when something is added that older controllers need not know,
 the major number when they must be rewritten: a controller can be used if it speaks the same major and no
 later minor number. 1.1 added to 1.0: gains of each follower's own, laws that need
-measured velocities, and how near to zero a signal tells of a singularity.
+measured velocities, and how near to zero a signal tells of a singularity. 1.3 added `CompiledTick`.
 """
 
 MEASUREMENTS: Final = ("velocity",)
@@ -85,6 +86,45 @@ class Desired(NamedTuple):
     q: Floats
     q_dot: Floats
     q_ddot: Floats
+
+
+class TickInputs(NamedTuple):
+    """The inputs of a team at a tick: the arrays of `Controller.step`, checked.
+
+    Attributes
+    ----------
+    pose, velocity : ndarray
+        Poses of the followers and their measured velocities, NaN for a law that does not need these.
+    leader_pose, leader_velocity, leader_acceleration : ndarray
+        The leader; its acceleration is zero where it is not known.
+    q_d, q_d_dot, q_d_ddot : ndarray
+        Desired range and bearing and their derivatives.
+    """
+
+    pose: Floats
+    velocity: Floats
+    leader_pose: Floats
+    leader_velocity: Floats
+    leader_acceleration: Floats
+    q_d: Floats
+    q_d_dot: Floats
+    q_d_ddot: Floats
+
+
+class CompiledTick(NamedTuple):
+    """A tick of a law as compiled code calls it: ``function(inputs, own, commands)``.
+
+    Attributes
+    ----------
+    function : callable
+        Fills the commands (N, C) of a team at a tick and its telemetry record, and advances its state by one period;
+        returns nothing. Compiled with Numba, or plain Python where Numba is switched off.
+    own : tuple
+        Its second argument: numbers, arrays and tuples of these, the arrays always the same ones.
+    """
+
+    function: Callable[[TickInputs, Any, Floats], None]
+    own: Any
 
 
 @dataclass(frozen=True)

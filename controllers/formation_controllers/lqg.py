@@ -19,11 +19,11 @@ import numpy as np
 from formation_controllers import dynamics, kinematics, robot_view, saturation
 from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.compiled import compiled
-from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal, Team
+from formation_controllers.interface import Desired, Floats, Signal, Team, TickInputs
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
 from formation_controllers.vehicles import Vehicle

@@ -10,9 +10,9 @@ import numpy as np
 
 from formation_controllers import network, observer_pid, projection, robot_view, saturation
 from formation_controllers.compiled import compiled
-from formation_controllers.compiled_law import TeamRecords, TickInputs
+from formation_controllers.compiled_law import TeamRecords
 from formation_controllers.gains import gain
-from formation_controllers.interface import Floats, Signal
+from formation_controllers.interface import Floats, Signal, TickInputs
 from formation_controllers.kinematics import STEERS_NOT, Geometry, PostureError, steering_angle
 from formation_controllers.network import NetworkGains
 from formation_controllers.observer_pid import OBSERVER_SIGNALS, ObserverPid, ObserverPidGains

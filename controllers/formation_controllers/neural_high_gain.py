@@ -11,10 +11,10 @@ import numpy as np
 
 from formation_controllers import network, projection, robot_view, saturation
 from formation_controllers.compiled import compiled
-from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.errors import GainError
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal, Team
+from formation_controllers.interface import Desired, Floats, Signal, Team, TickInputs
 from formation_controllers.network import NetworkGains
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS

@@ -10,9 +10,9 @@ import numpy as np
 
 from formation_controllers import robot_view, saturation, velocity_observer
 from formation_controllers.compiled import compiled
-from formation_controllers.compiled_law import CompiledLaw, TeamRecords, TickInputs
+from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal
+from formation_controllers.interface import Desired, Floats, Signal, TickInputs
 from formation_controllers.robot_view import RobotView
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS

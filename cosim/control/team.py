@@ -9,6 +9,7 @@ from typing import Any
 import formation_controllers as fc
 import numpy as np
 from formation_controllers.controller import Controller
+from formation_controllers.interface import CompiledTick
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
@@ -226,6 +227,23 @@ class Team:
             return record.copy().view(np.float64)
         self._record, self._numbers = record, record.view(np.float64)
         return self._numbers
+
+    def compiled_tick(self) -> CompiledTick | None:
+        """Return the law as compiled code can call it; None if it must be called from Python.
+
+        None also for a leader of another kind of vehicle, as the law sees it otherwise than it is.
+        """
+        try:
+            record = self.controller.telemetry_record
+            tick = self.controller.compiled_tick()
+        except Exception:  # it will fail again when it is stepped, and be reported there
+            return None
+        fits = record.dtype == self.telemetry_type and record.shape == self.rows.shape and record.flags.c_contiguous
+        return tick if fits and self._alike else None
+
+    def not_finite(self, command: NDArray[np.float64], time: float) -> SimulationError:
+        """Return the failure of a controller that returned commands (n, entries) which are not finite."""
+        return self._failure(self.controller.not_finite(command), time)
 
     def _failure(self, error: BaseException, time: float, variable: str = "") -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None

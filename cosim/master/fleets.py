@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.master.members import member
 from cosim.master.robot import RobotSetup
-from cosim.plant.fleet import Fleet
+from cosim.plant.fleet import CompiledFleet, Fleet
 from cosim.plant.message import RobotMessage
 from cosim.plant.spec import Value
 
@@ -23,6 +23,12 @@ class AnyFleet(Protocol):
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant by one communication step."""
+
+    def compiled(self) -> CompiledFleet | None:
+        """Return what compiled code needs in place of `step`; None if plants must be stepped from Python."""
+
+    def settle(self, tick: int, step: float, found: int) -> None:
+        """Keep the messages of a step of `compiled` code, and raise its failures."""
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Give parameters of a plant other values."""

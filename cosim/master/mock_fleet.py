@@ -56,6 +56,12 @@ class MockFleet:
         """Move the plants to where they are at the next communication point."""
         self._state[:] = self._motion((tick + 1) * step, given)
 
+    def compiled(self) -> None:
+        """Return None: the function is Python."""
+
+    def settle(self, tick: int, step: float, found: int) -> None:
+        """Do nothing: no step is compiled."""
+
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Take note of parameters that change."""
         self.changes.append((time, self._names[index], values))

@@ -44,6 +44,9 @@ class Observer(Protocol):
     """Watches a run.
 
     Legal call order: `started`, `ticked` for tick after tick, `ended`. An exception of an observer ends the run.
+
+    An observer whose attribute ``every_tick`` is False is told of the last tick of each segment only, some of them a
+    second, and may find the plants moved on. A run that has none but such observers is faster.
     """
 
     def started(self, run: Watched) -> None:
@@ -57,13 +60,15 @@ class Observer(Protocol):
 
 
 class Progress:
-    """Calls a function with each tick.
+    """Calls a function with the last tick of each segment.
 
     Parameters
     ----------
     tell
         The function.
     """
+
+    every_tick = False
 
     def __init__(self, tell: Callable[[int], None]) -> None:
         self._tell = tell

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import Failure
-from cosim.master.observer import Watched
 from cosim.results.result_variable import ResultVariable
 
 
 class Recorder:
-    """An observer that keeps all result variables over the samples of a run; a sample that is not recorded is NaN.
+    """All result variables over the samples of a run; a sample that is not recorded is NaN.
 
     Parameters
     ----------
@@ -25,7 +23,7 @@ class Recorder:
     Attributes
     ----------
     recorded : int
-        How many samples are recorded.
+        How many samples are recorded; whoever fills the arrays counts them.
     """
 
     def __init__(self, samples: int, variables: Sequence[ResultVariable]) -> None:
@@ -34,9 +32,6 @@ class Recorder:
         self._samples = samples
         self._arrays: dict[str, NDArray[np.float64]] = {}
         self._records: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
-        self._arrays_to_copy: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-        self._telemetry: list[tuple[NDArray[np.float64], Callable[[float], NDArray[np.float64]]]] = []
-        self._step = 0.0
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the array (samples, ...) of a variable, to write into."""
@@ -46,45 +41,24 @@ class Recorder:
         """Take an array (samples, ...) into which a variable is written."""
         self._arrays[name] = place
 
-    def follow(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Copy an array at each tick from now on; return the place (samples, ...) of the copies."""
-        place = np.full((self._samples, *values.shape), np.nan)
-        self._arrays_to_copy.append((place, values))
-        return place
+    def place_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a place (samples, ...) for the values that an array has at the ticks."""
+        return np.full((self._samples, *values.shape), np.nan)
 
-    def ask(
-        self, rows: NDArray[np.int_], dtype: np.dtype[np.void], telemetry: Callable[[float], NDArray[np.float64]]
-    ) -> None:
-        """Ask at each tick for records of numbers: one field for each variable, one record for each row.
+    def records_of(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.float64]:
+        """Return a place (samples, numbers) for records: one field for each variable, one record for each row.
 
         Parameters
         ----------
         rows
-            The rows of the variables that the records fill.
+            The rows of the variables that the records are of.
         dtype
-            The type of a record.
-        telemetry
-            Returns at a time [s] the numbers of all records one after the other, as NumPy copies records field by field
-            and numbers at once.
+            The type of a record. The place has the numbers of all records one after the other, as NumPy copies records
+            field by field and numbers at once.
         """
         store = np.zeros((self._samples, len(rows)), dtype)
         self._records.append((rows, store))
-        self._telemetry.append((store.view(np.float64).reshape(self._samples, -1), telemetry))
-
-    def started(self, run: Watched) -> None:
-        """Keep the communication step."""
-        self._step = run.clock.step
-
-    def ticked(self, tick: int) -> None:
-        """Record a tick."""
-        for place, values in self._arrays_to_copy:
-            place[tick] = values
-        for store, telemetry in self._telemetry:
-            store[tick] = telemetry(tick * self._step)
-        self.recorded = tick + 1
-
-    def ended(self, failure: Failure | None) -> None:
-        """Do nothing: the records stay."""
+        return store.view(np.float64).reshape(self._samples, -1)
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every variable, by name."""

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-import formation_controllers as fc
 import numpy as np
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.team import Team
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
-from cosim.master.fleets import StartFleet, start_fleet
+from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
 from cosim.master.recorded_result import recorded_result
-from cosim.master.recorder import Recorder
-from cosim.master.robot import RobotSetup
+from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
-from cosim.master.team_arrays import Driving, TeamArrays
+from cosim.master.team_arrays import TeamArrays
+from cosim.master.ticks import Ticks, driven_robots
 from cosim.master.timing import timed
 from cosim.plant.fleet import returning
 from cosim.results.result import Result
 from cosim.scenario.scenario import LEADER, Scenario
-from cosim.signals.actuators import Actuators
-from cosim.signals.sensors import PoseSensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +74,6 @@ class Simulation:
         fleet: StartFleet = start_fleet,
     ) -> None:
         self.scenario = scenario
-        self.tick = 0
         self.timing: dict[str, float] = {}
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
@@ -90,15 +86,13 @@ class Simulation:
             self.poses = {robot.name: now.visible(row)[0] for row, robot in enumerate(robots)}
             self.velocities = {robot.name: now.visible(row)[1] for row, robot in enumerate(robots)}
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
-            self._start_plants(fleet, cleanup)
-            self._connect(robots)
-            self._recorder = self._start_recorder()
-            self._move_leader()
-            for observer in (self._recorder, *observers):
+            self._fleet = self._start_plants(fleet, cleanup)
+            self._ticks = Ticks(scenario, self.setup, now, self._teams, self._fleet)
+            for observer in observers:
                 self._watch(observer)
             self._cleanup = cleanup.pop_all()
 
-    # The five steps of a tick ------------------------------------------------------------------------------
+    # A tick ------------------------------------------------------------------------------------------------
 
     def step(self, torques: Mapping[str, Sequence[float]] | None = None) -> None:
         """Run one tick: sense, control, actuate, record, and step the plants (but at the horizon, the end).
@@ -122,14 +116,14 @@ class Simulation:
         if self._ended:
             raise InputError(f"the run cannot go on: {self._ended}")
         override = self._understood(torques) if torques else {}
+        with self._failing():
+            self._ticks.one(override, self._tell)
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """Let a failure of a tick keep the records, and tell observers of the end."""
         try:
-            self._sense()
-            self._control()
-            self._actuate(override)
-            for observer in self._observers:
-                observer.ticked(self.tick)
-            if self.tick < self.scenario.ticks:
-                self._step_plants()
+            yield
         except SimulationError as error:
             self._fail(error)
             raise
@@ -137,8 +131,6 @@ class Simulation:
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
             self._fail(failure)
             raise failure from error
-        self.tick += 1
-        self._move_leader()
         if self.finished:
             self._end(None)
 
@@ -146,44 +138,6 @@ class Simulation:
         self._ended, self._failure = str(error), error.failure
         error.recorded = self._recorded(error.failure)
         self._end(error.failure)
-
-    def _sense(self) -> None:
-        self._sensor.measure(self.tick, self._now.pose, self._now.measured)
-
-    def _control(self) -> None:
-        if self.tick % self.scenario.period:
-            return  # the commands are held
-        motion = self.setup.motion
-        acceleration = None if motion is None else motion.acceleration[self.tick]
-        now, told = self._now, self._now.told_of_the_leader()
-        for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
-            desired = fc.Desired(q[self.tick], q_dot[self.tick], q_ddot[self.tick])
-            first = self.tick == 0
-            now.command[team.commands] = team.step(
-                self.time, now.measured[1:], now.velocity[1:], told, acceleration, desired, first=first
-            )
-
-    def _actuate(self, override: Mapping[int, NDArray[np.float64]]) -> None:
-        command, torque = self._now.command, self._now.torque
-        torque[0] = override.get(0, self._external[self.tick, 0])
-        if override:  # of this tick alone: the controllers' commands may be held longer
-            command = command.copy()
-            for row in override.keys() - {0}:
-                command[row - 1] = override[row]
-        self._actuators.apply(self.tick, command, torque[1:])
-        if self._disturbed:
-            torque[1:] += self._external[self.tick, 1:]
-
-    def _step_plants(self) -> None:
-        for row in self._changes.get(self.tick, ()):
-            values = [parameter.as_value for parameter in self._driven[row].changes[self.tick]]
-            self._fleet.change(row, values, self.time)
-        self._fleet.step(self.tick, self.scenario.step, self._driving.given(self.tick))
-
-    def _move_leader(self) -> None:
-        """Put a leader whose motion is given where it is at the next tick."""
-        if self.setup.motion is not None and not self.finished:
-            self._now.state[0, self._leader_columns] = self.setup.motion.state[self.tick]
 
     def _understood(self, torques: Mapping[str, Sequence[float]]) -> dict[int, NDArray[np.float64]]:
         """Return torques by the row of the robot."""
@@ -224,6 +178,10 @@ class Simulation:
         observer.started(run)
         self._observers.append(observer)
 
+    def _tell(self, tick: int) -> None:
+        for observer in self._observers:
+            observer.ticked(tick)
+
     def _end(self, failure: Failure | None, watching: Sequence[Observer] | None = None) -> None:
         """Tell observers, or all, that the run has ended for them, if they have not been told."""
         for observer in list(self._observers):
@@ -232,6 +190,11 @@ class Simulation:
                 observer.ended(failure)
 
     # The whole run -----------------------------------------------------------------------------------------
+
+    @property
+    def tick(self) -> int:
+        """The number of the next tick."""
+        return self._ticks.tick
 
     @property
     def time(self) -> float:
@@ -253,7 +216,7 @@ class Simulation:
         Parameters
         ----------
         progress
-            Called with each tick; an observer that is a function.
+            Called with a tick some times a second, and with the last one; an observer that is a function.
         pacer
             An observer that waits after each tick, so that the run keeps pace with a clock.
 
@@ -271,9 +234,13 @@ class Simulation:
             for observer in watching:
                 self._watch(observer)
             try:
-                while not self.finished and not signals.received:
-                    with timed(self.timing, "first tick") if self.tick == 0 else nullcontext():
+                if not self.finished and not signals.received:
+                    with timed(self.timing, "first tick"):
                         self.step()
+                segment = Segment()
+                while not self.finished and not signals.received:
+                    with self._failing():
+                        self._segment(segment)
             except KeyboardInterrupt:
                 signals.received += 1
             stopped = interruption(self.time) if signals.received and not self.finished else None
@@ -283,15 +250,21 @@ class Simulation:
             raise RunInterrupted(self.time, result)
         return result
 
+    def _segment(self, segment: Segment) -> None:
+        """Run a tick, or a segment of ticks if nobody needs every tick."""
+        if any(getattr(observer, "every_tick", True) for observer in self._observers) or not segment.run(self._ticks):
+            self._ticks.one({}, self._tell)
+        else:
+            self._tell(self.tick - 1)
+
     def result(self) -> xr.Dataset:
         """Return everything recorded so far; see `cosim.master.recorded_result`."""
         return self._recorded(self._failure).dataset
 
     def _recorded(self, failure: Failure | None) -> Result:
         fleet = self._fleet
-        return recorded_result(
-            self.scenario, self.setup, self._recorder, self._teams, fleet.messages, fleet.logged, failure
-        )
+        recorder = self._ticks.recorder
+        return recorded_result(self.scenario, self.setup, recorder, self._teams, fleet.messages, fleet.logged, failure)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""
@@ -310,66 +283,13 @@ class Simulation:
 
     # Setting up --------------------------------------------------------------------------------------------
 
-    def _start_plants(self, fleet: StartFleet, cleanup: ExitStack) -> None:
-        driven, now = self._driven, self._now
-        first = len(now.kinds) - len(driven)
+    def _start_plants(self, fleet: StartFleet, cleanup: ExitStack) -> AnyFleet:
+        driven, now = driven_robots(self.setup), self._now
         with timed(self.timing, "load"):
             columns = [now.columns_of(robot.kind) for robot in driven]
-            self._fleet = fleet(driven, self.scenario.horizon, now.state[first:], columns)
-        cleanup.callback(self._fleet.close)
-        self._driving = Driving(
-            now.torque, first, [robot.kind for robot in driven], [robot.samples for robot in driven]
-        )
-        self._changes: dict[int, list[int]] = {}
-        for row, robot in enumerate(driven):
-            for tick in robot.changes:
-                self._changes.setdefault(tick, []).append(row)
-
-    def _connect(self, robots: Sequence[RobotSetup]) -> None:
-        """Put sensors and actuators between the plants and the laws, and what acts besides."""
-        scenario, setup, now = self.scenario, self.setup, self._now
-        self._desired = [
-            [np.ascontiguousarray(samples[:, team.rows]) for samples in setup.desired] for team in self._teams
-        ]
-        names = [robot.name for robot in robots]
-        poses = [[role.name for role in robot.kind.pose] for robot in robots]
-        commands = [[role.name for role in robot.kind.command] for robot in setup.followers]
-        self._sensor = PoseSensor(scenario.seed, names, poses, [robot.sensor for robot in robots], scenario.step)
-        self._actuators = Actuators(commands, [robot.actuator for robot in setup.followers], scenario.step)
-        self._external = now.padded([robot.torque for robot in robots])
-        self._disturbed = bool(np.nan_to_num(self._external[:, 1:]).any())
-        leader = now.columns_of(setup.leader.kind)
-        self._leader_columns = slice(None) if len(leader) == now.state.shape[1] else leader
-
-    def _start_recorder(self) -> Recorder:
-        """Return a recorder with all values known before the run, and keep the places of the rest."""
-        recorder = Recorder(self.scenario.ticks + 1, self.setup.result_variables)
-        recorder.of("desired_range")[:] = self.setup.desired.q[..., 0]
-        recorder.of("desired_bearing")[:] = self.setup.desired.q[..., 1]
-        for team in self._teams:
-            recorder.ask(team.rows, team.telemetry_type, team.telemetry)
-        now = self._now
-        state, measured, torque = map(recorder.follow, (now.state, now.measured, now.torque))
-        commands = self.setup.columns.commands
-        pose, velocity = np.split(state, [now.pose.shape[1]], axis=-1)
-        for name, place in {
-            "leader_pose": pose[:, 0],
-            "leader_velocity": velocity[:, 0],
-            f"leader_{commands}": torque[:, 0],
-            "pose": pose[:, 1:],
-            "velocity": velocity[:, 1:],
-            "measured_pose": measured[:, 1:],
-            "measured_leader_pose": measured[:, 0],
-            commands: torque[:, 1:],
-        }.items():
-            if name in recorder.variables:
-                recorder.keep(name, place)
-        return recorder
-
-    @property
-    def _driven(self) -> tuple[RobotSetup, ...]:
-        """The robots that are plants: all, but for a leader whose motion is given."""
-        return self.setup.followers if self.setup.motion is not None else (self.setup.leader, *self.setup.followers)
+            started = fleet(driven, self.scenario.horizon, now.state[len(now.kinds) - len(driven) :], columns)
+        cleanup.callback(started.close)
+        return started
 
     def _gather_teams(self) -> list[Team]:
         scenario, setup = self.scenario, self.setup

@@ -69,39 +69,3 @@ class TeamArrays:
         for row, own in enumerate(torques):
             found[:, row, : own.shape[1]] = own
         return found
-
-
-class Driving:
-    """What the plants are given: of one plant after the other, its commands and its other inputs.
-
-    Parameters
-    ----------
-    torque
-        Of all robots (robots, entries).
-    first
-        The first row that is a plant.
-    kinds, samples
-        Of each plant its kind, and the values (ticks, inputs) of its other inputs.
-    """
-
-    def __init__(self, torque: Floats, first: int, kinds: Sequence[Kind], samples: Sequence[Floats]) -> None:
-        driving = torque[first:].reshape(-1)  # a view
-        width = torque.shape[1]
-        self._driving = driving
-        self._samples = np.concatenate(samples, axis=1)
-        counts = [len(kind.command) for kind in kinds]
-        self._is_command = np.concatenate(
-            [np.arange(count + own.shape[1]) < count for count, own in zip(counts, samples, strict=True)]
-        )
-        places = [row * width + place for row, count in enumerate(counts) for place in range(count)]
-        self._places = None if len(places) == len(driving) else np.array(places)
-        self._given = np.zeros(len(self._is_command))
-
-    def given(self, tick: int) -> Floats:
-        """Return what holds from a tick to the next."""
-        commands = self._driving if self._places is None else self._driving[self._places]
-        if not self._samples.size:
-            return commands
-        self._given[self._is_command] = commands
-        self._given[~self._is_command] = self._samples[tick]
-        return self._given

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import compiled
+from cosim.compiled import address_of, compiled
 from cosim.errors import InputError, SimulationError
 from cosim.plant.constant_step import misfit
 from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
@@ -87,7 +87,7 @@ class Fleet:
             rows = self._rows
             inputs = [range(len(member.inputs)) for member in members]
             self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
-            self._arrays = _Arrays(
+            self._arrays = FleetArrays(
                 rows.rows,
                 rows.inputs,
                 rows.outputs,
@@ -131,6 +131,17 @@ class Fleet:
             self._check(time, _tick(self._arrays, given, time, step), after)
         if self._late:
             self._check_first_step(after)
+
+    def compiled(self) -> CompiledFleet | None:
+        """Return what compiled code needs in place of `step`; None if plants must be stepped from Python."""
+        if self._external or self._late:
+            return None
+        given, found = np.zeros(len(self._arrays.in_links)), np.zeros(1, dtype=np.int64)
+        return CompiledFleet(address_of(_step, self._arrays, given, 0.0, 0.0, found), self._arrays, found, Log.pending)
+
+    def settle(self, tick: int, step: float, found: int) -> None:
+        """Keep the messages of a step of `compiled` code from a tick, and raise its failures as `step` does."""
+        self._check(tick * step, found, (tick + 1) * step)
 
     def _step_all(self, time: float, step: float, given: NDArray[np.float64], after: float) -> None:
         """Step the plants here and those that are stepped elsewhere side by side."""
@@ -260,7 +271,7 @@ class Fleet:
             time, failures = after, self._diverged()
             if after == 0.0:
                 failures = {index: f"{said}; {SHOWN_LATE}" for index, said in failures.items()}
-        if Log.pending:
+        if Log.pending[0]:
             for index, instance in self._instances.items():
                 self._keep(index, instance.log.take(), instance.log.take_data(), time)
         for index, plant in self._external.items():
@@ -356,7 +367,7 @@ _FINE, _FAILED, _DIVERGED = map(int, Found)
 """Findings of `_tick` and its kin: a call that failed, a state out of bounds."""
 
 
-class _Arrays(NamedTuple):
+class FleetArrays(NamedTuple):
     """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state."""
 
     rows: NDArray[np.void]
@@ -369,13 +380,34 @@ class _Arrays(NamedTuple):
     state: NDArray[np.float64]
 
 
+class CompiledFleet(NamedTuple):
+    """A step of a fleet for compiled code: ``call(address, (arrays, given, time, step, found))``.
+
+    Attributes
+    ----------
+    address : int
+        That of a function for `cosim.compiled.call`.
+    arrays : FleetArrays
+        Its first argument; next come the plants' inputs, the communication point and the step [s].
+    found : ndarray
+        Its last argument; gets the finding, of `Found`.
+    said : ndarray
+        How many messages of FMUs wait for `Fleet.settle`.
+    """
+
+    address: int
+    arrays: FleetArrays
+    found: NDArray[np.int64]
+    said: NDArray[np.int64]
+
+
 @compiled
 def _settle() -> None:
     """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
 
 
 @compiled
-def _give(plants: _Arrays, given: NDArray[np.float64]) -> None:
+def _give(plants: FleetArrays, given: NDArray[np.float64]) -> None:
     for j in range(len(plants.in_links)):
         link = plants.in_links[j]
         value = (given[j] - link["offset"]) / link["scale"]
@@ -385,7 +417,7 @@ def _give(plants: _Arrays, given: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _take(plants: _Arrays) -> int:
+def _take(plants: FleetArrays) -> int:
     """Write the state; return whether all of it is finite and within its bounds."""
     found = _FINE
     for j in range(len(plants.out_links)):
@@ -400,7 +432,7 @@ def _take(plants: _Arrays) -> int:
 
 
 @compiled
-def _read(plants: _Arrays) -> int:
+def _read(plants: FleetArrays) -> int:
     failed = False
     for i in range(len(plants.rows)):
         row = plants.rows[i]
@@ -411,7 +443,7 @@ def _read(plants: _Arrays) -> int:
 
 
 @compiled
-def _advance_all(plants: _Arrays, time: float, step: float) -> bool:
+def _advance_all(plants: FleetArrays, time: float, step: float) -> bool:
     failed = False
     for i in range(len(plants.rows)):
         row = plants.rows[i]
@@ -422,7 +454,7 @@ def _advance_all(plants: _Arrays, time: float, step: float) -> bool:
 
 
 @compiled
-def _tick(plants: _Arrays, given: NDArray[np.float64], time: float, step: float) -> int:
+def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> int:
     _give(plants, given)
     if _advance_all(plants, time, step):
         return _FAILED
@@ -430,8 +462,13 @@ def _tick(plants: _Arrays, given: NDArray[np.float64], time: float, step: float)
 
 
 @compiled
+def _step(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float, found: NDArray[np.int64]) -> None:
+    found[0] = _tick(plants, given, time, step)
+
+
+@compiled
 def _run(
-    plants: _Arrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
+    plants: FleetArrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
 ) -> tuple[int, int]:
     """Return the last tick and the finding of `_tick` there."""
     for k in range(len(given)):

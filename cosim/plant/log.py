@@ -8,7 +8,9 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import fmpy
+import numpy as np
 from fmpy import fmi1, fmi2
+from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.plant.message import LastMessages, Message
@@ -28,8 +30,8 @@ class Log:
 
     _handles = itertools.count(1)
     _open: ClassVar[dict[int, Log]] = {}
-    pending: ClassVar[int] = 0
-    """Number of messages received in this process and not taken as data."""
+    pending: ClassVar[NDArray[np.int64]] = np.zeros(1, dtype=np.int64)
+    """Number of messages received in this process and not taken as data: an array, for compiled code to look at."""
     listener: ClassVar[Callable[[Message], None] | None] = None
     """Called with every message as it comes."""
 
@@ -81,7 +83,7 @@ class Log:
     def _keep(self, message: Message) -> None:
         self._received += 1
         self._pending += 1
-        Log.pending += 1
+        Log.pending[0] += 1
         self._messages.add([message])
         if Log.listener is not None:
             Log.listener(message)
@@ -102,7 +104,7 @@ class Log:
     def take_data(self) -> list[Message]:
         """Return the messages since the last time that it was called, those that `take` has told as well."""
         self.take()
-        Log.pending -= self._pending
+        Log.pending[0] -= self._pending
         self._pending = 0
         return self._taken.take()
 

@@ -12,9 +12,10 @@ from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
+from cosim.signals.chain import apply
 from cosim.signals.effects import EFFECTS, Effect, check_channels, understood
 from cosim.signals.random import random_stream
-from cosim.signals.sensors import PoseSensor
+from cosim.signals.sensors import pose_sensors
 
 CHANNELS = ("x", "y", "psi", "gamma")
 HERE = Location("file.xml", 1, 1)
@@ -33,11 +34,12 @@ def measure(
     effects: dict[str, list[Effect]], ticks: int, seed: int = 1, pose: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """Return measured poses (ticks, robots, 4) for poses (ticks, 4) that all robots share; default: at rest."""
-    sensor = PoseSensor(seed, list(effects), [CHANNELS] * len(effects), list(effects.values()), STEP)
+    sensors = pose_sensors(seed, list(effects), [CHANNELS] * len(effects), list(effects.values()), STEP)
     out = np.empty((ticks, len(effects), 4))
     for tick in range(ticks):
-        true = np.zeros(4) if pose is None else pose[tick]
-        sensor.measure(tick, np.tile(true, (len(effects), 1)), out[tick])
+        out[tick] = 0.0 if pose is None else pose[tick]
+        sensors.make_ready(tick)
+        apply(sensors.arrays, tick, out[tick])
     return out
 
 

@@ -10,7 +10,7 @@ from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
 from cosim.signals.effects.effect import Effect, EffectKind, Rows
 
-__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "check_values", "in_use", "understood"]
+__all__ = ["EFFECTS", "Effect", "Rows", "check_channels", "check_values", "understood"]
 
 EFFECTS: Mapping[str, type[EffectKind]] = kinds_in(__name__, __path__, EffectKind)
 """The kinds of effects, by the element's name."""
@@ -63,10 +63,3 @@ def check_channels(effects: Sequence[Effect], channels: Sequence[str], whose: st
             if channel not in channels:
                 known = nearest(channel, list(channels))
                 raise InputError(f"{whose} has no channel {channel!r}: {known}", effect.where)
-
-
-def in_use(rows: Rows) -> list[EffectKind]:
-    """Return the kinds of effects that robots have, in the order in which they are applied."""
-    kinds = sorted(EFFECTS.values(), key=lambda kind: kind.order)
-    used = {effect.kind for effects in rows.effects for effect in effects}
-    return [kind(rows) for kind in kinds if kind.element in used]

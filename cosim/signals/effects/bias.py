@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import OfEntries, Rows
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
+
+
+@compiled
+def add(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Add the amounts."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] += amount[i, j]
 
 
 class Bias(OfEntries):
@@ -15,11 +23,12 @@ class Bias(OfEntries):
     element = "bias"
     order = 1
     signed = True
+    act = staticmethod(add)
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._bias = Schedule(self.element, rows, 0.0, np.add)
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Add the bias."""
-        values += self._bias.at(tick)
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the biases."""
+        self._bias.fill(first, out)

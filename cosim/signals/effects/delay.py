@@ -6,13 +6,32 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cosim.compiled import compiled
 from cosim.errors import InputError
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
-from cosim.signals.effects.effect import Effect, EffectKind, Rows
+from cosim.signals.effects.effect import Effect, EffectKind, Floats, Rows
 from cosim.signals.effects.schedule import Schedule
+
+
+@compiled
+def hold_back(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Replace the present values by those of some ticks ago; before the first tick there was nothing."""
+    size = len(memory)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            memory[tick % size, i, j] = values[i, j]
+            values[i, j] = memory[(tick - int(amount[i, j])) % size, i, j]
+
+
+@compiled
+def hold_back_from_first(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Do the same, where before the first tick the values were those of the first tick."""
+    if tick == 0:
+        for before in range(len(memory)):
+            memory[before] = values
+    hold_back(tick, values, amount, memory)
 
 
 class Delay(EffectKind):
@@ -23,9 +42,9 @@ class Delay(EffectKind):
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
-        self._ticks = np.round(Schedule(self.element, rows, 0.0, np.add).at(0) / rows.step).astype(int)
-        self._memory = np.zeros((int(self._ticks.max(initial=0)) + 1, *self._ticks.shape))
-        self._index = np.indices(self._ticks.shape)
+        self.act = hold_back if rows.at_rest else hold_back_from_first
+        self._ticks = np.round(Schedule(self.element, rows, 0.0, np.add).at(0) / rows.step)
+        self.remembers = int(self._ticks.max(initial=0)) + 1
 
     @classmethod
     def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterator[Effect]:
@@ -47,10 +66,6 @@ class Delay(EffectKind):
                     delay.where,
                 )
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Replace the present values by the values of some ticks ago."""
-        size = len(self._memory)
-        if tick == 0:
-            self._memory[:] = 0.0 if self.rows.at_rest else values
-        self._memory[tick % size] = values
-        values[:] = self._memory[(tick - self._ticks) % size, *self._index]
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the delays in ticks."""
+        out[:] = self._ticks

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.clock import tick_at
-from cosim.signals.effects.effect import Effect, Part, Rows
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, Part, Rows
 from cosim.signals.random import random_stream
 
-BLOCK = 512
-"""Ticks whose random numbers are drawn at once."""
+
+@compiled
+def hold(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Put the last values in the place of those that are lost, where the amount is not zero."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            if amount[i, j] != 0.0:
+                values[i, j] = memory[0, i, j]
+            memory[0, i, j] = values[i, j]
 
 
 class Dropout(Part):
@@ -21,43 +26,33 @@ class Dropout(Part):
     element = "dropout"
     order = 4
     attribute = "probability"
+    act = staticmethod(hold)
+    remembers = 1
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         own = [[effect for effect in effects if effect.kind == self.element] for effects in rows.effects]
-        self._losses = [_Losses(rows, row, effects) for row, effects in enumerate(own) if effects]
-        self._last = np.zeros((len(rows.robots), rows.width))
-
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Put the last values in the place of those that are lost."""
-        for losses in self._losses:
-            losses.hold(tick, values, self._last)
-        self._last[:] = values
-
-
-class _Losses:
-    """The dropouts of one robot; each draws one number a tick for all of its channels."""
-
-    def __init__(self, rows: Rows, row: int, effects: Sequence[Effect]) -> None:
-        channels = rows.channels[row]
-        self._row = row
-        self._parts = [
+        self._losses = [
             (
                 random_stream(rows.seed, rows.robots[row], f"pose.dropout.{index}"),
                 effect.amount,
-                [channels.index(channel) for channel in effect.channels or channels],
+                row,
+                [rows.channels[row].index(channel) for channel in effect.channels or rows.channels[row]],
                 tick_at(effect.start, rows.step),
                 tick_at(effect.stop, rows.step),
             )
+            for row, effects in enumerate(own)
             for index, effect in enumerate(effects)
         ]
-        self._drawn = np.ones((len(effects), BLOCK))
 
-    def hold(self, tick: int, values: NDArray[np.float64], last: NDArray[np.float64]) -> None:
-        """Hold the last values of lost measurements; the first measurement is never lost."""
-        if tick % BLOCK == 0:
-            for (stream, *_), drawn in zip(self._parts, self._drawn, strict=True):
-                drawn[:] = stream.random(BLOCK)
-        for (_, probability, columns, start, stop), drawn in zip(self._parts, self._drawn, strict=True):
-            if tick > 0 and start <= tick < stop and drawn[tick % BLOCK] < probability:
-                values[self._row, columns] = last[self._row, columns]
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write one where a measurement is lost; each effect draws a number a tick for all of its channels.
+
+        The first measurement is never lost.
+        """
+        out[:] = 0.0
+        ticks = np.arange(first, first + len(out))
+        for stream, probability, row, columns, start, stop in self._losses:
+            lost = (stream.random(len(out)) < probability) & (ticks > 0) & (start <= ticks) & (ticks < stop)
+            for column in columns:
+                out[lost, row, column] = 1.0

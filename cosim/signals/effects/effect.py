@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from cosim.errors import Location
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
 from plants import units
+
+Floats: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,12 @@ class Rows:
         return max(map(len, self.channels), default=0)
 
 
+Act: TypeAlias = Callable[[int, Floats, Floats, Floats], None]
+"""Changes the values (robots, channels) of a tick in place: tick, values, amounts (robots, channels) of this tick, and
+the memory (arrays, robots, channels) of the effect, which is zero at first. Compiled code calls it tick after tick from
+0, so it is a `cosim.compiled.compiled` function."""
+
+
 class EffectKind(ABC):
     """A kind of effect: an instance changes the channels of all robots as their effects of this kind say.
 
@@ -88,10 +96,16 @@ class EffectKind(ABC):
         The element's name; empty for a base of several kinds.
     order : int
         Kinds are applied by this number, whatever the order in which they are written.
+    act : callable
+        The compiled function that changes values.
+    remembers : int
+        How many arrays (robots, channels) it keeps from tick to tick.
     """
 
     element: ClassVar[str] = ""
     order: ClassVar[int]
+    act: Act
+    remembers = 0
 
     def __init__(self, rows: Rows) -> None:
         self.rows = rows
@@ -121,8 +135,8 @@ class EffectKind(ABC):
         """Check all effects of this kind on a robot together."""
 
     @abstractmethod
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Change the values (robots, channels) of a tick in place; ticks come one after the other from 0."""
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the amounts (ticks, robots, channels) from a tick on, which `act` gets; in order, from tick 0 on."""
 
 
 class OfEntries(EffectKind):

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import Part, Rows
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, Part, Rows
 from cosim.signals.effects.schedule import Schedule
+
+
+@compiled
+def keep_part(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Multiply by the factors."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] *= amount[i, j]
 
 
 class Effectiveness(Part):
@@ -15,11 +23,12 @@ class Effectiveness(Part):
     element = "effectiveness"
     order = 3
     attribute = "factor"
+    act = staticmethod(keep_part)
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._factor = Schedule(self.element, rows, 1.0, np.multiply)
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Keep the part."""
-        values *= self._factor.at(tick)
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the factors."""
+        self._factor.fill(first, out)

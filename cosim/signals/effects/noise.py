@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import OfEntries, Rows
+from cosim.signals.effects.bias import add
+from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
 from cosim.signals.random import random_stream
-
-BLOCK = 512
-"""Ticks whose random numbers are drawn at once."""
 
 
 class Noise(OfEntries):
@@ -18,21 +15,20 @@ class Noise(OfEntries):
 
     element = "noise"
     order = 2
+    act = staticmethod(add)
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._deviation = Schedule(self.element, rows, 0.0, np.hypot)
         self._streams = [
-            [random_stream(rows.seed, robot, f"pose.{name}") for name in names]
-            for robot, names in zip(rows.robots, rows.channels, strict=True)
+            (row, column, random_stream(rows.seed, robot, f"pose.{name}"))
+            for row, (robot, names) in enumerate(zip(rows.robots, rows.channels, strict=True))
+            for column, name in enumerate(names)
+            if any(effect.kind == self.element and name in (effect.channels or names) for effect in rows.effects[row])
         ]
-        self._drawn = np.zeros((BLOCK, len(rows.robots), rows.width))
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Add the noise."""
-        row = tick % BLOCK
-        if row == 0:
-            for index, streams in enumerate(self._streams):
-                for component, stream in enumerate(streams):
-                    self._drawn[:, index, component] = stream.standard_normal(BLOCK)
-        values += self._drawn[row] * self._deviation.at(tick)
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write random numbers with the standard deviations."""
+        self._deviation.fill(first, out)
+        for row, column, stream in self._streams:
+            out[:, row, column] *= stream.standard_normal(len(out))

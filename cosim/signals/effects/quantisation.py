@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import OfEntries, Rows
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
+
+
+@compiled
+def to_steps(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Round to whole numbers of the amounts, where these are not zero."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            if amount[i, j] > 0.0:
+                values[i, j] = np.rint(values[i, j] / amount[i, j]) * amount[i, j]
 
 
 class Quantisation(OfEntries):
@@ -14,13 +23,12 @@ class Quantisation(OfEntries):
 
     element = "quantisation"
     order = 3
+    act = staticmethod(to_steps)
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._quantum = Schedule(self.element, rows, 0.0, np.maximum)
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Round."""
-        quantum = self._quantum.at(tick)
-        coarse = quantum > 0
-        values[coarse] = np.round(values[coarse] / quantum[coarse]) * quantum[coarse]
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the steps."""
+        self._quantum.fill(first, out)

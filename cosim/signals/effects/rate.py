@@ -5,10 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import Limit, Rows
-from cosim.signals.effects.schedule import Schedule, clip
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, Limit, Rows
+from cosim.signals.effects.schedule import Schedule, clipped
+
+
+@compiled
+def follow(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Follow the values by no more than the amounts, where these are finite."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            before, most = memory[0, i, j], amount[i, j]
+            if math.isfinite(most):
+                values[i, j] = before + clipped(values[i, j] - before, most)
+            memory[0, i, j] = values[i, j]
 
 
 class Rate(Limit):
@@ -17,16 +28,14 @@ class Rate(Limit):
     element = "rate"
     order = 1
     of_rate = True
+    act = staticmethod(follow)
+    remembers = 1
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._limit = Schedule(self.element, rows, math.inf, np.minimum)
-        self._before = np.zeros((len(rows.robots), rows.width))
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Follow the values no faster than the limit."""
-        most = self._limit.at(tick) * self.rows.step
-        change = values - self._before
-        clip(change, most)
-        np.copyto(values, self._before + change, where=np.isfinite(most))
-        self._before[:] = values
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the largest changes in a tick."""
+        self._limit.fill(first, out)
+        out *= self.rows.step

@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cosim.signals.effects.effect import Limit, Rows
-from cosim.signals.effects.schedule import Schedule, clip
+from cosim.compiled import compiled
+from cosim.signals.effects.effect import Floats, Limit, Rows
+from cosim.signals.effects.schedule import Schedule, clipped
+
+
+@compiled
+def clip(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
+    """Clip to the limits."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] = clipped(values[i, j], amount[i, j])
 
 
 class Saturation(Limit):
@@ -16,11 +24,12 @@ class Saturation(Limit):
 
     element = "saturation"
     order = 2
+    act = staticmethod(clip)
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self._limit = Schedule(self.element, rows, math.inf, np.minimum)
 
-    def apply(self, tick: int, values: NDArray[np.float64]) -> None:
-        """Clip."""
-        clip(values, self._limit.at(tick))
+    def amounts(self, first: int, out: Floats) -> None:
+        """Write the limits."""
+        self._limit.fill(first, out)

@@ -1,0 +1,35 @@
+"""How many ticks are run at once."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+SHORTEST, LONGEST = 0.02, 0.2
+"""A segment takes about so long [s]: long enough to be fast, short enough to answer Ctrl-C and to show progress."""
+
+
+class Runs(Protocol):
+    """Runs up to so many ticks, if it can."""
+
+    def some(self, most: int) -> bool:
+        """Return whether that was possible."""
+
+
+class Segment:
+    """The length of the next segment, which follows from the time that the last one took."""
+
+    def __init__(self) -> None:
+        self.ticks = 8
+
+    def run(self, ticks: Runs) -> bool:
+        """Run a segment; return whether that was possible."""
+        started = time.perf_counter()
+        if not ticks.some(self.ticks):
+            return False
+        taken = time.perf_counter() - started
+        if taken < SHORTEST:
+            self.ticks *= 2
+        elif taken > LONGEST:
+            self.ticks = max(self.ticks // 2, 1)
+        return True

@@ -1,0 +1,76 @@
+"""The effects of all sensors, or of all actuators, applied one after the other in compiled code."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compiled import address_of, call, compiled
+from cosim.signals.effects import EFFECTS
+from cosim.signals.effects.effect import Floats, Rows
+
+WINDOW = 256
+"""Number of ticks for which amounts are made at once."""
+
+
+class ChainArrays(NamedTuple):
+    """A chain for compiled code.
+
+    Attributes
+    ----------
+    acts : ndarray of int64
+        The address of each effect's function.
+    amounts : ndarray
+        What they get: (effects, ticks of a window, robots, channels).
+    memory : ndarray
+        What they keep: (effects, arrays, robots, channels).
+    """
+
+    acts: NDArray[np.int64]
+    amounts: Floats
+    memory: Floats
+
+
+class Chain:
+    """The effects on the channels of some robots.
+
+    Legal call order: `make_ready` for tick after tick from 0 on, at least once in a window of `WINDOW` ticks; the
+    compiled `apply` for each of these ticks.
+
+    Parameters
+    ----------
+    rows
+        The robots and their effects.
+
+    Attributes
+    ----------
+    arrays : ChainArrays
+        The chain for compiled code.
+    """
+
+    def __init__(self, rows: Rows) -> None:
+        used = {effect.kind for effects in rows.effects for effect in effects}
+        kinds = sorted(EFFECTS.values(), key=lambda kind: kind.order)
+        self._effects = [kind(rows) for kind in kinds if kind.element in used]
+        self._ready = -1  # the window whose amounts are made
+        shape = (len(rows.effects), rows.width)
+        amounts = np.zeros((len(self._effects), WINDOW, *shape))
+        memory = np.zeros((len(self._effects), max((e.remembers for e in self._effects), default=0), *shape))
+        acts = [address_of(e.act, 0, amounts[0, 0], amounts[0, 0], memory[0]) for e in self._effects]
+        self.arrays = ChainArrays(np.array(acts, dtype=np.int64), amounts, memory)
+
+    def make_ready(self, tick: int) -> None:
+        """Make the amounts of the window in which a tick lies."""
+        if tick // WINDOW != self._ready:
+            self._ready = tick // WINDOW
+            for effect, amounts in zip(self._effects, self.arrays.amounts, strict=True):
+                effect.amounts(self._ready * WINDOW, amounts)
+
+
+@compiled
+def apply(chain: ChainArrays, tick: int, values: Floats) -> None:
+    """Change the values (robots, channels) of a tick in place."""
+    for e in range(len(chain.acts)):
+        call(chain.acts[e], (tick, values, chain.amounts[e, tick % WINDOW], chain.memory[e]))
