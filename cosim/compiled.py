@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 PLAIN = "FORMATION_PLAIN_STEPPING"
 """The environment variable that makes the harness alone do without Numba: an FMU may be made of Python and Numba."""
 
@@ -68,12 +70,44 @@ def address_of(function: Callable[..., Any], *arguments: Any) -> int:
         if function not in _functions:
             _functions.append(function)
         return _functions.index(function)
-    import numba
+    key = function, _form(arguments)
+    if key not in _addresses:
+        import numba
 
-    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-    function.compile(types)  # type: ignore[attr-defined]
-    overload = function.overloads[types]  # type: ignore[attr-defined]
-    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+        function.compile(types)  # type: ignore[attr-defined]
+        overload = function.overloads[types]  # type: ignore[attr-defined]
+        _addresses[key] = int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+    return _addresses[key]
+
+
+def entry_of(function: F, *arguments: Any) -> F:
+    """Return a compiled function for arguments of just these types, from then on called without looking at their types.
+
+    Without compilation the function is returned unchanged.
+    """
+    if not hasattr(function, "compile"):
+        return function
+    key = function, _form(arguments)
+    if key not in _entries:
+        import numba
+
+        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+        _entries[key] = function.compile(types)
+    return _entries[key]  # type: ignore[return-value]
+
+
+_entries: dict[tuple[Callable[..., Any], Any], Callable[..., Any]] = {}
+_addresses: dict[tuple[Callable[..., Any], Any], int] = {}
+
+
+def _form(value: Any) -> Any:
+    """Return what decides on Numba's type of a value, which Numba takes milliseconds to find for arrays of records."""
+    if isinstance(value, tuple):
+        return type(value), *map(_form, value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous, value.flags.writeable
+    return type(value)
 
 
 def _call_plain(address: int, arguments: tuple[Any, ...]) -> int:

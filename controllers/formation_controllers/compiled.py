@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -52,5 +53,20 @@ def compiled_for(function: F, *arguments: Any) -> F:
     """
     if not hasattr(function, "compile"):
         return function
-    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-    return function.compile(types)  # type: ignore[no-any-return]
+    key = function, _form(arguments)
+    if key not in _entries:
+        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+        _entries[key] = function.compile(types)
+    return _entries[key]  # type: ignore[return-value]
+
+
+_entries: dict[tuple[Callable[..., Any], Any], Callable[..., Any]] = {}
+
+
+def _form(value: Any) -> Any:
+    """Return what decides on Numba's type of a value, which Numba takes milliseconds to find for arrays of records."""
+    if isinstance(value, tuple):
+        return type(value), *map(_form, value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous, value.flags.writeable
+    return type(value)

@@ -9,6 +9,7 @@ import formation_controllers as fc
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.compiled import entry_of
 from cosim.control.team import Team
 from cosim.master.fleets import AnyFleet
 from cosim.master.loop import (
@@ -38,6 +39,7 @@ from cosim.signals.chain import WINDOW
 from cosim.signals.sensors import pose_sensors
 
 Floats = NDArray[np.float64]
+_Compiled = tuple[Callable[[Loop, tuple[LawCall, ...], int, int], tuple[int, int]], Loop, tuple[LawCall, ...]]
 
 
 class Ticks:
@@ -91,7 +93,7 @@ class Ticks:
                 self._changes.setdefault(tick, []).append((row, robot))
         self._path = path_of(now, setup.leader, setup.motion)
         self._recording, self._telemetry = self._records()
-        self._loop: tuple[Loop, tuple[LawCall, ...]] | None = None
+        self._loop: _Compiled | None = None
         lead(self._path, now.state, 0)
 
     def one(self, override: Mapping[int, Floats], watch: Callable[[int], None]) -> None:
@@ -142,10 +144,10 @@ class Ticks:
         if first == 0 or first in self._changes or compiled is None:  # at the first tick controllers are started
             return False
         last = min(first + most, first - first % WINDOW + WINDOW, horizon + 1, *(t for t in self._changes if t > first))
-        loop, laws = compiled
+        run, loop, laws = compiled
         self._sensors.make_ready(first)
         self._actuators.make_ready(first)
-        self.tick, ended = advance(loop, laws, first, last)
+        self.tick, ended = run(loop, laws, first, last)
         self.recorder.recorded = self.tick + (ended == Ended.PLANTS)
         if ended == Ended.PLANTS:
             self._fleet.settle(self.tick, step, int(loop.fleet.found[0]))
@@ -220,8 +222,8 @@ class Ticks:
         return laws_of(self._teams, self._now, self._setup.desired, self._setup.motion, self._telemetry)
 
     @property
-    def _compiled(self) -> tuple[Loop, tuple[LawCall, ...]] | None:
-        """The loop and the laws for compiled code; None while Python has a share in every tick."""
+    def _compiled(self) -> _Compiled | None:
+        """The compiled loop, and its arguments; None while Python has a share in every tick."""
         if self._loop is None and self._laws is not None and (fleet := self._fleet.compiled()) is not None:
             laws, taking, commanding = self._laws
             scenario = self._scenario
@@ -238,7 +240,7 @@ class Ticks:
                 path=self._path,
                 fleet=fleet,
             )
-            self._loop = loop, laws
+            self._loop = entry_of(advance, loop, laws, 0, 0), loop, laws
         return self._loop
 
 

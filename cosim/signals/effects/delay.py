@@ -43,7 +43,7 @@ class Delay(EffectKind):
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
         self.act = hold_back if rows.at_rest else hold_back_from_first
-        self._ticks = np.round(Schedule(self.element, rows, 0.0, np.add).at(0) / rows.step)
+        self._ticks = np.round(Schedule(self.element, rows, 0.0, np.add).first / rows.step)
         self.remembers = int(self._ticks.max(initial=0)) + 1
 
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from bisect import bisect_left, bisect_right
 
 import numpy as np
 
@@ -42,10 +42,10 @@ class Schedule:
             for e in own
             if e.kind == kind
         ]
-        self._switches = {tick for start, stop, *_ in self._spans for tick in (start, stop)}
+        self._switches = sorted({0} | {tick for start, stop, *_ in self._spans for tick in (start, stop)})
+        self._amounts = [self._at(tick) for tick in self._switches]
 
-    def at(self, tick: int) -> Floats:
-        """Return the amounts (robots, channels) at a tick."""
+    def _at(self, tick: int) -> Floats:
         amount = np.full(self._shape, self._idle)
         for start, stop, row, columns, own in self._spans:
             if start <= tick < stop:
@@ -54,9 +54,15 @@ class Schedule:
 
     def fill(self, first: int, out: Floats) -> None:
         """Write the amounts (ticks, robots, channels) from a tick on."""
-        last = first + len(out)
-        for start, stop in pairwise(sorted({first, last} | {tick for tick in self._switches if first < tick < last})):
-            out[start - first : stop - first] = self.at(start)
+        piece = bisect_right(self._switches, first) - 1
+        last = bisect_left(self._switches, first + len(out))
+        for start, amount in zip(self._switches[piece:last], self._amounts[piece:last], strict=True):
+            out[max(start - first, 0) :] = amount
+
+    @property
+    def first(self) -> Floats:
+        """The amounts (robots, channels) at the first tick."""
+        return self._amounts[0]
 
 
 @compiled
