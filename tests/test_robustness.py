@@ -16,6 +16,7 @@ from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
 from cosim.master.loop import LawCall, Loop, Sensing, advance, sense
+from cosim.results.figure_process import PROGRAM
 from cosim.results.files import load
 from cosim.tests import driving
 
@@ -57,15 +58,30 @@ def test_a_title_in_any_letters_can_be_drawn(line: str, tmp_path: Path, capsys: 
     assert (tmp_path / "clmr_line" / "figure.png").exists()
 
 
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("import os; os._exit(7)", "its process ended with status 7"),
+        ("import sys; sys.modules['matplotlib'] = None", "ModuleNotFoundError: import of matplotlib halted"),
+        (
+            "import matplotlib.figure; matplotlib.figure.Figure.savefig = lambda *_, **__: 1 / 0",
+            "ZeroDivisionError: division by zero",
+        ),
+    ],
+)
 def test_a_figure_that_cannot_be_drawn_costs_nothing_else(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    fault: str,
+    sentence: str,
 ) -> None:
-    def fails(*_: object) -> None:
-        raise RuntimeError("no ink")
-
-    monkeypatch.setattr("cosim.results.figure.draw", fails)
+    monkeypatch.setattr("cosim.results.figure_process.PROGRAM", f"{fault}; {PROGRAM}")
     printed = failed(capsys, 1, "run", line, "--out", str(tmp_path), *SHORT[:-1])
-    assert "warning: the figure could not be drawn: RuntimeError: no ink" in printed
+    assert f"warning: the figure could not be drawn: {sentence}" in printed
+    assert not (tmp_path / "clmr_line" / "figure.png").exists()
+    assert load(tmp_path / "clmr_line" / "result.nc").attrs["status"] == "completed"
     assert (tmp_path / "clmr_line" / "summary.json").exists()
 
 

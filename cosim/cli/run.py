@@ -25,6 +25,7 @@ from cosim.master.pacing import Pacer
 from cosim.master.setup import Setup, set_up
 from cosim.master.simulation import Simulation
 from cosim.master.timing import timed
+from cosim.results.figure_process import FigureProcess
 from cosim.results.files import annotate, save, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.results.provenance import Provenance
@@ -41,24 +42,30 @@ def run(options: argparse.Namespace) -> int:
         writable_folder(options.junit.parent, "--junit")
     outcomes: list[Outcome] = []
     try:
-        return max(_run_scenarios(options, outcomes), default=0)
+        with FigureProcess() as figures:
+            return max(_run_scenarios(options, outcomes, figures), default=0)
     finally:
         if options.junit is not None:
             write(options.junit, junit_xml(outcomes))
 
 
-def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome]) -> Iterator[int]:
+def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome], figures: FigureProcess) -> Iterator[int]:
     """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
         with (
             ExitStack() as ending
         ):  # the plants end last: everything is written and printed before an FMU can fail at its end
-            yield _run_scenario(path, options, outcomes, names, ending)
+            yield _run_scenario(path, options, outcomes, names, figures, ending)
 
 
 def _run_scenario(
-    path: Path, options: argparse.Namespace, outcomes: list[Outcome], names: dict[str, Path], ending: ExitStack
+    path: Path,
+    options: argparse.Namespace,
+    outcomes: list[Outcome],
+    names: dict[str, Path],
+    figures: FigureProcess,
+    ending: ExitStack,
 ) -> int:
     started = time.perf_counter()
     outcome = Outcome(name=path.stem, path=path)
@@ -71,7 +78,7 @@ def _run_scenario(
                 "folder: give one of them another name"
             )
         names[scenario.name] = path
-        _run_one(scenario, options, outcome, ending)
+        _run_one(scenario, options, outcome, figures, ending)
         return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
     except FormationError as error:
         report(error)
@@ -88,7 +95,9 @@ def _run_scenario(
                 write(options.junit, junit_xml(outcomes))
 
 
-def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, ending: ExitStack) -> None:
+def _run_one(
+    scenario: Scenario, options: argparse.Namespace, outcome: Outcome, figures: FigureProcess, ending: ExitStack
+) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
@@ -106,8 +115,13 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
                 failure, result = error, error.recorded
             for part, seconds in simulation.timing.items():
                 timing[part] = timing.get(part, 0.0) + seconds
+            drawn = options.figure and result.sizes["time"] > 0
+            if drawn:
+                figures.start()  # loads its libraries beside the writing
             with timed(timing, "write"):
                 kept = _save(result, folder)
+            if drawn:
+                figures.draw(result, folder / "figure.png")
         if signals.received and failure is None:  # while the result was being written
             failure = RunInterrupted(simulation.time, result)
         console = out()
@@ -118,9 +132,11 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, outcome: Outcome, 
         if summary.verdicts:
             annotate(folder / "result.nc", verdicts=summary.verdicts_as_json())
         print_summary(console, summary)
-        if options.figure and result.sizes["time"]:
+        if drawn:
             with timed(timing, "figure"):
-                _draw(result, folder)
+                fault = figures.wait()
+            if fault:  # everything else is saved already
+                warn(f"the figure could not be drawn: {fault}")
     timing["total"] += options.imports
 
     if pacer is not None:
@@ -160,16 +176,6 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 
 
 # Files ------------------------------------------------------------------------------------------------------
-
-
-def _draw(result: Result, folder: Path) -> None:
-    """Draw the figure; a failure is a warning, as everything else is saved already."""
-    from cosim.results.figure import save_figure
-
-    try:
-        save_figure(result, folder / "figure.png")
-    except Exception as error:
-        warn(f"the figure could not be drawn: {type(error).__name__}: {error}")
 
 
 def _save(result: Result, folder: Path) -> tuple[Path, Provenance] | None:

@@ -95,6 +95,10 @@ class Result:
         """The followers' ids."""
         return tuple(str(robot) for robot in self["robot"].values)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how it is made again: without what was computed from it."""
+        return Result, (self.data_vars, self.coords, self.attrs)
+
     def __getitem__(self, name: str) -> Variable:
         """Return a variable."""
         return self.data_vars[name] if name in self.data_vars else self.coords[name]
