@@ -94,3 +94,21 @@ print(sorted({{"sympy", "matplotlib", "jinja2"}} & set(sys.modules)))
     subprocess.run(command, check=True, timeout=300, capture_output=True)  # builds the FMU if it is not in the cache
     printed = subprocess.run(command, check=True, timeout=300, capture_output=True, text=True).stdout
     assert printed == "[]\n"
+
+
+def test_a_run_at_the_command_line_imports_no_library_of_data_frames_or_figures(
+    scenarios: Path, tmp_path: Path
+) -> None:
+    """It draws its figure in another process; Numba alone imports the top of SciPy, to read its version."""
+    heavy = ("xarray", "pandas", "scipy.linalg", "matplotlib", "dask", "h5netcdf", "sympy", "jinja2")
+    program = f"""
+import sys
+from cosim.cli import main
+line = {str(scenarios / "clmr_line.xml")!r}
+status = main(["run", line, "--out", {str(tmp_path)!r}, "--horizon", "0.2 s", "--no-expectations"])
+print(status, [name for name in {heavy!r} if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], check=True, timeout=300, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "0 []"
+    assert done.stderr == ""
+    assert (tmp_path / "clmr_line" / "figure.png").exists()

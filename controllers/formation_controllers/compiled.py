@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +22,32 @@ def _sources() -> str:
 
 
 _SOURCES = _sources()
+
+
+def _spare_scipy() -> None:
+    """Load the array functions of Numba without the linear algebra of SciPy.
+
+    Numba imports it there, a third of a second, only to find out whether it is installed. Matrix products and the like
+    load it when they are compiled or called.
+    """
+    if "numba.np.arraymath" in sys.modules or find_spec("scipy") is None:
+        return
+    try:
+        from numba.np import linalg
+
+        check, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    except (ImportError, AttributeError):  # a Numba that is built otherwise
+        return
+    try:
+        from numba.np import arraymath
+
+        arraymath.ensure_blas = check  # type: ignore[attr-defined]
+    finally:
+        linalg.ensure_blas = check
+
+
+if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    _spare_scipy()
 
 
 def compiled(function: F) -> F:

@@ -214,3 +214,15 @@ def test_readme_examples_run_as_written():
     assert names["torque"].shape == (2, 2)
     assert np.isfinite(names["torque"]).all()
     assert names["estimates"].shape == (2,)
+
+
+def test_compiled_matrix_products_load_scipy_when_they_are_needed() -> None:
+    program = """
+import sys
+import numba, numpy as np
+from formation_controllers.compiled import compiled
+print("scipy.linalg" in sys.modules)
+print(numba.njit(lambda a: np.dot(a, a).sum() + np.linalg.det(a))(np.eye(2)), "scipy.linalg" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", program], check=True, timeout=300, capture_output=True, text=True)
+    assert done.stdout == "False\n3.0 True\n"
