@@ -161,8 +161,8 @@ def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Colour]) -> No
     for robot, colour in colours.items():
         pose = result.of_robot("pose", robot)
         axes.plot(pose[:, 0], pose[:, 1], color=colour, linewidth=1.2, label=robot)
-    starts = np.concatenate([result["pose"].values[0, :, :2], leader[:1, :2]])
-    axes.scatter(starts[:, 0], starts[:, 1], s=16, color=[*colours.values(), _LEADER], zorder=2.1)
+        axes.plot(*pose[0, :2], marker="o", markersize=4, color=colour)
+    axes.plot(*leader[0, :2], marker="o", markersize=4, color=_LEADER)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
