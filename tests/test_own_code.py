@@ -14,7 +14,7 @@ import xarray as xr
 
 import cosim
 from cosim.cli import main
-from cosim.master.members import member
+from cosim.master.robot_plants import member
 from cosim.master.simulation import Simulation
 from cosim.results.files import load
 from cosim.scenario.reader import read_scenario

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import cosim
 from cosim.cli import main
-from cosim.master.identity import is_taken
+from cosim.master.who_is_who import is_taken
 from cosim.results.files import load, save
 
 WHEELBASE, HITCH, HALF_TRACK = 1.5, 0.9, 0.4

@@ -12,7 +12,7 @@ from rich.console import Console
 from cosim.cli.console import broken, safe, table
 from cosim.fmu.capabilities import NAMES
 from cosim.fmu.solver import usual_step
-from cosim.master.members import in_own_process, tolerance_of, why_own_process
+from cosim.master.robot_plants import in_own_process, tolerance_of, why_own_process
 from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE

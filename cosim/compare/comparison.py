@@ -19,7 +19,7 @@ from cosim.errors import InputError, Location, SimulationError, nearest
 from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
-from cosim.master.members import plant, tolerance_of
+from cosim.master.robot_plants import plant, tolerance_of
 from cosim.plant.fleet import Fleet
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS
 from cosim.quantity import split, whole_steps

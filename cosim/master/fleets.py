@@ -8,8 +8,8 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.master.members import member
 from cosim.master.robot import RobotSetup
+from cosim.master.robot_plants import member
 from cosim.plant.fleet import CompiledFleet, Fleet
 from cosim.plant.message import RobotMessage
 from cosim.plant.spec import Value

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.errors import Failure
 from cosim.fmu.package import Fmu
-from cosim.master.identity import texts, who_is_who
-from cosim.master.members import in_own_process, tolerance_of
 from cosim.master.recorder import Recorder
+from cosim.master.robot_plants import in_own_process, tolerance_of
 from cosim.master.setup import Setup
+from cosim.master.who_is_who import texts, who_is_who
 from cosim.plant.message import RobotMessage
 from cosim.results import provenance
 from cosim.results.expectations.recorded import units_by_component
@@ -41,7 +41,7 @@ def recorded_result(
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
     each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time. Coordinates
-    say who is who; see `cosim.master.identity`.
+    say who is who; see `cosim.master.who_is_who`.
 
     Attributes carry the provenance: the scenario's text and seed, checksum and tool of every FMU, package and version
     of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,

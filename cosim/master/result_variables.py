@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from cosim.control.team import Law
 from cosim.errors import InputError
-from cosim.master.identity import is_taken
+from cosim.master.who_is_who import is_taken
 from cosim.results.expectations import Recorded, recorded
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import Scenario

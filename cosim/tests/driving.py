@@ -11,8 +11,8 @@ import pytest
 
 from cosim.errors import Failure, Location
 from cosim.fmu.package import open_fmu
-from cosim.master.members import plant
 from cosim.master.observer import Observer, Watched
+from cosim.master.robot_plants import plant
 from cosim.master.simulation import Simulation
 from cosim.plant.fleet import Fleet, Member
 from cosim.scenario.grammar import NAMESPACE

@@ -13,7 +13,7 @@ from cosim.errors import InputError, Location
 from cosim.fmu import description as fmu_description
 from cosim.fmu.binding import Binding, bind
 from cosim.fmu.parameters import geometry
-from cosim.master.members import _initial_values
+from cosim.master.robot_plants import _initial_values
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding, read_scenario
 from tests.stub.stub import Options, description
