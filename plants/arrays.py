@@ -21,9 +21,11 @@ def of_angle(near: Callable[[Any], Any], far: Callable[[Any], Any]) -> Callable[
     """Return a function of angles, made of one for those up to `elementary.FAR` and one for a number beyond."""
 
     def function(x: ArrayLike) -> Array:
+        if np.ndim(x) == 0:
+            return np.float64(far(float(x)))  # type: ignore[arg-type, return-value]
         (angles,) = _arrays(x)
         beyond = ~(np.abs(angles) <= elementary.FAR)
-        result = np.array(near(np.atleast_1d(np.where(beyond, 0.0, angles)))).reshape(angles.shape)
+        result = np.array(near(np.where(beyond, 0.0, angles)))
         result[beyond] = [far(float(angle)) for angle in angles[beyond]]
         return result
 
@@ -36,8 +38,10 @@ def of_any(scalar: Callable[..., Any]) -> Callable[..., Array]:
 
     def function(*arguments: ArrayLike) -> Array:
         arrays = _arrays(*arguments)
+        if arrays[0].ndim == 0:
+            return np.float64(scalar(*map(float, arrays)))  # type: ignore[return-value]
         with np.errstate(all="ignore"):
-            return np.array(scalar(*map(np.atleast_1d, arrays))).reshape(arrays[0].shape)
+            return np.array(scalar(*arrays))
 
     function.__doc__ = scalar.__doc__
     return function
@@ -46,10 +50,24 @@ def of_any(scalar: Callable[..., Any]) -> Callable[..., Array]:
 sin = of_angle(elementary.near_sin, elementary.sin)
 cos = of_angle(elementary.near_cos, elementary.cos)
 tan = of_angle(elementary.near_tan, elementary.tan)
-asin, acos, atan, atan2 = map(of_any, (elementary.asin, elementary.acos, elementary.atan, elementary.atan2))
+asin = of_any(elementary.asin)
+acos = of_any(elementary.acos)
+atan = of_any(elementary.atan)
+atan2 = of_any(elementary.atan2)
 hypot = of_any(elementary.hypot)
-exp, expm1, log, log1p = map(of_any, (elementary.exp, logarithms.expm1, logarithms.log, logarithms.log1p))
-log2, log10 = map(of_any, (logarithms.log2, logarithms.log10))
-sinh, cosh, tanh = map(of_any, (logarithms.sinh, logarithms.cosh, logarithms.tanh))
-asinh, acosh, atanh = map(of_any, (logarithms.asinh, logarithms.acosh, logarithms.atanh))
-pow, cbrt = map(of_any, (logarithms.pow, logarithms.cbrt))
+exp = of_any(elementary.exp)
+expm1 = of_any(logarithms.expm1)
+log = of_any(logarithms.log)
+log1p = of_any(logarithms.log1p)
+log2 = of_any(logarithms.log2)
+log10 = of_any(logarithms.log10)
+pow = of_any(logarithms.pow)
+cbrt = of_any(logarithms.cbrt)
+sinh = of_any(logarithms.sinh)
+cosh = of_any(logarithms.cosh)
+tanh = of_any(logarithms.tanh)
+asinh = of_any(logarithms.asinh)
+acosh = of_any(logarithms.acosh)
+atanh = of_any(logarithms.atanh)
+larger = of_any(logarithms.larger)
+smaller = of_any(logarithms.smaller)

@@ -19,6 +19,7 @@ hold it, letter by letter the same, as neither knows the other. So it keeps to a
 from __future__ import annotations
 
 import math
+import re
 import struct
 from typing import Any, Final
 
@@ -27,45 +28,51 @@ import numpy as np
 # Primitives -------------------------------------------------------------------------------------------------
 
 
-def to_bits(x: Any) -> Any:
+def to_bits(x: float) -> int:
     """Return the bits of a double as a whole number."""
-    return x.view(np.int64) if isinstance(x, np.ndarray) else struct.unpack("<q", struct.pack("<d", x))[0]
+    if isinstance(x, np.ndarray):
+        return x.view(np.int64)
+    return int(struct.unpack("<q", struct.pack("<d", x))[0])
 
 
-def from_bits(i: Any) -> Any:
+def from_bits(i: int) -> float:
     """Return the double that has these bits."""
     if isinstance(i, np.ndarray):
         return i.view(np.float64)
-    return struct.unpack("<d", struct.pack("<Q", int(i) & 0xFFFFFFFFFFFFFFFF))[0]
+    return float(struct.unpack("<d", struct.pack("<Q", int(i) & 0xFFFFFFFFFFFFFFFF))[0])
 
 
-def select(condition: Any, a: Any, b: Any) -> Any:
+def select(condition: bool, a: float, b: float) -> float:
     """Return a where the condition holds, else b."""
-    return np.where(condition, a, b) if isinstance(condition, np.ndarray) else a if condition else b
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, a, b)
+    return a if condition else b
 
 
-def as_float(i: Any) -> Any:
+def as_float(i: int) -> float:
     """Return a whole number as a double."""
     return i.astype(np.float64) if isinstance(i, np.ndarray) else float(i)
 
 
-def sqrt(x: Any) -> Any:
+def sqrt(x: float) -> float:
     """Return the square root, of a negative number NaN."""
     if isinstance(x, np.ndarray):
-        with np.errstate(invalid="ignore"):
-            return np.sqrt(x)
+        return np.sqrt(x)
     return math.sqrt(x) if x >= 0.0 else math.nan
 
 
-def floor(x: Any) -> Any:
-    """Return the largest whole number, as a double, that is not above x."""
-    return np.floor(x)
+def floor(x: float) -> float:
+    """Return the largest whole number that is not above x."""
+    return np.floor(x) if isinstance(x, np.ndarray) else float(np.floor(x))
 
 
-def copysign(x: Any, y: Any) -> Any:
+def copysign(x: float, y: float) -> float:
     """Return x with the sign of y."""
     return np.copysign(x, y) if isinstance(y, np.ndarray) else math.copysign(x, y)
 
+
+PRIMITIVES: Final = (to_bits, from_bits, select, as_float, sqrt, floor, copysign)
+"""What every one of the three ways defines in its own way."""
 
 # Constants: see studies/elementary.py -----------------------------------------------------------------------
 
@@ -131,7 +138,7 @@ _TWO_OVER_PI: Final = (  # behind the point, in hexadecimal
     "ef2f118b5a0a6d1f6d367ecf27cb09b74f463f669e5fea2d7527bac7ebe5f17b3d0739f78a5292ea6bfb5fb11f8d5d08"
     "56033046fc7b6babf0cfbc209af4361da9e391615ee61b08"
 )
-DIGITS: Final = np.array([0] * 4 + [int(_TWO_OVER_PI[i : i + 6], 16) for i in range(0, len(_TWO_OVER_PI), 6)], np.int64)
+DIGITS: Final[Any] = np.array([0] * 4 + [int(digit, 16) for digit in re.findall(".{6}", _TWO_OVER_PI)], np.int64)
 """Digits of 2/pi to the base 2^24, behind four zeros."""
 
 # Sums, products and quotients of more than double precision ---------------------------------------------------
@@ -194,7 +201,8 @@ def near_turn(x: float) -> tuple[float, float, int]:
 
 def row(m_0: int, m_1: int, m_2: int, j: int) -> int:
     """Return one digit, with what it carries, of the product of a significand and 2/pi."""
-    return m_0 * DIGITS[j] + m_1 * DIGITS[j + 1] + m_2 * DIGITS[j + 2]
+    row: int = m_0 * DIGITS[j] + m_1 * DIGITS[j + 1] + m_2 * DIGITS[j + 2]
+    return row
 
 
 def far_turn(x: float) -> tuple[float, float, int]:

@@ -141,8 +141,8 @@ def pow(x: float, y: float) -> float:
     is_whole = floor(y) == y
     is_odd = is_whole & (floor(half) != half) & (abs(y) < 9007199254740992.0)
     is_defined = is_whole | (x >= 0.0) | (abs(x) > LARGEST) | (y != y)
-    signed = select(is_odd, copysign(size, x), size)
-    return select(is_defined | (x == 0.0), signed, NOT_A_NUMBER)
+    value = select(is_odd, copysign(size, x), size)
+    return select(is_defined | (x == 0.0), value, NOT_A_NUMBER)
 
 
 def cbrt(x: float) -> float:

@@ -11,13 +11,20 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import sympy
+from sympy.printing.numpy import NumPyPrinter
 
+from plants import arrays
 from plants.errors import ModelError
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
+from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
 from plants.runge_kutta import runge_kutta_4
 
 Array = npt.NDArray[np.float64]
+
+
+class _Printer(Powers, NumPyPrinter):  # type: ignore[misc]
+    """Expressions of NumPy that call functions of our own."""
 
 
 class Jacobians(NamedTuple):
@@ -122,8 +129,14 @@ def _function(model: OdeModel, expressions: Sequence[sympy.Expr], terms: Iterabl
     named = [(term.symbol, term.expression) for term in terms]
     groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
     # The named terms take the place of the common subexpressions that SymPy would look for.
+    functions = {name: getattr(arrays, name) for name in scalar_functions()}
     function: Function = sympy.lambdify(
-        [TIME, *groups], expressions, modules="numpy", cse=lambda reduced: (named, list(reduced)), docstring_limit=0
+        [TIME, *groups],
+        expressions,
+        modules=[functions, "numpy"],
+        printer=_Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS}),
+        cse=lambda reduced: (named, list(reduced)),
+        docstring_limit=0,
     )
     return function
 

@@ -330,7 +330,8 @@ RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 # Names from math.h and float.h, then names from the headers in factory/template.
 _RESERVED_PREFIX = re.compile(
     r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
-    r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_).*"
+    r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_"
+    r"|ELEMENTARY_|elementary_).*"
 )
 
 

@@ -1,7 +1,7 @@
 """Where the constants of `plants.elementary` come from, and how far its functions are off, in millions of arguments.
 
     python studies/elementary.py constants            prints the constants, as they stand in the module
-    python studies/elementary.py accuracy [thousands] prints the largest error of each function, in units in the last place
+    python studies/elementary.py accuracy [thousands] prints the largest error of each function
 
 Polynomials are fitted with mpmath at Chebyshev's points.
 """

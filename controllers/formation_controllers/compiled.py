@@ -7,10 +7,13 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
+
+from formation_controllers import elementary
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -98,3 +101,40 @@ def _form(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous, value.flags.writeable
     return type(value)
+
+
+def _teach_elementary() -> None:
+    """Let compiled code call the functions of `elementary`, from the same text that Python runs."""
+    from llvmlite import ir
+    from numba.extending import intrinsic, overload, register_jitable
+
+    def reinterpreted(given: Any, taken: Any, llvm: Any) -> Any:
+        @intrinsic
+        def bits(context: Any, value: Any) -> Any:
+            return taken(given), lambda context, builder, signature, arguments: builder.bitcast(arguments[0], llvm)
+
+        return bits
+
+    to_bits = reinterpreted(numba.float64, numba.int64, ir.IntType(64))
+    from_bits = reinterpreted(numba.int64, numba.float64, ir.DoubleType())
+    meanings: dict[Callable[..., Any], Callable[..., Any]] = {
+        elementary.to_bits: lambda x: to_bits(x),
+        elementary.from_bits: lambda i: from_bits(i),
+        elementary.select: lambda condition, a, b: a if condition else b,
+        elementary.as_float: lambda i: float(i),
+        elementary.sqrt: lambda x: np.sqrt(x),
+        elementary.floor: lambda x: np.floor(x),
+        elementary.copysign: lambda x, y: np.copysign(x, y),
+    }
+    for primitive in elementary.PRIMITIVES:
+        chosen = meanings[primitive]
+        overload(primitive, strict=False, jit_options={"forceinline": True})(lambda *_, chosen=chosen: chosen)
+    for name, function in vars(elementary).items():
+        if isinstance(function, FunctionType) and function not in elementary.PRIMITIVES:
+            # What is rarely called, for angles beyond thousands of turns, would only make every law larger.
+            options = {} if name.startswith("far_") else {"forceinline": True}
+            register_jitable(error_model="numpy", **options)(function)
+
+
+if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    _teach_elementary()

@@ -5,8 +5,8 @@ the archive's folders 2.3, the page on it 2.4, the parameter set (SSV of SSP) 2.
 format of experiments is in its appendix A, now the Harmonized Specification MA-HS-Experiments.
 
 The results do not come from the FMU: the model's equations are evaluated here, in Python, and integrated with the
-classical Runge-Kutta method. The parameter set chooses the same method for the FMU. The numbers are Python's: NumPy
-would have to be loaded, and is slower for single numbers.
+classical Runge-Kutta method. The parameter set chooses the same method for the FMU. The numbers are Python's: NumPy is
+slower for single numbers. The functions are our own, so that the files are the same, wherever they are made.
 """
 
 import csv
@@ -18,9 +18,11 @@ from functools import partial
 from itertools import pairwise
 
 import sympy
+from sympy.printing.pycode import PythonCodePrinter
 
 from plants.factory.table import SOLVER, SOLVER_STEP, Entry, Table
 from plants.ode import TIME, OdeModel
+from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
 from plants.runge_kutta import runge_kutta_4
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -36,7 +38,7 @@ LEVELS = (1.0, -1.0, 0.5, -0.5, 0.0)
 """Values of an input, piece by piece, in nominal values from its start value; their sum is zero. Each input is one
 piece behind the one before it."""
 DIGITS = 10
-"""Digits of a result, relative to the largest magnitude of its variable. C libraries differ in further ones."""
+"""Digits of a result, relative to the largest magnitude of its variable."""
 TOLERANCE = 1e-6
 _LARGEST = 1e9
 """Largest magnitude of a state, in nominal values; a model beyond it has diverged."""
@@ -127,6 +129,10 @@ def _parameters(table: Table) -> tuple[Setting, ...]:
     return (*numbers, *(Setting(name, SOLVER_ITEM if name == SOLVER.name else item) for name, item in chosen))
 
 
+class _Printer(Powers, PythonCodePrinter):  # type: ignore[misc]
+    """Expressions of Python that call functions of our own."""
+
+
 class _Equations:
     """Derivatives, outputs and limits of a model at its default parameters, on Python's numbers."""
 
@@ -157,7 +163,8 @@ class _Equations:
         function: Callable[..., list[float]] = sympy.lambdify(
             [TIME, *groups],
             list(expressions),
-            modules="math",
+            modules=[scalar_functions(), "math"],
+            printer=_Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS}),
             cse=lambda reduced: (named, list(reduced)),
             docstring_limit=0,
         )

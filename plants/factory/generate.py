@@ -17,15 +17,16 @@ from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import BooleanAtom
 from sympy.printing.c import C99CodePrinter
-from sympy.printing.precedence import PRECEDENCE, precedence
+from sympy.printing.precedence import PRECEDENCE
 
 from plants import units
 from plants.errors import BuildError, ModelError
-from plants.factory import experiment
+from plants.factory import c_functions, experiment
 from plants.factory.document import document
 from plants.factory.table import Entry, Table, tabulate
 from plants.jacobian import differentiate
 from plants.ode import RESERVED, TIME, Enumeration, OdeModel, Term
+from plants.printing import OWN_FUNCTIONS, Powers
 
 TEMPLATE = Path(__file__).parent / "template"
 RUNTIME = ("instance.c", "instance.h", "model.h", "simulation.c", "simulation.h", "solver.c", "solver.h")
@@ -100,6 +101,7 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
     version = VERSIONS[fmi]
     runtime = (version.runtime, *RUNTIME)
     files = {f"sources/{name}": (TEMPLATE / name).read_bytes() for name in runtime}
+    files["sources/" + c_functions.FILE] = c_functions.header().encode()
     files |= {f"sources/{name}": _fmi_header(name) for name in version.headers}
     files |= {path: (TEMPLATE / name).read_bytes() for path, name in version.files.items()}
 
@@ -321,12 +323,17 @@ _NODES = (
 """Parts of an expression besides functions; the printer would print others as text that is not C."""
 
 
-class _Printer(C99CodePrinter):  # type: ignore[misc]
+class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
     """C expressions in double arithmetic, in which a variant of an enumeration goes by its name."""
+
+    own_prefix = c_functions.PREFIX
 
     def __init__(self, model: OdeModel) -> None:
         # A named constant such as M_PI is not part of C11: constants are printed as numbers. abs is for int.
-        super().__init__({"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs"}})
+        own = {name: self.own_prefix + function for name, function in OWN_FUNCTIONS.items()}
+        super().__init__(
+            {"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs", "exp2": self._exp2, **own}}
+        )
         self._model = model
         self._enumerations = {enumeration.name: enumeration for enumeration in model.enumerations}
         self._functions = {*self.known_functions, *self._rewriteable_functions, "Mod", "sign"}
@@ -344,6 +351,9 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
 
     def _error(self, expression: sympy.Expr, reason: str = "") -> ModelError:
         return ModelError(f"model {self._model.name!r}: {expression} cannot be written in C{reason}")
+
+    def _exp2(self, exponent: sympy.Expr) -> str:
+        return f"{self.own_prefix}pow(2.0, {self._print(exponent)})"
 
     # A quotient of two integers would be an integer in C: in arithmetic all is double.
     def _print_Integer(self, value: sympy.Integer) -> str:
@@ -369,14 +379,6 @@ class _Printer(C99CodePrinter):  # type: ignore[misc]
         """Print the remainder that has the sign of the divisor, as in SymPy and NumPy; fmod has the dividend's."""
         dividend, divisor = (self.parenthesize(e, PRECEDENCE["Pow"]) for e in expression.args)
         return f"({dividend} - {divisor}*floor({dividend}/{divisor}))"
-
-    def _print_Pow(self, expression: sympy.Pow) -> str:
-        base, exponent = expression.args
-        if exponent.is_Integer and 2 <= exponent <= 4:
-            return f"({'*'.join([self.parenthesize(base, precedence(expression))] * int(exponent))})"
-        if exponent.is_Integer and -4 <= exponent <= -2:
-            return f"1.0/{self._print_Pow(sympy.Pow(base, -exponent, evaluate=False))}"
-        return str(super()._print_Pow(expression))
 
     def _print_Piecewise(self, expression: sympy.Piecewise) -> str:
         *branches, (otherwise, condition) = expression.args

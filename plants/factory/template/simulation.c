@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "elementary.h"
 #include "solver.h"
 
 static Status say(Simulation *s, Status status, const char *format, ...)
@@ -386,7 +387,7 @@ static Status take_adaptive_steps(Simulation *s, const Drive *drive, double time
             done = is_last ? step : done + internal_step;
         }
         /* The error goes with the fifth power of the step: aim a little below what is tolerated. */
-        trial = internal_step * fmin(5.0, fmax(0.2, 0.9 * pow(ratio, -1.0 / 5.0)));
+        trial = internal_step * fmin(5.0, fmax(0.2, 0.9 * elementary_pow(ratio, -1.0 / 5.0)));
         trial = fmin(trial, largest);
         if (ratio > 1.0 && trial <= 16.0 * DBL_EPSILON * fmax(fabs(now), step)) {
             s->time = now;
