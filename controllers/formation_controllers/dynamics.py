@@ -22,7 +22,6 @@ The parameters are in `ModelGains`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -31,6 +30,7 @@ from typing import Final
 import numpy as np
 
 from formation_controllers.compiled import compiled
+from formation_controllers.elementary import sin_cos
 from formation_controllers.gains import Gains, gain
 from formation_controllers.kinematics import BY_ANGLE, Geometry, Matrix, Steering
 
@@ -87,5 +87,6 @@ def coriolis(h: Steering, v: float, omega: float, vehicle: Geometry, model: np.v
 @compiled
 def damping(heading: float, h: Steering, vehicle: Geometry, model: np.void) -> tuple[float, float]:
     """D2 of (3): its diagonal. The heading is the pose's third entry."""
-    c, s, k = math.cos(heading), math.sin(heading), h.tan / vehicle.length
+    s, c = sin_cos(heading)
+    k = h.tan / vehicle.length
     return model["d_x"] * c * c + model["d_y"] * s * s + model["d_1"] * k * k, model["d_2"]

@@ -29,6 +29,7 @@ import math
 from typing import Final, NamedTuple
 
 from formation_controllers.compiled import compiled
+from formation_controllers.elementary import atan2, cos, sin, sin_cos, tan
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
 from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, formation_of, torques_of
@@ -124,7 +125,7 @@ def steering_angle(pose: Floats, vehicle: Geometry) -> float:
 @compiled
 def steering_of(angle: float) -> Steering:
     """Return a steering angle with its tangent and cosine."""
-    return Steering(angle, math.tan(angle), math.cos(angle))
+    return Steering(angle, tan(angle), cos(angle))
 
 
 @compiled
@@ -146,7 +147,7 @@ def steering_rate(omega: float, turn: float, vehicle: Geometry) -> float:
 @compiled
 def posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry) -> PostureError:
     """Posture error e in the robot's frame, (4)."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    s, c = sin_cos(pose[2])
     dx, dy = leader_pose[0] - pose[0], leader_pose[1] - pose[1]
     e_4 = 0.0 if vehicle.steering == STEERS_NOT else leader_pose[3] - pose[3]
     return PostureError(c * dx + s * dy, c * dy - s * dx, leader_pose[2] - pose[2], e_4)
@@ -158,7 +159,7 @@ def fill_posture_error_rates(
 ) -> None:
     """Fill J and S of (6) and (53), e_dot = J (v, omega) + S (v_d, omega_d); other entries stay zero."""
     J[0, 0] = -1.0
-    S[0, 0], S[1, 0] = math.cos(error.e_3), math.sin(error.e_3)
+    S[1, 0], S[0, 0] = sin_cos(error.e_3)
     if vehicle.steering == STEERS_NOT:
         J[0, 1], J[1, 1], J[2, 1] = error.e_2, -error.e_1, -1.0
         S[2, 1] = 1.0
@@ -172,7 +173,7 @@ def fill_posture_error_rates(
 def line_of_sight(e_1: float, e_2: float, ahead: float) -> tuple[float, float]:
     """Range rho and polar angle phi of the leader, (7) and (54); the bearing is phi less the steering angle."""
     forward = e_1 - ahead
-    return math.sqrt(forward * forward + e_2 * e_2), math.atan2(e_2, forward)
+    return math.sqrt(forward * forward + e_2 * e_2), atan2(e_2, forward)
 
 
 @compiled
@@ -193,7 +194,8 @@ def rate_matrix(rho: float, phi: float, h: Steering, vehicle: Geometry) -> Matri
     """
     if rho == 0.0:
         return Matrix(math.nan, math.nan, math.nan, math.nan)
-    c, s, t = math.cos(phi), math.sin(phi), h.tan
+    s, c = sin_cos(phi)
+    t = h.tan
     turn = t / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return Matrix(-c - s * t, 0.0, (s - c * t) / rho - turn, -1.0)
 
@@ -205,7 +207,8 @@ def rate_matrix_dot(
     """Time derivative of the first column of R, (8) or (55); the second column is constant. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    c, s, t = math.cos(phi), math.sin(phi), h.tan
+    s, c = sin_cos(phi)
+    t = h.tan
     t_dot = steering_dot * (1.0 + t * t)
     turn_dot = t_dot / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return (
@@ -219,7 +222,8 @@ def leader_rates(rho: float, phi: float, e_3: float, v_d: float) -> tuple[float,
     """Delta of (8) and (55): the effect of the leader's motion on range and bearing. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    return v_d * math.cos(e_3 - phi), v_d * math.sin(e_3 - phi) / rho
+    s, c = sin_cos(e_3 - phi)
+    return v_d * c, v_d * s / rho
 
 
 @compiled
@@ -229,7 +233,8 @@ def leader_rates_dot(
     """Time derivative of delta, (8) and (55). NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    c, s, turn = math.cos(e_3 - phi), math.sin(e_3 - phi), e_3_dot - phi_dot
+    s, c = sin_cos(e_3 - phi)
+    turn = e_3_dot - phi_dot
     return v_d_dot * c - v_d * s * turn, (v_d_dot * s + v_d * c * turn - v_d * s / rho * rho_dot) / rho
 
 
@@ -246,7 +251,7 @@ def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
         pull, turn = 1.0 / (r * h.cos), vehicle.half_track / r
         return Matrix(pull, pull, turn, -turn)
     if vehicle.torques == AS_PRINTED:
-        return Matrix(1.0 + h.tan * math.sin(heading), 0.0, 0.0, 1.0)
+        return Matrix(1.0 + h.tan * sin(heading), 0.0, 0.0, 1.0)
     if vehicle.torques == FRONT_WHEEL:
         return Matrix(1.0 / h.cos, 0.0, 0.0, 1.0)
     if vehicle.torques == REAR_WHEEL:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from formation_controllers.compiled import compiled
+from formation_controllers.elementary import exp
 from formation_controllers.errors import GainError
 from formation_controllers.gains import Gains, gain
 from formation_controllers.interface import Floats
@@ -47,7 +47,7 @@ def basis(x: Floats, centres: Floats, widths: Floats, sigma: Floats) -> None:
         for j in range(len(x)):
             difference = x[j] - centres[k]
             distance_squared += difference * difference
-        sigma[k] = math.exp(-distance_squared / (widths[k] * widths[k]))
+        sigma[k] = exp(-distance_squared / (widths[k] * widths[k]))
 
 
 @compiled

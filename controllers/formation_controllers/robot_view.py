@@ -9,6 +9,7 @@ import numpy as np
 
 from formation_controllers import kinematics
 from formation_controllers.compiled import compiled
+from formation_controllers.elementary import acos, cos, sin
 from formation_controllers.interface import Floats
 from formation_controllers.kinematics import Geometry, Matrix, PostureError, Steering
 from formation_controllers.singularities import Guard, Margins, away_from_zero
@@ -74,7 +75,7 @@ def view_of(
     if rho < guard * vehicle.length:
         far, guarded = guard * vehicle.length, 1.0
     if abs(measured.cos) < guard:
-        kept = math.copysign(math.acos(math.copysign(guard, measured.cos)), math.sin(measured.angle))
+        kept = math.copysign(acos(math.copysign(guard, measured.cos)), sin(measured.angle))
         steering = kinematics.steering_of(kept)
         guarded = 1.0
     R = kinematics.rate_matrix(far, phi, steering, vehicle)
@@ -89,7 +90,7 @@ def view_of(
         steering,
         FormationRates(R, delta_1, delta_2),
         B2,
-        Margins(rho / vehicle.length, math.cos(bearing), measured.cos, drive_gain),
+        Margins(rho / vehicle.length, cos(bearing), measured.cos, drive_gain),
         Guard(guard, guarded),
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, Location
 from cosim.scenario.csv_table import read_table
 from cosim.vehicle.kind import Kind
+from plants import arrays
 
 
 def given(
@@ -82,7 +83,7 @@ def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tupl
         speed = np.abs(np.diff(states[:, :2], axis=0)).max() / step
         bent = np.abs(own.turned(states) - own.turned(states)[0]).max()
         wanted = np.array([_change(_SPEED, speed), _change(_BEND, bent)])
-        if (np.abs(np.log(wanted)) < math.log(1.5)).all():
+        if (np.abs(arrays.log(wanted)) < arrays.log(1.5)).all():
             break
         scale = np.array([float(f"{value:.2g}") for value in scale * wanted])
     units = (kind.command[0].unit, kind.command[-1].unit)
@@ -95,7 +96,7 @@ def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
     phases = np.random.default_rng(seed).uniform(0.0, 2 * math.pi, (2, len(_FREQUENCIES[0])))
     columns = []
     for frequencies, own, period in zip(_FREQUENCIES, phases, _PERIODS, strict=True):
-        sines = np.sin(2 * math.pi * np.outer(times, frequencies) + own).mean(axis=1)
+        sines = arrays.sin(2 * math.pi * np.outer(times, frequencies) + own).mean(axis=1)
         # From the middle of a step, so that its sum is around zero.
         steps = np.where(np.remainder(times / period + 0.25, 1.0) < 0.5, 1.0, -1.0)
         columns.append((sines + steps) / 2)

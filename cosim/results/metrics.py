@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.result import Result
+from plants import arrays
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest |
     for i, j in combinations(range(len(names)), 2):
         if not len(time) or (robots and not {names[i], names[j]} & set(robots)):
             continue
-        distance = np.hypot(*(position[:, i] - position[:, j]).T)
+        distance = arrays.hypot(*(position[:, i] - position[:, j]).T)
         nearest = int(distance.argmin())  # one that is not a number, if there is any
         if smallest is None or not distance[nearest] >= smallest.distance:
             smallest = Nearest(float(distance[nearest]), (names[i], names[j]), float(time[nearest]))

@@ -38,7 +38,7 @@ def desired_samples(
         duration = change.stop - change.start
         during = (times > change.start + ROUNDING) & (times < change.stop - ROUNDING)
         s = ((times[during] - change.start) / duration)[:, np.newaxis]
-        q[during] = before + (after - before) * (s**3 * (10 - 15 * s + 6 * s**2))
+        q[during] = before + (after - before) * (s * s * s * (10 - 15 * s + 6 * s**2))
         q_dot[during] = (after - before) / duration * (30 * s**2 * (1 - s) ** 2)
         q_ddot[during] = (after - before) / duration**2 * (60 * s * (1 - s) * (1 - 2 * s))
         q[times >= change.stop - ROUNDING] = after

@@ -13,8 +13,10 @@ from cosim.clock import ROUNDING
 from cosim.errors import InputError
 from cosim.scenario.csv_table import read_table
 from cosim.scenario.scenario import Trajectory
+from cosim.signals.spline import through
 from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Motion, PathMotion
+from plants import arrays
 
 Path = Callable[..., NDArray[np.float64]]
 """A path: its points (T, 2) at times (T,), or a derivative of them, whose order is the second argument."""
@@ -66,9 +68,9 @@ def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: ND
             trajectory.where,
         )
     (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
-    v = np.hypot(x_1, y_1)
+    v = arrays.hypot(x_1, y_1)
     _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")
-    heading = np.unwrap(np.arctan2(y_1, x_1))
+    heading = np.unwrap(arrays.atan2(y_1, x_1))
     turned = np.abs(np.diff(heading, prepend=heading[0])) > math.pi / 2
     _refuse(trajectory, times, turned, "turns by more than 90 degrees in a communication step", "it is no smooth path")
 
@@ -78,16 +80,17 @@ def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: ND
     n = x_1 * y_2 - y_1 * x_2
     n_dot = x_1 * y_3 - y_1 * x_3
     n_ddot = x_2 * y_3 + x_1 * y_4 - y_2 * x_3 - y_1 * x_4
-    kappa = n / v**3
-    kappa_dot = (n_dot - 3 * n * v_dot / v) / v**3
-    kappa_ddot = (n_ddot - (6 * n_dot * v_dot + 3 * n * v_ddot) / v + 12 * n * (v_dot / v) ** 2) / v**3
+    v_3 = v * v * v
+    kappa = n / v_3
+    kappa_dot = (n_dot - 3 * n * v_dot / v) / v_3
+    kappa_ddot = (n_ddot - (6 * n_dot * v_dot + 3 * n * v_ddot) / v + 12 * n * (v_dot / v) ** 2) / v_3
 
     length = on_path.steering_length(vehicle)
     if length is not None:
         _refuse(
             trajectory,
             times,
-            np.abs(np.arctan(length * kappa)) > MAX_STEERING,
+            np.abs(arrays.atan(length * kappa)) > MAX_STEERING,
             f"turns so tightly that the leader, {length:g} m long, would have to steer by more than 80 degrees",
             "give it a wider turn",
         )
@@ -97,8 +100,6 @@ def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: ND
 
 def _spline(trajectory: Trajectory, horizon: float) -> Path:
     """Return the path as a function of the time [s] and the order of the derivative, with values (T, 2) [m]."""
-    from scipy import interpolate  # slow to import, and few scenarios need it
-
     time, points = _points(trajectory)
     if len(time) < MIN_POINTS:
         raise InputError(f"the trajectory has {len(time)} points; at least {MIN_POINTS} are needed", trajectory.where)
@@ -114,8 +115,9 @@ def _spline(trajectory: Trajectory, horizon: float) -> Path:
         )
     try:
         if trajectory.smoothing == 0:
-            exact: Path = interpolate.make_interp_spline(time, points, k=5)
-            return exact
+            return through(time, points)
+        from scipy import interpolate  # slow to import, and few scenarios need it
+
         allowed = len(time) * trajectory.smoothing * trajectory.smoothing
         (spline, _), _, flag, _ = interpolate.splprep(points.T, u=time, k=5, s=allowed, full_output=1, quiet=1)
         if flag > 0:

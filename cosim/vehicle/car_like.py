@@ -34,6 +34,7 @@ from cosim.vehicle.words import (
     known_by,
     words,
 )
+from plants.elementary import atan, cos, tan
 
 
 def _refusal(evidence: Evidence) -> str:
@@ -88,14 +89,14 @@ _RECOGNISED = Recognised(
 
 def _course(vehicle: fc.CarLike, state: Sequence[float]) -> Course:
     x, y, heading, steering, v, rate = state
-    curvature = math.tan(steering) / vehicle.wheelbase
-    return Course(x, y, heading, v, curvature, rate / (math.cos(steering) ** 2 * vehicle.wheelbase))
+    curvature, c = tan(steering) / vehicle.wheelbase, cos(steering)
+    return Course(x, y, heading, v, curvature, rate / (vehicle.wheelbase * c * c))
 
 
 def _state(vehicle: fc.CarLike, course: Course) -> tuple[float, ...]:
     slope = vehicle.wheelbase * course.curvature
     rate = vehicle.wheelbase * course.curvature_rate / (1.0 + slope**2)
-    return course.x, course.y, course.heading, math.atan(slope), course.v, rate
+    return course.x, course.y, course.heading, atan(slope), course.v, rate
 
 
 def _motion(vehicle: fc.CarLike, path: PathMotion) -> Motion:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plants import arrays
+
 Floats = NDArray[np.float64]
 
 
@@ -49,10 +51,10 @@ class PathMotion:
 
     def steering(self, length: float) -> tuple[Floats, Floats, Floats]:
         """Return the steering angle of a vehicle of some length [m] and its two rates."""
-        steering = np.arctan(length * self.kappa)
-        cos_2 = np.cos(steering) ** 2
+        steering = arrays.atan(length * self.kappa)
+        cos_2 = arrays.cos(steering) ** 2
         steering_dot = length * self.kappa_dot * cos_2
-        steering_ddot = length * self.kappa_ddot * cos_2 - 2 * np.tan(steering) * steering_dot**2
+        steering_ddot = length * self.kappa_ddot * cos_2 - 2 * arrays.tan(steering) * steering_dot**2
         return steering, steering_dot, steering_ddot
 
 

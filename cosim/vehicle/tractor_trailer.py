@@ -28,6 +28,7 @@ from cosim.vehicle.words import (
     clue,
     known_by,
 )
+from plants.elementary import atan, cos, tan
 
 _TRACTOR = "tractor|truck|cab"
 
@@ -75,15 +76,15 @@ _RECOGNISED = Recognised(
 def _course(vehicle: fc.TractorTrailer, state: Sequence[float]) -> Course:
     x, y, heading, tractor, v, omega = state
     hitch = tractor - heading
-    curvature = math.tan(hitch) / vehicle.hitch_length
+    curvature, c = tan(hitch) / vehicle.hitch_length, cos(hitch)
     rate = omega - v * curvature
-    return Course(x, y, heading, v, curvature, rate / (math.cos(hitch) ** 2 * vehicle.hitch_length))
+    return Course(x, y, heading, v, curvature, rate / (vehicle.hitch_length * c * c))
 
 
 def _state(vehicle: fc.TractorTrailer, course: Course) -> tuple[float, ...]:
     slope = vehicle.hitch_length * course.curvature
     rate = vehicle.hitch_length * course.curvature_rate / (1.0 + slope**2)
-    tractor = course.heading + math.atan(slope)
+    tractor = course.heading + atan(slope)
     return course.x, course.y, course.heading, tractor, course.v, rate + course.v * course.curvature
 
 

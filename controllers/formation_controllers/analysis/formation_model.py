@@ -19,7 +19,6 @@ Its properties, for a robot with M2_dot - 2 C2 skew (as all our vehicles have, e
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -29,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from formation_controllers import dynamics, kinematics
 from formation_controllers.dynamics import ModelGains
+from formation_controllers.elementary import cos, sin_cos
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
 from formation_controllers.geometry import posture_error_rates
@@ -193,7 +193,7 @@ def formation_model(
     h_d = kinematics.steering_of(kinematics.steering_angle(told, car))
     R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
-    if not (np.isfinite(R).all() and abs(math.cos(phi - h.angle)) >= COSINE_MIN):
+    if not (np.isfinite(R).all() and abs(cos(phi - h.angle)) >= COSINE_MIN):
         raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h.angle:g} rad")
     R_inverse = np.linalg.inv(R)
     b = R_inverse @ delta
@@ -211,7 +211,7 @@ def formation_model(
         return rate
 
     # d(R^-1 delta)/de, with h = h_d - e_4, + e_3 if it is between two headings; there is no e_4 where nothing steers
-    c, s = np.cos(phi), np.sin(phi)
+    s, c = sin_cos(phi)
     turning = 1 if car.steering == kinematics.BY_HEADING else 0
     columns = [b_rate(c, -s / rho, 0, 0, 0), b_rate(s, c / rho, 0, 0, 0), b_rate(0, 0, 1, turning, 0)]
     if car.steering != kinematics.STEERS_NOT:

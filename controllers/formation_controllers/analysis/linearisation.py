@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from formation_controllers.analysis.formation_model import COSINE_MIN, FormationModel, ReducedDynamics, formation_model
 from formation_controllers.dynamics import ModelGains
+from formation_controllers.elementary import cos, sin
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats, Leader
 from formation_controllers.kinematics import geometry_of
@@ -46,7 +45,7 @@ def linearised(
     ControllerError
         If the range is zero or the bearing is 90 degrees, where R is singular.
     """
-    if rho <= 0 or abs(math.cos(bearing)) < COSINE_MIN:
+    if rho <= 0 or abs(cos(bearing)) < COSINE_MIN:
         raise ControllerError(f"a range of {rho:g} m at a bearing of {bearing:g} rad is singular, (8)")
     reduced = ReducedDynamics.of_vehicle(vehicle, model)
     ahead = geometry_of(vehicle).ahead
@@ -54,7 +53,7 @@ def linearised(
 
     def model_at(q_1: float, q_2: float) -> FormationModel:
         leader = own.copy()
-        leader[:2] = ahead + q_1 * math.cos(q_2), q_1 * math.sin(q_2)
+        leader[:2] = ahead + q_1 * cos(q_2), q_1 * sin(q_2)
         return formation_model(own, Leader(leader, leader_velocity), np.zeros(2), vehicle, reduced, exact=True)
 
     def held(q_1: float, q_2: float) -> Floats:

@@ -8,6 +8,7 @@ from cosim.signals.effects.bias import add
 from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
 from cosim.signals.random import random_stream
+from plants import arrays
 
 
 class Noise(OfEntries):
@@ -19,7 +20,7 @@ class Noise(OfEntries):
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
-        self._deviation = Schedule(self.element, rows, 0.0, np.hypot)
+        self._deviation = Schedule(self.element, rows, 0.0, arrays.hypot)
         self._streams = [
             (row, column, random_stream(rows.seed, robot, f"pose.{name}"))
             for row, (robot, names) in enumerate(zip(rows.robots, rows.channels, strict=True))

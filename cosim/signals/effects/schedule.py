@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,10 +24,10 @@ class Schedule:
     idle
         The amount where there is no effect.
     combine
-        How amounts that act at the same time add up, as a NumPy function of two arguments.
+        How amounts that act at the same time add up, as a function of two arrays or numbers.
     """
 
-    def __init__(self, kind: str, rows: Rows, idle: float, combine: np.ufunc) -> None:
+    def __init__(self, kind: str, rows: Rows, idle: float, combine: Callable[..., Floats]) -> None:
         self._shape = (len(rows.effects), rows.width)
         self._idle = idle
         self._combine = combine

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.scenario.scenario import WaveSource
 from cosim.signals.waves.wave import Sampling, Wave
+from plants.elementary import tan
 
 MIN_CUTOFF = 1e-6
 """Smallest cutoff, as part of the communication points' frequency: below it, rounding moves the filter's poles, which
@@ -31,13 +33,11 @@ class Random(Wave):
         The filter's state before the first sample is drawn from its stationary distribution, so there is nothing to
         settle. The factor is the one with which the standard deviation is exactly the value.
         """
-        from scipy.signal import sosfilt  # slow to import, and few scenarios need it
-
-        sos, spread, deviation = _low_pass(self._part(sampling.step))
+        low_pass = _low_pass(self._part(sampling.step))
         stream = sampling.stream()
-        start = spread @ stream.standard_normal(2)
-        course, _ = sosfilt(sos, stream.standard_normal(len(sampling.times)), zi=start[np.newaxis])
-        return np.where(self.acting(sampling.times), self.amount(sampling) / deviation * course, 0.0)
+        first, second = stream.standard_normal(2).tolist()
+        course = low_pass.filtered(first, second, stream.standard_normal(len(sampling.times)).tolist())
+        return np.where(self.acting(sampling.times), self.amount(sampling) / low_pass.deviation * course, 0.0)
 
     def _part(self, step: float) -> float:
         """Return the cutoff as part of the communication points' frequency."""
@@ -54,25 +54,51 @@ class Random(Wave):
         return part
 
 
-@cache
-def _low_pass(cutoff: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return a Butterworth low-pass of second order for white noise of variance 1.
+@dataclass(frozen=True)
+class _LowPass:
+    """A Butterworth low-pass of second order for white noise of variance 1.
 
-    Returns
-    -------
-    tuple
-        Its coefficients as `scipy.signal.sosfilt` takes them, the Cholesky factor (2, 2) of its state's stationary
-        covariance, and the standard deviation of its output.
+    Attributes
+    ----------
+    b, a : tuple
+        Coefficients of its numerator and, but the first, which is 1, of its denominator.
+    spread : tuple
+        Entries 11, 21 and 22 of the Cholesky factor of its state's stationary covariance.
+    deviation : float
+        The standard deviation of its output.
     """
-    from scipy.signal import butter
 
-    sos = butter(2, 2 * cutoff, output="sos")
-    b_0, b_1, b_2, _, a_1, a_2 = sos[0].tolist()
+    b: tuple[float, float, float]
+    a: tuple[float, float]
+    spread: tuple[float, float, float]
+    deviation: float
+
+    def filtered(self, first: float, second: float, values: list[float]) -> NDArray[np.float64]:
+        """Return the output; two numbers of variance 1 choose the state before the first value."""
+        (b_0, b_1, b_2), (a_1, a_2), (l_11, l_21, l_22) = self.b, self.a, self.spread
+        z_1, z_2 = l_11 * first, l_21 * first + l_22 * second
+        course = []
+        for u in values:
+            y = b_0 * u + z_1
+            z_1, z_2 = b_1 * u - a_1 * y + z_2, b_2 * u - a_2 * y
+            course.append(y)
+        return np.array(course)
+
+
+@cache
+def _low_pass(cutoff: float) -> _LowPass:
+    """Return the low-pass with a cutoff as part of the sampling frequency: the bilinear transform of 1/(s^2 + sqrt(2) s + 1)."""
+    k = tan(math.pi * cutoff)
+    damped, square = math.sqrt(2) * k, k * k
+    scale = 1 / (1 + damped + square)
+    b_0, b_1, b_2 = square * scale, 2 * square * scale, square * scale
+    a_1, a_2 = 2 * (square - 1) * scale, (1 - damped + square) * scale
     # Its state z, with z_1' = -a_1 z_1 + z_2 + c_1 u, z_2' = -a_2 z_1 + c_2 u and y = z_1 + b_0 u, has the covariance
     # p = A p A' + c c'. In this form, hardly a digit is lost where the poles are near to one.
     c_1, c_2 = b_1 - a_1 * b_0, b_2 - a_2 * b_0
-    p_11 = ((1 + a_2) * (c_1**2 + c_2**2) - 2 * a_1 * c_1 * c_2) / ((1 - a_2) * (1 + a_1 + a_2) * (1 + a_2 - a_1))
+    p_11 = ((1 + a_2) * (c_1 * c_1 + c_2 * c_2) - 2 * a_1 * c_1 * c_2) / ((1 - a_2) * (1 + a_1 + a_2) * (1 + a_2 - a_1))
     p_12 = (a_1 * a_2 * p_11 + c_1 * c_2) / (1 + a_2)
-    p_22 = a_2**2 * p_11 + c_2**2
+    p_22 = a_2 * a_2 * p_11 + c_2 * c_2
     l_11, l_21 = math.sqrt(p_11), p_12 / math.sqrt(p_11)
-    return sos, np.array([[l_11, 0.0], [l_21, math.sqrt(max(p_22 - l_21**2, 0.0))]]), math.sqrt(p_11 + b_0**2)
+    spread = l_11, l_21, math.sqrt(max(p_22 - l_21 * l_21, 0.0))
+    return _LowPass((b_0, b_1, b_2), (a_1, a_2), spread, math.sqrt(p_11 + b_0 * b_0))

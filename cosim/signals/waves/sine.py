@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.scenario.scenario import WaveSource
 from cosim.signals.waves.wave import Sampling, Wave
+from plants import arrays
 
 
 class Sine(Wave):
@@ -25,5 +26,5 @@ class Sine(Wave):
         """Return the values."""
         since = sampling.times - self.written.start
         course = np.full(len(since), self.amount(sampling))
-        course *= np.sin(2 * math.pi / self.period * since + self.phase)
+        course *= arrays.sin(2 * math.pi / self.period * since + self.phase)
         return np.where(self.acting(sampling.times), course, 0.0)
