@@ -1,4 +1,4 @@
-"""A quintic spline through points, in plain arithmetic: its bits are the same on every machine, those of LAPACK are not."""
+"""A quintic spline through points in plain arithmetic, whose bits, unlike those of LAPACK, no machine changes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Spline:
 
 
 def through(times: Floats, points: Floats) -> Spline:
-    """Return the spline through points (n, columns), n > `DEGREE`, that has no knot at the third and earlier ones from an end.
+    """Return the spline through points (n, columns), n > `DEGREE`; the first three and the last three are one piece.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def _b_splines(knots: Floats, degree: int, times: Floats) -> tuple[NDArray[np.in
 
 
 def _solved(rows: list[list[float]], sides: list[list[float]]) -> Floats:
-    """Solve a system of equations, each of which has but the unknowns near its own: elimination without exchange of rows.
+    """Solve equations, each of which has but the unknowns near its own, by elimination without exchange of rows.
 
     None is needed, as a matrix of B-splines is totally positive.
     """

@@ -87,7 +87,10 @@ class _LowPass:
 
 @cache
 def _low_pass(cutoff: float) -> _LowPass:
-    """Return the low-pass with a cutoff as part of the sampling frequency: the bilinear transform of 1/(s^2 + sqrt(2) s + 1)."""
+    """Return the low-pass with a cutoff as part of the sampling frequency.
+
+    It is the bilinear transform of 1/(s^2 + sqrt(2) s + 1).
+    """
     k = tan(math.pi * cutoff)
     damped, square = math.sqrt(2) * k, k * k
     scale = 1 / (1 + damped + square)
