@@ -15,8 +15,8 @@ OWN_FUNCTIONS = {
     "Max": "larger",
     "Min": "smaller",
 }
-"""Functions of SymPy, and their names in `plants.elementary` and `plants.logarithms`. A model may use others, such as erf:
-these come from a C library."""
+"""Functions of SymPy, and their names in `plants.elementary` and `plants.logarithms`. Others, such as erf, come
+from a C library."""
 
 
 class Powers:

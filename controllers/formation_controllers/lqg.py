@@ -18,6 +18,7 @@ import numpy as np
 
 from formation_controllers import dynamics, kinematics, robot_view, saturation
 from formation_controllers.analysis.linearisation import linearised
+from formation_controllers.analysis.small_matrices import held, inverse, product, riccati, solve
 from formation_controllers.compiled import compiled
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
@@ -169,20 +170,21 @@ def _design(
     vehicle: Vehicle, gains: LqgGains, period: float, rho: float, bearing: float
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Return Phi, Gamma, K, L and M for one desired range and bearing."""
-    import control
-
     A, B, M = linearised(vehicle, gains, gains.v_0, rho, bearing)
-    plant = control.c2d(control.ss(A, B, np.eye(STATES), 0), period)
-    Phi, Gamma = np.asarray(plant.A), np.asarray(plant.B)
+    Phi, Gamma = held(A, B, period)
     seen, nothing = np.eye(2, STATES), np.zeros((2, 2))
     with_integrals = np.block([[Phi, np.zeros((STATES, 2))], [period * seen, np.eye(2)]])
-    weights = np.square(np.concatenate([gains.q_max, gains.rate_max, gains.integral_max])) ** -1.0
-    cost, noise = np.square(gains.force_max) ** -1.0, np.diag(np.square(gains.q_noise))
+    pushed = np.vstack([Gamma, nothing])
+    weights = np.diag(1.0 / np.square(np.concatenate([gains.q_max, gains.rate_max, gains.integral_max])))
+    cost, noise = np.diag(1.0 / np.square(gains.force_max)), np.diag(np.square(gains.q_noise))
     try:
-        K, _, _ = control.dlqr(with_integrals, np.vstack([Gamma, nothing]), np.diag(weights), np.diag(cost))
-        _, P, _ = control.dlqe(Phi, Gamma, seen, np.diag(np.square(gains.force_noise)), noise)  # P of the prediction
-    except (np.linalg.LinAlgError, ValueError) as error:
+        X = riccati(with_integrals, pushed, weights, cost)
+        K = solve(cost + product(pushed.T, X, pushed), product(pushed.T, X, with_integrals))
+        disturbed = product(Gamma, np.diag(np.square(gains.force_noise)), Gamma.T)
+        P = riccati(Phi.T, seen.T, disturbed, noise)  # of the prediction
+        L = product(P, seen.T, inverse(product(seen, P, seen.T) + noise))
+    except np.linalg.LinAlgError as error:
         raise ControllerError(
             f"no linear-quadratic design exists for a range of {rho:g} m and a bearing of {bearing:g} rad: {error}"
         ) from None
-    return Phi, Gamma, np.asarray(K), P @ seen.T @ np.linalg.inv(seen @ P @ seen.T + noise), M
+    return Phi, Gamma, K, L, M

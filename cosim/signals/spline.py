@@ -55,9 +55,8 @@ def through(times: Floats, points: Floats) -> Spline:
     ends = [np.full(DEGREE + 1, time) for time in (times[0], times[-1])]
     knots = np.concatenate([ends[0], times[3:-3], ends[1]])
     first, weights = _b_splines(knots, DEGREE, times)
-    rows = np.zeros(
-        (len(times), 2 * DEGREE + 1)
-    )  # of a matrix, from DEGREE places before its diagonal to as many behind
+    # The rows of a matrix, each from DEGREE places before its diagonal to as many behind
+    rows = np.zeros((len(times), 2 * DEGREE + 1))
     for j, weight in enumerate(weights):
         rows[np.arange(len(times)), first + j - np.arange(len(times)) + DEGREE] = weight
     return Spline(knots, _solved(rows.tolist(), points.tolist()))

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation_controllers import dynamics, kinematics
+from formation_controllers.analysis.small_matrices import inverse, product, solve
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.elementary import cos, sin_cos
 from formation_controllers.errors import ControllerError
@@ -101,7 +102,7 @@ class ReducedDynamics:
 
     def swapped(self, pose: Floats, velocity: Floats) -> Floats:
         """Return the matrix that takes x to C2(x) velocity."""
-        return np.column_stack([self._c2(pose, axis) @ velocity for axis in np.eye(2)])
+        return np.column_stack([product(self._c2(pose, axis), velocity) for axis in np.eye(2)])
 
 
 @dataclass(frozen=True)
@@ -136,14 +137,13 @@ class FormationModel:
     def force(self, q_dot: ArrayLike, q_ddot: ArrayLike) -> Floats:
         """Return the left-hand side of (10) without disturbance, B tau (2,)."""
         rate = np.asarray(q_dot, dtype=float)
-        force: Floats = self.M @ np.asarray(q_ddot, dtype=float) + (self.C + self.D - self.D_bar) @ rate + self.f
-        return force
+        inertial = product(self.M, np.asarray(q_ddot, dtype=float))
+        return inertial + product(self.C + self.D - self.D_bar, rate) + self.f
 
     def acceleration(self, q_dot: ArrayLike, tau: ArrayLike) -> Floats:
         """Return q_ddot (2,) of (10) under the torques tau (2,)."""
         rest = self.force(q_dot, np.zeros(2))
-        acceleration: Floats = np.linalg.solve(self.M, self.B @ np.asarray(tau, dtype=float) - rest)
-        return acceleration
+        return solve(self.M, product(self.B, np.asarray(tau, dtype=float)) - rest)
 
 
 def formation_model(
@@ -195,9 +195,9 @@ def formation_model(
     delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
     if not (np.isfinite(R).all() and abs(cos(phi - h.angle)) >= COSINE_MIN):
         raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h.angle:g} rad")
-    R_inverse = np.linalg.inv(R)
-    b = R_inverse @ delta
-    velocity = R_inverse @ rates - b
+    R_inverse = inverse(R)
+    b = product(R_inverse, delta)
+    velocity = product(R_inverse, rates) - b
 
     # (6), (53)
     J, S = posture_error_rates(own, told, vehicle)
@@ -207,8 +207,7 @@ def formation_model(
         """Rate of R^-1 delta where these five change at these rates."""
         column = kinematics.rate_matrix_dot(rho, phi, h, rho_, phi_, h_, car)
         shift = kinematics.leader_rates_dot(rho, phi, e_3, v_d, rho_, phi_, e_3_, v_d_)
-        rate: Floats = R_inverse @ (np.array(shift) - np.array(column) * b[0])
-        return rate
+        return product(R_inverse, np.array(shift) - np.array(column) * b[0])
 
     # d(R^-1 delta)/de, with h = h_d - e_4, + e_3 if it is between two headings; there is no e_4 where nothing steers
     s, c = sin_cos(phi)
@@ -225,18 +224,18 @@ def formation_model(
     R_dot[:, 0] = kinematics.rate_matrix_dot(rho, phi, h, rates[0], rates[1] + h_dot, h_dot, car)
 
     M2, D2, B2 = reduced.at(own)
-    a = R_inverse @ rates
+    a = product(R_inverse, rates)
     c2_a, c2_b = _matrix("C2", reduced.C2, own, a), _matrix("C2", reduced.C2, own, b)
     twice = c2_b + reduced.swapped(own, b) if exact else 2 * c2_b
     to_force = R_inverse.T
+    b_rate_of_motion = product(b_e, J, b) - product(b_e, S, leader_velocity) - b_v_d * v_d_dot - b_h_d * h_d_dot
     return FormationModel(
-        M=to_force @ M2 @ R_inverse,
-        C=to_force @ (c2_a - M2 @ R_inverse @ R_dot) @ R_inverse,
-        D=to_force @ D2 @ R_inverse,
-        D_bar=to_force @ (M2 @ b_e @ J + twice) @ R_inverse,
-        f=to_force
-        @ (M2 @ (b_e @ J @ b - b_e @ S @ leader_velocity - b_v_d * v_d_dot - b_h_d * h_d_dot) + c2_b @ b - D2 @ b),
-        B=to_force @ B2,
+        M=product(to_force, M2, R_inverse),
+        C=product(to_force, c2_a - product(M2, R_inverse, R_dot), R_inverse),
+        D=product(to_force, D2, R_inverse),
+        D_bar=product(to_force, product(M2, b_e, J) + twice, R_inverse),
+        f=product(to_force, product(M2, b_rate_of_motion) + product(c2_b, b) - product(D2, b)),
+        B=product(to_force, B2),
         R=R,
         R_dot=R_dot,
         delta=delta,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from formation_controllers.analysis.formation_model import COSINE_MIN, FormationModel, ReducedDynamics, formation_model
+from formation_controllers.analysis.small_matrices import inverse, product, solve
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.elementary import cos, sin
 from formation_controllers.errors import ControllerError
@@ -59,7 +60,7 @@ def linearised(
     def held(q_1: float, q_2: float) -> Floats:
         """Return the formation force that holds range and bearing, less the one that keeps the leader's pace."""
         here = model_at(q_1, q_2)
-        return here.f - np.linalg.solve(here.R.T, reduced.at(own)[1] @ leader_velocity)
+        return here.f - solve(here.R.T, product(reduced.at(own)[1], leader_velocity))
 
     here, step = model_at(rho, bearing), 1e-5
     stiffness = np.column_stack(
@@ -71,7 +72,7 @@ def linearised(
     A = np.block(
         [
             [np.zeros((2, 2)), np.eye(2)],
-            [-np.linalg.solve(here.M, stiffness), -np.linalg.solve(here.M, here.C + here.D - here.D_bar)],
+            [-solve(here.M, stiffness), -solve(here.M, here.C + here.D - here.D_bar)],
         ]
     )
-    return A, np.vstack([np.zeros((2, 2)), np.linalg.inv(here.M)]), here.M
+    return A, np.vstack([np.zeros((2, 2)), inverse(here.M)]), here.M
