@@ -316,48 +316,41 @@ def near_tan(x: float) -> float:
     return select(abs(x) < TINY, x, slope(r, low, n))
 
 
-def far_sin_cos(x: float) -> tuple[float, float]:
-    """Return sine and cosine for |x| > FAR, NaN for infinity and NaN."""
+def far_functions(x: float) -> tuple[float, float, float]:
+    """Return sine, cosine and tangent for |x| > FAR, NaN for infinity and NaN."""
     if not abs(x) <= LARGEST:
-        return x - x, x - x
+        return x - x, x - x, x - x
     r, low, n = far_turn(x)
     sine, cosine = turned(r, low, n)
-    return copysign(1.0, x) * sine, cosine
-
-
-def far_tan(x: float) -> float:
-    """Return the tangent for |x| > FAR, NaN for infinity and NaN."""
-    if not abs(x) <= LARGEST:
-        return x - x
-    r, low, n = far_turn(x)
-    return copysign(1.0, x) * slope(r, low, n)
+    sign = copysign(1.0, x)
+    return sign * sine, cosine, sign * slope(r, low, n)
 
 
 def sin_cos(x: float) -> tuple[float, float]:
     """Return sine and cosine of an angle [rad]: for little more than the price of one."""
     if not abs(x) <= FAR:
-        return far_sin_cos(x)
+        return far_functions(x)[0], far_functions(x)[1]
     return near_sin_cos(x)
 
 
 def sin(x: float) -> float:
     """Return the sine of an angle [rad]."""
     if not abs(x) <= FAR:
-        return far_sin_cos(x)[0]
+        return far_functions(x)[0]
     return near_sin(x)
 
 
 def cos(x: float) -> float:
     """Return the cosine of an angle [rad]."""
     if not abs(x) <= FAR:
-        return far_sin_cos(x)[1]
+        return far_functions(x)[1]
     return near_cos(x)
 
 
 def tan(x: float) -> float:
     """Return the tangent of an angle [rad]."""
     if not abs(x) <= FAR:
-        return far_tan(x)
+        return far_functions(x)[2]
     return near_tan(x)
 
 
