@@ -1,0 +1,67 @@
+"""Digests of the results of all scenarios, which every machine has to reproduce to the last bit.
+
+    python tests/same_bits.py            compares shortened runs with tests/same_bits.txt, as the tests do
+    python tests/same_bits.py --full     compares whole runs with tests/same_bits_full.txt
+    python tests/same_bits.py --renew    writes the file anew, after a change that is meant to alter numbers
+
+A line of a file: scenario, variable, the first 16 digits of the SHA-256 of its bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+import cosim
+
+ROOT = Path(__file__).parent.parent
+HORIZON = 1.0
+"""Of a shortened run [s]; the first second holds the start of every law, plant, sensor, actuator and signal."""
+
+
+def kept(full: bool) -> Path:
+    """Return the file that keeps the digests."""
+    return Path(__file__).with_name("same_bits_full.txt" if full else "same_bits.txt")
+
+
+def digests(scenario: Path, horizon: float | None = HORIZON) -> Iterator[tuple[str, str, str]]:
+    """Yield scenario, variable and digest for each numeric variable of a run."""
+    read = cosim.read_scenario(scenario)
+    result = cosim.run(read if horizon is None else read.edited(horizon=horizon, expectations=False))
+    for name, variable in sorted(result.variables.items()):
+        values = np.ascontiguousarray(variable.values)
+        if values.dtype.kind in "fiub":
+            yield scenario.stem, str(name), hashlib.sha256(values.tobytes()).hexdigest()[:16]
+
+
+def differences(found: Iterable[tuple[str, str, str]], file: Path) -> list[str]:
+    """Return the variables whose digests differ from those of a file, or are not in it."""
+    wanted = {(scenario, name): digest for scenario, name, digest in map(str.split, file.read_text().splitlines())}
+    return [f"{scenario}: {name}" for scenario, name, digest in found if wanted.get((scenario, name)) != digest]
+
+
+def main() -> int:
+    """Compare or renew."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("--full", action="store_true", help="run the scenarios up to their own horizons")
+    parser.add_argument("--renew", action="store_true", help="write the file instead of comparing with it")
+    parser.add_argument("--horizon", type=float, default=HORIZON, help=argparse.SUPPRESS)
+    parser.add_argument("scenarios", nargs="*", type=Path, help="all of the project's if left out")
+    options = parser.parse_args()
+    paths = options.scenarios or sorted((ROOT / "scenarios").glob("*.xml"))
+    found = [line for path in paths for line in digests(path, None if options.full else options.horizon)]
+    if options.renew:
+        kept(options.full).write_text("".join(f"{' '.join(line)}\n" for line in found))
+        return 0
+    different = differences(found, kept(options.full))
+    print(*different, f"{len(found) - len(different)} of {len(found)} variables are the same", sep="\n")
+    return 1 if different else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
