@@ -214,7 +214,7 @@ class _Function:
                 return f"{self._text(value)}[{self._bare(index)}]"
             case ast.Call(func=ast.Name(id="select"), args=[condition, a, b]):
                 return f"({self._text(condition)} ? {self._text(a)} : {self._text(b)})"
-            case ast.Call(func=ast.Name(id=name), args=arguments):
+            case ast.Call(func=ast.Name(id=name), args=arguments) if name in {*_PRIMITIVES, *self._results}:
                 function = _PRIMITIVES[name][0] if name in _PRIMITIVES else f"{PREFIX}{name}"
                 return f"{function}({', '.join(map(self._bare, arguments))})"
         raise ValueError(f"no C is known for: {ast.unparse(node)}")
