@@ -3,6 +3,7 @@
     python tests/same_bits.py            compares shortened runs with tests/same_bits.txt, as the tests do
     python tests/same_bits.py --full     compares whole runs with tests/same_bits_full.txt
     python tests/same_bits.py --renew    writes the file anew, after a change that is meant to alter numbers
+    python tests/same_bits.py --list     prints what would be written
 
 A line of a file: scenario, variable, the first 16 digits of the SHA-256 of its bytes.
 """
@@ -50,13 +51,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--full", action="store_true", help="run the scenarios up to their own horizons")
     parser.add_argument("--renew", action="store_true", help="write the file instead of comparing with it")
+    parser.add_argument("--list", action="store_true", help="print the digests instead of comparing them")
     parser.add_argument("--horizon", type=float, default=HORIZON, help=argparse.SUPPRESS)
     parser.add_argument("scenarios", nargs="*", type=Path, help="all of the project's if left out")
     options = parser.parse_args()
     paths = options.scenarios or sorted((ROOT / "scenarios").glob("*.xml"))
     found = [line for path in paths for line in digests(path, None if options.full else options.horizon)]
+    text = "".join(f"{' '.join(line)}\n" for line in found)
     if options.renew:
-        kept(options.full).write_text("".join(f"{' '.join(line)}\n" for line in found))
+        kept(options.full).write_text(text)
+    if options.list:
+        print(text, end="")
+    if options.renew or options.list:
         return 0
     different = differences(found, kept(options.full))
     print(*different, f"{len(found) - len(different)} of {len(found)} variables are the same", sep="\n")
