@@ -15,6 +15,7 @@ from cosim.results.metrics import Nearest
 from cosim.results.outlines import Outlined, outlined_followers
 from cosim.results.result import Result
 from cosim.vehicle.outline import Floats, frames
+from plants import arrays
 
 Indices: TypeAlias = NDArray[np.intp]
 
@@ -152,8 +153,8 @@ def _bodies(followers: Iterable[Outlined]) -> _Bodies:
         corners=np.ascontiguousarray(padded.transpose(2, 1, 0)),
         radius=np.sqrt(np.square(padded).sum(axis=-1).max(axis=1)),
         middle=np.ascontiguousarray(np.stack(middles, axis=1).transpose(2, 0, 1)),
-        cos=np.cos(heading),
-        sin=np.sin(heading),
+        cos=arrays.cos(heading),
+        sin=arrays.sin(heading),
     )
 
 

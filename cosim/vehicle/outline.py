@@ -14,6 +14,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from plants import arrays
+
 Floats = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float]
 
@@ -63,7 +65,7 @@ class Frame(NamedTuple):
     def place(self, points: Sequence[Point] | Floats) -> Floats:
         """Return points (n, 2) of the part's frame in the plane, (..., n, 2)."""
         x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
-        cos, sin = np.cos(self.heading)[..., np.newaxis], np.sin(self.heading)[..., np.newaxis]
+        cos, sin = arrays.cos(self.heading)[..., np.newaxis], arrays.sin(self.heading)[..., np.newaxis]
         return self.origin[..., np.newaxis, :] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
