@@ -41,9 +41,13 @@ def digests(scenario: Path, horizon: float | None = HORIZON) -> Iterator[tuple[s
 
 
 def differences(found: Iterable[tuple[str, str, str]], file: Path) -> list[str]:
-    """Return the variables whose digests differ from those of a file, or are not in it."""
-    wanted = {(scenario, name): digest for scenario, name, digest in map(str.split, file.read_text().splitlines())}
-    return [f"{scenario}: {name}" for scenario, name, digest in found if wanted.get((scenario, name)) != digest]
+    """Return the variables of a file that the scenarios found do not have, or with other digests."""
+    digest = {(scenario, name): digest for scenario, name, digest in found}
+    run = {scenario for scenario, _ in digest}
+    kept = map(str.split, file.read_text().splitlines())
+    return [
+        f"{scenario}: {name}" for scenario, name, d in kept if scenario in run and digest.get((scenario, name)) != d
+    ]
 
 
 def main() -> int:
