@@ -105,18 +105,18 @@ def _form(value: Any) -> Any:
 
 def _teach_elementary() -> None:
     """Let compiled code call the functions of `elementary`, from the same text that Python runs."""
-    from llvmlite import ir
     from numba.extending import intrinsic, overload, register_jitable
 
-    def reinterpreted(given: Any, taken: Any, llvm: Any) -> Any:
+    def reinterpreted(given: Any, taken: Any) -> Any:
         @intrinsic
-        def bits(context: Any, value: Any) -> Any:
-            return taken(given), lambda context, builder, signature, arguments: builder.bitcast(arguments[0], llvm)
+        def bits(typing: Any, value: Any) -> Any:
+            return taken(given), lambda context, builder, _, values: builder.bitcast(
+                values[0], context.get_value_type(taken)
+            )
 
         return bits
 
-    to_bits = reinterpreted(numba.float64, numba.int64, ir.IntType(64))
-    from_bits = reinterpreted(numba.int64, numba.float64, ir.DoubleType())
+    to_bits, from_bits = reinterpreted(numba.float64, numba.int64), reinterpreted(numba.int64, numba.float64)
     meanings: dict[Callable[..., Any], Callable[..., Any]] = {
         elementary.to_bits: lambda x: to_bits(x),
         elementary.from_bits: lambda i: from_bits(i),
