@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -72,11 +73,7 @@ def address_of(function: Callable[..., Any], *arguments: Any) -> int:
         return _functions.index(function)
     key = function, _form(arguments)
     if key not in _addresses:
-        import numba
-
-        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-        function.compile(types)  # type: ignore[attr-defined]
-        overload = function.overloads[types]  # type: ignore[attr-defined]
+        _entry, overload = _compile(function, arguments)
         _addresses[key] = int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
     return _addresses[key]
 
@@ -90,15 +87,23 @@ def entry_of(function: F, *arguments: Any) -> F:
         return function
     key = function, _form(arguments)
     if key not in _entries:
-        import numba
-
-        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-        _entries[key] = function.compile(types)
+        _entries[key], _overload = _compile(function, arguments)
     return _entries[key]  # type: ignore[return-value]
 
 
-_entries: dict[tuple[Callable[..., Any], Any], Callable[..., Any]] = {}
 _addresses: dict[tuple[Callable[..., Any], Any], int] = {}
+_entries: dict[tuple[Callable[..., Any], Any], Callable[..., Any]] = {}
+
+
+def _compile(function: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], Any]:
+    """Compile a function for the types of arguments; return what Python calls, and what Numba knows of it."""
+    import numba
+
+    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+    with warnings.catch_warnings():  # that records of one law begin as those of another that is compiled
+        warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+        entry = function.compile(types)
+    return entry, function.overloads[types]
 
 
 def _form(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -87,7 +88,9 @@ def compiled_for(function: F, *arguments: Any) -> F:
     key = function, _form(arguments)
     if key not in _entries:
         types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-        _entries[key] = function.compile(types)
+        with warnings.catch_warnings():  # that records of one law begin as those of another that is compiled
+            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            _entries[key] = function.compile(types)
     return _entries[key]  # type: ignore[return-value]
 
 

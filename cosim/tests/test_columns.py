@@ -1,11 +1,15 @@
 """Robots of different kinds in one array: entries of one meaning share a column, the rest is NaN."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cosim.master.team_arrays import Driving, TeamArrays
+from cosim.master.loop import give
+from cosim.master.team_arrays import TeamArrays
+from cosim.master.wiring import driving_of
 from cosim.vehicle.car_like import CAR_LIKE
 from cosim.vehicle.columns import columns, run_columns
 from cosim.vehicle.differential_drive import DIFFERENTIAL_DRIVE
@@ -65,10 +69,16 @@ def test_the_arrays_are_as_wide_as_the_kinds_need(kinds: tuple[Kind, ...]) -> No
 
 def test_plants_are_given_their_own_commands_and_inputs() -> None:
     one = replace(DIFFERENTIAL_DRIVE, name="one", command=DIFFERENTIAL_DRIVE.command[:1])
-    torque = np.array([[0.0, 0.0], [1.0, np.nan], [2.0, 3.0]])
-    none = np.zeros((2, 0))
-    assert Driving(torque, 1, [one, CAR_LIKE], [none, none]).given(0).tolist() == [1.0, 2.0, 3.0]
-    inputs = np.array([[7.0], [8.0]])
-    driving = Driving(torque, 1, [one, CAR_LIKE], [inputs, none])
-    assert driving.given(0).tolist() == [1.0, 7.0, 2.0, 3.0]
-    assert driving.given(1).tolist() == [1.0, 8.0, 2.0, 3.0]
+    now = TeamArrays([CAR_LIKE, one, CAR_LIKE])
+    now.torque[1:] = [[1.0, np.nan], [2.0, 3.0]]
+    none, inputs = np.zeros((2, 0)), np.array([[7.0], [8.0]])
+
+    def given(samples: np.ndarray, tick: int) -> list[float]:
+        robots: list[Any] = [SimpleNamespace(kind=one, samples=samples), SimpleNamespace(kind=CAR_LIKE, samples=none)]
+        driving = driving_of(now, 1, robots)
+        give(driving, tick)
+        return driving.given.tolist()
+
+    assert given(none, 0) == [1.0, 2.0, 3.0]
+    assert given(inputs, 0) == [1.0, 7.0, 2.0, 3.0]
+    assert given(inputs, 1) == [1.0, 8.0, 2.0, 3.0]

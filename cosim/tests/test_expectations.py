@@ -20,6 +20,7 @@ from cosim.errors import InputError, Location, SimulationError
 from cosim.kinds_by_element import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
+from cosim.master.segment import Segment
 from cosim.master.simulation import Simulation
 from cosim.results import expectations
 from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
@@ -546,14 +547,14 @@ def test_ctrl_c_while_the_other_scenario_runs(tmp_path: Path, monkeypatch: pytes
     stale = tmp_path / "example" / "summary.json"
     stale.parent.mkdir()
     stale.touch()
-    original = Simulation.step
+    original = Simulation._segment
 
-    def step(self: Simulation) -> None:
-        if self.scenario.path == other and self.tick == 30:
+    def segment(self: Simulation, length: Segment) -> None:
+        if self.scenario.path == other and self.tick > 20:
             signal.raise_signal(signal.SIGINT)
-        original(self)
+        original(self, length)
 
-    monkeypatch.setattr(Simulation, "step", step)
+    monkeypatch.setattr(Simulation, "_segment", segment)
     assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 130
     assert load(tmp_path / "example" / "result.nc").attrs["status"] == "completed"
     assert not stale.exists()

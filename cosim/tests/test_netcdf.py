@@ -82,7 +82,7 @@ def diverged() -> Result:
 
 def interrupted() -> Result:
     def stop(tick: int) -> None:
-        if tick == 3:
+        if tick > 3:
             raise KeyboardInterrupt
 
     scenario = cosim.read_scenario(EXAMPLE).edited(**SHORT)
