@@ -34,6 +34,10 @@ MAX_BYTES = 4 * 1024**3
 """Upper limit for the records of a run, and for the signals that drive it."""
 
 
+LEAST_BYTES = 88
+"""A robot records about as much a tick, however few entries its kind has: poses, velocities, measurements, torques."""
+
+
 @dataclass(frozen=True)
 class Setup:
     """Everything that a run of a scenario needs.
@@ -95,7 +99,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         A part does not exist or does not fit; the message has its place in the scenario.
     """
     fmus = open_fmus(scenario, cleanup, timing)
-    _check_size(scenario, 60 * (1 + len(scenario.followers)))  # before any array of that size is made
+    _check_size(scenario, LEAST_BYTES * (1 + len(scenario.followers)))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = leader_of(scenario, fmus)
         motion = None
