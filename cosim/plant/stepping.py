@@ -130,33 +130,43 @@ class Rows:
 
 
 @compiled
-def read_outputs(row: np.void) -> tuple[int, int]:
-    """Read the outputs of one plant, if they are read here; return the failure and the status."""
+def _give_2(row: np.void) -> int:
+    """Give the inputs of FMI 1.0 or 2.0; return the status."""
+    return _exchange(row["set"], (row["component"], row["in_names"], row["in_count"], row["in_values"]))
+
+
+@compiled
+def _read_2(row: np.void) -> tuple[int, int]:
+    """Do what `read_outputs` does, for FMI 1.0 and 2.0."""
     if row["out_count"] == 0:
         return FINE, 0
-    if row["version"] == 3:
-        arguments = (row["component"], row["out_names"], row["out_count"], row["out_values"], row["out_size"])
-        status = _exchange_3(row["get"], arguments)
-    else:
-        status = _exchange(row["get"], (row["component"], row["out_names"], row["out_count"], row["out_values"]))
+    status = _exchange(row["get"], (row["component"], row["out_names"], row["out_count"], row["out_values"]))
+    return (RETURN if status > WARNING else FINE), status
+
+
+@compiled
+def read_outputs(row: np.void) -> tuple[int, int]:
+    """Read the outputs of one plant, if they are read here; return the failure and the status."""
+    if row["version"] != 3:
+        return _read_2(row)
+    if row["out_count"] == 0:
+        return FINE, 0
+    arguments = (row["component"], row["out_names"], row["out_count"], row["out_values"], row["out_size"])
+    status = _exchange_3(row["get"], arguments)
     return (RETURN if status > WARNING else FINE), status
 
 
 @compiled
 def _advance_slave(row: np.void, time: float, step: float) -> tuple[int, int]:
     """Advance a Co-Simulation FMU of FMI 1.0 or 2.0: a function of its own takes half the time."""
-    component = row["component"]
     if row["in_count"] > 0:
-        status = _exchange(row["set"], (component, row["in_names"], row["in_count"], row["in_values"]))
+        status = _give_2(row)
         if status > WARNING:
             return ACCEPT, status
-    status = _do_step(row["step"], (component, time, step, np.int32(1)))
+    status = _do_step(row["step"], (row["component"], time, step, np.int32(1)))
     if status > WARNING:
         return COMPLETE, status
-    if row["out_count"] == 0:
-        return FINE, 0
-    status = _exchange(row["get"], (component, row["out_names"], row["out_count"], row["out_values"]))
-    return (RETURN if status > WARNING else FINE), status
+    return _read_2(row)
 
 
 @compiled
@@ -207,7 +217,7 @@ def _advance_other(
             arguments = (row["component"], row["in_names"], row["in_count"], row["in_values"], row["in_size"])
             status = _exchange_3(row["set"], arguments)
         else:
-            status = _exchange(row["set"], (row["component"], row["in_names"], row["in_count"], row["in_values"]))
+            status = _give_2(row)
         if status > WARNING:
             return ACCEPT, status
     if jump:
