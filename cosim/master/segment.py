@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
+
+from cosim.master.ticks import Ticks
+from cosim.signals.chain import WINDOW
 
 SHORTEST, LONGEST = 0.02, 0.2
 """A segment takes about so long [s]: long enough to be fast, short enough to answer Ctrl-C and to show progress."""
-
-
-class Runs(Protocol):
-    """Runs up to so many ticks, if it can."""
-
-    def some(self, most: int) -> bool:
-        """Return whether that was possible."""
 
 
 class Segment:
@@ -22,14 +17,14 @@ class Segment:
     def __init__(self) -> None:
         self.ticks = 8
 
-    def run(self, ticks: Runs) -> bool:
+    def run(self, ticks: Ticks) -> bool:
         """Run a segment; return whether that was possible."""
         started = time.perf_counter()
         if not ticks.some(self.ticks):
             return False
         taken = time.perf_counter() - started
         if taken < SHORTEST:
-            self.ticks *= 2
+            self.ticks = min(2 * self.ticks, WINDOW)
         elif taken > LONGEST:
             self.ticks = max(self.ticks // 2, 1)
         return True
