@@ -34,10 +34,6 @@ MAX_BYTES = 4 * 1024**3
 """Upper limit for the records of a run, and for the signals that drive it."""
 
 
-LEAST_BYTES = 88
-"""A robot records about as much a tick, however few entries its kind has: poses, velocities, measurements, torques."""
-
-
 @dataclass(frozen=True)
 class Setup:
     """Everything that a run of a scenario needs.
@@ -99,7 +95,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         A part does not exist or does not fit; the message has its place in the scenario.
     """
     fmus = open_fmus(scenario, cleanup, timing)
-    _check_size(scenario, LEAST_BYTES * (1 + len(scenario.followers)))  # before any array of that size is made
+    _check_size(scenario, _least_bytes(scenario, fmus))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = leader_of(scenario, fmus)
         motion = None
@@ -152,6 +148,13 @@ def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:
             f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, more than "
             f"{MAX_BYTES // 1024**3} GiB: shorten its horizon or lengthen its step"
         )
+
+
+def _least_bytes(scenario: Scenario, fmus: Mapping[str, Fmu]) -> int:
+    """Return what is recorded at a tick for any laws: states and commands, of followers also measured poses."""
+    leader, *followers = [fmus[name].binding.kind for name in _plants_of(scenario)]
+    numbers = sum(len(kind.states) + len(kind.command) for kind in (leader, *followers))
+    return 8 * (numbers + sum(len(kind.pose) for kind in followers))
 
 
 def _plants_of(scenario: Scenario) -> list[str]:
