@@ -71,11 +71,8 @@ def address_of(function: Callable[..., Any], *arguments: Any) -> int:
         if function not in _functions:
             _functions.append(function)
         return _functions.index(function)
-    key = function, _form(arguments)
-    if key not in _addresses:
-        _entry, overload = _compile(function, arguments)
-        _addresses[key] = int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
-    return _addresses[key]
+    _entry, address = _compiled_for(function, arguments)
+    return address
 
 
 def entry_of(function: F, *arguments: Any) -> F:
@@ -85,25 +82,26 @@ def entry_of(function: F, *arguments: Any) -> F:
     """
     if not hasattr(function, "compile"):
         return function
+    entry, _address = _compiled_for(function, arguments)
+    return entry  # type: ignore[return-value]
+
+
+_known: dict[tuple[Callable[..., Any], Any], tuple[Callable[..., Any], int]] = {}
+
+
+def _compiled_for(function: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], int]:
+    """Compile a function for the types of arguments; return what Python calls, and the address for compiled code."""
     key = function, _form(arguments)
-    if key not in _entries:
-        _entries[key], _overload = _compile(function, arguments)
-    return _entries[key]  # type: ignore[return-value]
+    if key not in _known:
+        import numba
 
-
-_addresses: dict[tuple[Callable[..., Any], Any], int] = {}
-_entries: dict[tuple[Callable[..., Any], Any], Callable[..., Any]] = {}
-
-
-def _compile(function: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], Any]:
-    """Compile a function for the types of arguments; return what Python calls, and what Numba knows of it."""
-    import numba
-
-    types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
-    with warnings.catch_warnings():  # that records of one law begin as those of another that is compiled
-        warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-        entry = function.compile(types)
-    return entry, function.overloads[types]
+        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+        with warnings.catch_warnings():  # that records of one law begin as those of another that is compiled
+            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            entry = function.compile(types)
+        overload = function.overloads[types]
+        _known[key] = entry, int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+    return _known[key]
 
 
 def _form(value: Any) -> Any:

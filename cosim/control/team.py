@@ -219,7 +219,7 @@ class Team:
             record: NDArray[np.void] = self.controller.telemetry_record
             if record is self._record:
                 return self._numbers
-            if record.dtype != self.telemetry_type or record.shape != self.rows.shape:
+            if not self._is_stated(record):
                 raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
         except (Exception, SystemExit) as error:
             raise self._failure(error, time) from error
@@ -238,12 +238,14 @@ class Team:
             tick = self.controller.compiled_tick()
         except Exception:  # it will fail again when it is stepped, and be reported there
             return None
-        fits = record.dtype == self.telemetry_type and record.shape == self.rows.shape and record.flags.c_contiguous
-        return tick if fits and self._alike else None
+        return tick if self._is_stated(record) and record.flags.c_contiguous and self._alike else None
 
     def not_finite(self, command: NDArray[np.float64], time: float) -> SimulationError:
         """Return the failure of a controller that returned commands (n, entries) which are not finite."""
         return self._failure(self.controller.not_finite(command), time)
+
+    def _is_stated(self, record: NDArray[np.void]) -> bool:
+        return record.dtype == self.telemetry_type and record.shape == self.rows.shape
 
     def _failure(self, error: BaseException, time: float, variable: str = "") -> SimulationError:
         row = error.robot if isinstance(error, fc.ControllerError) else None
