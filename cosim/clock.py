@@ -43,6 +43,8 @@ class Clock:
 
     def off_tick(self, time: float) -> str:
         """Return why no tick is at a time [s], the subject; empty if there is one, maybe after the horizon."""
+        if not math.isfinite(time / self.step):
+            return f"is too long for steps of {self.step:g} s"
         if whole(time / self.step) is not None:
             return ""
         before = math.floor(time / self.step)
@@ -65,6 +67,8 @@ def tick_at(time: float, step: float) -> int:
 
 def whole(number: float) -> int | None:
     """Return the whole number that a computed one is meant to be; None if it is meant to be none."""
+    if not math.isfinite(number):
+        return None
     nearest = round(number)
     return nearest if abs(number - nearest) <= ROUNDING * max(abs(nearest), 1) else None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -46,9 +47,9 @@ class InputError(FormationError):
     """Something that the user gave is wrong: a file, an option, a value."""
 
     def __init__(self, message: str, where: Location | None = None) -> None:
-        self.message = message
+        self.message = brief(message)
         self.where = where
-        super().__init__(f"{where}: {message}" if where else message)
+        super().__init__(f"{where}: {self.message}" if where else self.message)
 
 
 class UnboundVelocities(InputError):
@@ -168,6 +169,48 @@ def interruption(time: float) -> Failure:
 def printable(text: str) -> str:
     """Return a text of unknown origin without characters that control a terminal, but for the line's end."""
     return "".join("?" if unicodedata.category(c) in ("Cc", "Cf", "Cs") and c != "\n" else c for c in text)
+
+
+_LINE = 200
+"""Characters of a quoted value that a message shows in full."""
+_WORD = 500
+"""Characters of a path, or of anything else without a space, that a message shows in full."""
+_MESSAGE = 10_000
+"""Characters of a message; only the output of a compiler has as many."""
+
+
+def shown(value: str) -> str:
+    """Return at most a line of a value, to be shown without quotes."""
+    line = value.partition("\n")[0]
+    return value if line == value and len(value) <= _LINE else f"{line[: _LINE - 3]}..."
+
+
+def brief(message: str) -> str:
+    """Return a message in which each quoted value, and each path, is at most about a line long."""
+    if len(message) <= _LINE:
+        return message
+    parts: list[str] = []
+    at = 0
+    unclosed: set[str] = set()
+    while opening := _OPENING.search(message, at):
+        quote, begin = opening[0], opening.end()
+        parts.append(message[at:begin])
+        at = begin
+        closing = None if quote in unclosed else _CLOSING[quote].search(message, begin)
+        if closing is None:
+            unclosed.add(quote)
+            continue
+        value = message[begin : closing.start()]
+        parts += [shown(value), quote]
+        at = closing.end()
+    parts.append(message[at:])
+    text = _LONG_WORD.sub(lambda word: f"{word[0][: _WORD // 2]}...{word[0][-_WORD // 2 :]}", "".join(parts))
+    return text if len(text) <= _MESSAGE else f"{text[:_MESSAGE]}..."
+
+
+_OPENING = re.compile(r"""(?<!\w)["']""")
+_CLOSING = {quote: re.compile(rf"{quote}(?!\w)") for quote in ("'", '"')}
+_LONG_WORD = re.compile(rf"\S{{{_WORD + 10},}}")
 
 
 MAX_NAMES = 40

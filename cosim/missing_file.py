@@ -23,7 +23,7 @@ def absent(path: Path) -> str:
     try:
         names = os.listdir(path.parent)
     except OSError:
-        if path.parent.exists() or path.parent == path:
+        if os.path.exists(path.parent) or path.parent == path:
             return sentence
         return f"{sentence}, nor a folder {path.parent}"
     alike = [name for name in names if Path(name).suffix.lower() == path.suffix.lower() or not path.suffix][:MAX_NAMES]

@@ -12,7 +12,7 @@ from xml.parsers import expat
 
 import pytest
 
-from cosim.errors import FormationError
+from cosim.errors import FormationError, printable
 
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr, TracebackStyle
@@ -44,7 +44,17 @@ class ScenarioItem(pytest.Item):
     """A scenario as a test: it runs, and its expectations hold or fail as they are marked."""
 
     def runtest(self) -> None:
-        """Run the scenario and judge it."""
+        """Run the scenario and judge it; whatever nobody foresaw becomes an error with a sentence."""
+        from cosim.unforeseen import foreseen
+
+        try:
+            self._run()
+        except (_NotAsExpected, FormationError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise foreseen(error, str(self._shown_path())) from error
+
+    def _run(self) -> None:
         from functools import partial
 
         from cosim.master.other_runs import run_other
@@ -65,18 +75,18 @@ class ScenarioItem(pytest.Item):
             raise _NotAsExpected(summary)
         known = dict.fromkeys(verdict.known_failure for verdict in summary.verdicts if not verdict.passed)
         if known:
-            pytest.xfail("; ".join(known))
+            pytest.xfail(printable("; ".join(known)))
         if not summary.passed:  # the option --runxfail: pytest treats a marked failure like any other
             raise _NotAsExpected(summary)
 
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
     ) -> str | TerminalRepr:
-        """Return the report: verdicts, or one sentence on the fault; a traceback only of a fault of ours."""
+        """Return the report: verdicts, or one sentence on the fault."""
         if isinstance(excinfo.value, _NotAsExpected):
-            return "\n".join(_report(excinfo.value.summary))
+            return printable("\n".join(_report(excinfo.value.summary)))
         if isinstance(excinfo.value, FormationError):
-            return str(excinfo.value)
+            return printable(str(excinfo.value))
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
@@ -114,7 +124,7 @@ def is_scenario(path: Path) -> bool:
     except _Found as found:
         if found.root:
             return found.root in _ROOTS
-    except (expat.ExpatError, ValueError, LookupError):  # the latter of an encoding that Python does not know
+    except Exception:  # its test reports what is wrong
         pass
     return NAMESPACE.encode() in start
 

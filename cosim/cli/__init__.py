@@ -1,7 +1,8 @@
 """The command line ``formation``.
 
 Exit status: 0 all expectations hold; 1 an expectation failed; 2 bad input; 3 the simulation itself failed;
-130 interrupted. A command imports its libraries when it runs, so that the others start at once.
+70 a fault of Formation itself; 71 the machine lacks something; 130 interrupted. A command imports its libraries when it
+runs, so that the others start at once.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from cosim.cli.completing import SHELLS
-from cosim.cli.console import err, report
+from cosim.cli.console import err
+from cosim.cli.ending import ended_by
 from cosim.cli.help_texts import explain
 from cosim.cli.options import Lazy, Parser
-from cosim.errors import FormationError
 
 INTERRUPTED = 130
 
@@ -34,19 +35,21 @@ def entry() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
-    options = _parser().options(arguments)
+    try:
+        options = _parser().options(arguments)
+    except Exception as error:
+        return ended_by(error)[1]
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # `kill` and `timeout` clean up as Ctrl-C does
     try:
         started = time.perf_counter()
         function = _function(options.command)
         options.imports = time.perf_counter() - started
         return function(options)
-    except FormationError as error:
-        report(error)
-        return error.exit_status
     except KeyboardInterrupt:
         err().print("interrupted")
         return INTERRUPTED
+    except (Exception, SystemExit) as error:  # code of others may call sys.exit()
+        return ended_by(error)[1]
 
 
 def _kinds() -> list[str]:

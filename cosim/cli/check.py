@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from contextlib import ExitStack
 
-from cosim.cli.console import out, report, verbatim, warn
+from cosim.cli.console import out, verbatim, warn
+from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
-from cosim.errors import FormationError, InputError
+from cosim.errors import InputError
 from cosim.master.setup import set_up
 
 
@@ -26,9 +27,8 @@ def check(options: argparse.Namespace) -> int:
                 for fmu in setup.fmus.values():
                     rules_kept(fmu, options.strict)
                 plants, doubts = list(described_plants(scenario, setup)), list(doubtful_plants(scenario, setup))
-        except FormationError as error:
-            report(error)
-            status = max(status, error.exit_status)
+        except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are checked
+            status = max(status, ended_by(error, path)[1])
         else:
             if options.resolved:
                 verbatim(scenario.text)

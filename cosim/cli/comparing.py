@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -30,7 +31,7 @@ def compare(options: argparse.Namespace) -> int:
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
     duration, step = _quantity("--duration", options.duration, "s"), _quantity("--step", options.step, "s")
     pose = dict(_pose(options.pose))
-    existed = folder.exists()
+    existed = os.path.exists(folder)
     writable_folder(folder, "--out")
     try:
         comparison = compare_plants(

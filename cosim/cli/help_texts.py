@@ -9,6 +9,8 @@ _STATUS = {
     1: "an expectation failed",
     2: "bad input, with file, line and column",
     3: "the simulation itself failed; everything recorded up to then is saved",
+    70: "a fault of Formation itself; a file has its traceback",
+    71: "the machine lacks something: space on the disk, memory, processes",
     130: "interrupted; everything recorded up to then is saved",
 }
 _OF = {
@@ -19,6 +21,8 @@ _OF = {
     "compare-plants": {0: None, 1: "the plants differ by more than --within allows", 2: None, 3: "a plant failed"},
 }
 """Exit statuses of each command; None stands for the words of `_STATUS`."""
+_OF_ALL = (70, 71)
+"""Exit statuses of every command."""
 
 _EXAMPLES = {
     "run": """\
@@ -87,4 +91,5 @@ def _section(title: str, text: str) -> str:
 
 
 def _statuses(known: dict[int, str | None]) -> str:
-    return _section("exit status", "\n".join(f"{code:<4} {said or _STATUS[code]}" for code, said in known.items()))
+    all_known = sorted((known | dict.fromkeys(_OF_ALL)).items())
+    return _section("exit status", "\n".join(f"{code:<4} {said or _STATUS[code]}" for code, said in all_known))

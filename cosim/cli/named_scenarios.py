@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -22,14 +23,14 @@ from cosim.scenario.scenario import Scenario
 def read(path: Path, options: argparse.Namespace) -> Scenario:
     """Read a scenario, apply the options that edit it, and isolate untrusted plants."""
     for folder in options.untrusted:
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise InputError(f"--untrusted {folder}: there is no such folder")
     once("--set", [(setting, *split_setting(setting)) for setting in options.set])
     scenario = read_scenario(path, [*options.set, *_changes(options)], options.untrusted)
-    fmus = [plant.fmu.resolve() for plant in scenario.plants.values() if plant.fmu is not None]
+    fmus = [Path(os.path.realpath(plant.fmu)) for plant in scenario.plants.values() if plant.fmu is not None]
     if not any(understood(expectation).others for expectation in scenario.expectations):  # whose plants might be meant
         for folder in options.untrusted:
-            if not any(fmu.is_relative_to(folder.resolve()) for fmu in fmus):
+            if not any(fmu.is_relative_to(os.path.realpath(folder)) for fmu in fmus):
                 warn(f"--untrusted {folder}: no FMU of {path} is in this folder")
     return scenario
 
@@ -55,7 +56,7 @@ def _of_file(option: str, file: str, edit: Edit) -> Edit:
 def _with_file(root: etree._Element, option: str, file: str, edit: Edit) -> None:
     edit(root)
     path = Path(file)
-    if not path.exists():
+    if not os.path.exists(path):
         hint = f': "formation build {file}" makes the FMU of the built-in model' if file in plants.models() else ""
         raise InputError(f"{option}{file}: {absent(path)}{hint}")
 

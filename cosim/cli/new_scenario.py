@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def new(options: argparse.Namespace) -> int:
         )
     if not 1 <= options.followers <= MAX_FOLLOWERS:
         raise InputError(f"--followers {options.followers}: expected a number from 1 to {MAX_FOLLOWERS}")
-    _refuse_to_overwrite([path] if path.exists() and not options.force else [])
+    _refuse_to_overwrite([path] if os.path.exists(path) and not options.force else [])
     write(path, scenario_text(path.stem, options.vehicle, options.followers).encode())
     out().print(f"wrote {safe(str(path))}", soft_wrap=True)
     _next(f"formation run {shlex.quote(str(path))}")
@@ -37,7 +38,7 @@ def copy_examples(options: argparse.Namespace) -> int:
     """Copy the scenarios that come with Formation into a folder, all or none of them."""
     folder: Path = options.folder
     contents = {folder / path.name: path.read_bytes() for path in examples()}
-    differ = [path for path, content in contents.items() if path.exists() and not _holds(path, content)]
+    differ = [path for path, content in contents.items() if os.path.exists(path) and not _holds(path, content)]
     _refuse_to_overwrite(differ if not options.force else [])
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn
 
-from cosim.errors import nearest
+from cosim.errors import brief, nearest, printable
 
 
 class Parser(argparse.ArgumentParser):
@@ -23,6 +23,10 @@ class Parser(argparse.ArgumentParser):
         if rest:
             self._refuse(getattr(options, "command", ""), rest[0])
         return options
+
+    def error(self, message: str) -> NoReturn:
+        """Print how the command is used, and a message that quotes at most a line of a value; exit with status 2."""
+        super().error(printable(brief(message)))
 
     def _refuse(self, command: str, argument: str) -> NoReturn:
         parser = self

@@ -13,12 +13,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
+from cosim.cli.console import err, out, safe, table, taking_a_while, warn
 from cosim.cli.earlier_results import set_aside
+from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
 from cosim.cli.summary import print_summary
-from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+from cosim.errors import InputError, OutputError, RunInterrupted, SimulationError
 from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
@@ -53,10 +54,13 @@ def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome], figures
     """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
-        with (
-            ExitStack() as ending
-        ):  # the plants end last: everything is written and printed before an FMU can fail at its end
-            yield _run_scenario(path, options, outcomes, names, figures, ending)
+        status = 0
+        try:
+            with ExitStack() as ending:  # the plants end last: everything is written and printed before
+                status = _run_scenario(path, options, outcomes, names, figures, ending)
+        except (Exception, SystemExit) as error:  # of an FMU at its end
+            status = max(status, ended_by(error, path)[1])
+        yield status
 
 
 def _run_scenario(
@@ -80,10 +84,9 @@ def _run_scenario(
         names[scenario.name] = path
         _run_one(scenario, options, outcome, figures, ending)
         return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
-    except FormationError as error:
-        report(error)
-        outcome.error = error
-        return error.exit_status
+    except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are run
+        outcome.error, status = ended_by(error, path)
+        return status
     except BaseException as error:
         outcome.error = error
         raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,7 +26,7 @@ def swap_plants(options: argparse.Namespace) -> int:
     bindings = {plant: Path(file) for plant, file in pairs("--binding", options.binding, "ID=FILE.xml")}
     with ExitStack() as cleanup:
         swapped = swap(options.scenario, fmus, bindings, options.out, cleanup, drive=options.probe)
-        if swapped.variant.is_dir():
+        if os.path.isdir(swapped.variant):
             raise InputError(
                 f"--out {swapped.variant} is a folder: name the file of the variant, such as "
                 f"{swapped.variant / 'swapped.xml'}"
@@ -56,7 +57,7 @@ def swap_plants(options: argparse.Namespace) -> int:
 def _refuse_to_overwrite(swapped: Swap) -> None:
     plants = {replacement.binding: replacement.plant for replacement in swapped.replacements}
     for path in swapped.texts:
-        if path.exists():
+        if os.path.exists(path):
             other = "--out names another file"
             if path in plants:
                 other = f"--binding {plants[path]}={path} takes it unchanged"

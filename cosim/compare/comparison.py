@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -257,7 +258,7 @@ def compare_plants(
     SimulationError
         A plant gives no outputs at the start.
     """
-    ticks = round(duration / step) if step > 0 and math.isfinite(duration) else 0
+    ticks = round(duration / step) if step > 0 and math.isfinite(duration / step) else 0
     if not 1 <= ticks <= MAX_STEPS or abs(ticks * step - duration) > 1e-6 * step:
         such = f", such as {whole_steps(duration / step, step, 1)}" if 1 <= ticks < MAX_STEPS else ""
         raise InputError(
@@ -318,7 +319,7 @@ class _Run:
     """A plant that can be run from the start, again and again."""
 
     def __init__(self, name: str, file: PlantFile, step: float, ticks: int, isolated: bool, cleanup: ExitStack) -> None:
-        models, asked, exists = plants.models(), str(file.fmu), Path(file.fmu).exists()
+        models, asked, exists = plants.models(), str(file.fmu), os.path.exists(file.fmu)
         self.built_in = built_in = asked in models and not exists
         if asked.isidentifier() and not (built_in or exists):  # not the name of a file
             raise InputError(

@@ -5,6 +5,7 @@ Nothing gets out of that folder, and nothing gets in from elsewhere: entries tha
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -19,6 +20,7 @@ from lxml import etree
 
 from cosim.errors import InputError, Location
 from cosim.missing_file import absent
+from cosim.unforeseen import lack_of
 
 DESCRIPTION = "modelDescription.xml"
 READ = (DESCRIPTION, "sources/buildDescription.xml")
@@ -40,9 +42,9 @@ def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
         It is no FMU, leads outside, has a file in two versions, or is larger than any FMU; `where` asks for it.
     """
     try:
-        if path.is_dir():
+        if os.path.isdir(path):
             sha256 = _copy(path, directory, where)
-        elif path.exists() and not path.is_file():  # a pipe or a device may never end
+        elif os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device may never end
             raise InputError(f"the FMU {path} is not a regular file", where)
         else:
             with path.open("rb") as file:
@@ -51,7 +53,8 @@ def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
     except FileNotFoundError:
         raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
     except OSError as error:
-        raise InputError(f"the FMU {path} cannot be read: {error.strerror or error}", where) from None
+        what = f"unpacked into {directory.parent}" if lack_of(error) else "read"
+        raise InputError(f"the FMU {path} cannot be {what}: {error.strerror or error}", where) from None
     for name in READ:
         if (part := directory / name).is_file() and has_document_type(part.read_bytes()):
             raise InputError(f"the FMU {path} declares a document type in its {name}", where)
@@ -120,6 +123,11 @@ def _extract(path: Path, directory: Path, where: Location | None) -> None:
                 raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
     except _DAMAGED as error:
         raise InputError(f"{path} is not an FMU: {error}", where) from None
+    except OSError as error:
+        if error.errno != errno.EINVAL:
+            raise
+        why = "its table of contents points outside of the file: bytes are missing, or the table is wrong"
+        raise InputError(f"{path} is not an FMU: {why}", where) from None
 
 
 def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -53,7 +54,7 @@ def understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tu
 
 def _fmu_path(source: PlantSource) -> Path:
     if source.fmu is not None:
-        if (name := source.fmu.name) in plants.models() and not source.fmu.exists():
+        if (name := source.fmu.name) in plants.models() and not os.path.exists(source.fmu):
             raise InputError(
                 f'{name} is a built-in model, not a file: write model="{name}" instead of fmu=...', source.where
             )

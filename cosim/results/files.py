@@ -114,9 +114,9 @@ def load_result(path: str | Path) -> xr.Dataset:
         There is none, or it cannot be read.
     """
     path = Path(path)
-    file = path / "result.nc" if path.is_dir() else path
-    if not file.is_file():
-        what = f"the folder {path} holds no result.nc" if path.is_dir() else f"there is no file {path}"
+    file = path / "result.nc" if os.path.isdir(path) else path
+    if not os.path.isfile(file):
+        what = f"the folder {path} holds no result.nc" if os.path.isdir(path) else f"there is no file {path}"
         raise InputError(f"{what}; expected the result of a run, runs/NAME/result.nc, or its folder")
     try:
         return load(file)

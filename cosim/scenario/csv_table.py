@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import math
+import os
 import re
 import warnings
 from dataclasses import dataclass, field
@@ -120,7 +122,7 @@ def read_table(path: Path, where: Location) -> Table:
 
 
 def _read_text(path: Path, where: Location) -> str:
-    if path.exists() and not path.is_file():  # a pipe or a device may never end
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device may never end
         raise _error(path, 0, "is not a regular file", where)
     try:
         with path.open("rb") as file:
@@ -128,6 +130,8 @@ def _read_text(path: Path, where: Location) -> str:
     except FileNotFoundError:
         raise _error(path, 0, absent(path), where) from None
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError(f"the table {str(path)!r} cannot be read: {error.strerror}", where) from None
         raise _error(path, 0, f"cannot be read: {error.strerror}", where) from None
     if len(data) > MAX_BYTES:
         raise _error(path, 0, f"is larger than {MAX_BYTES // 1024**2} MiB: give fewer points in time", where)

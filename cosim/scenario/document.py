@@ -289,11 +289,16 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         opened.append((name.rpartition("}")[2], parser.CurrentLineNumber))
         if len(opened) > MAX_DEPTH:
             raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
-        element = builder.start(
-            qualified(name),
-            {qualified(key): value for key, value in attributes.items()},
-            {None: NAMESPACE} if not places else None,
-        )
+        try:
+            element = builder.start(
+                qualified(name),
+                {qualified(key): value for key, value in attributes.items()},
+                {None: NAMESPACE} if not places else None,
+            )
+        except ValueError as error:  # a name or a namespace that expat takes and lxml refuses
+            raise InputError(
+                f"is not well-formed XML: {error}; expected elements of xmlns={NAMESPACE!r}", here()
+            ) from None
         places[element] = here()
 
     def end(name: str) -> None:
@@ -311,11 +316,12 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
+        if error.code == expat.errors.codes[expat.errors.XML_ERROR_NO_MEMORY]:
+            raise MemoryError from None
         where = Location(str(path), error.lineno, error.offset + 1)
         why = reason(data, parser.ErrorByteIndex, error.code, opened)
         raise InputError(f"is not well-formed XML: {why}", where) from None
-    except (LookupError, UnicodeDecodeError) as error:
-        raise InputError(f"declares an encoding that does not fit: {error}", here()) from None
-    except ValueError as error:  # a name or a namespace that expat takes and lxml refuses
-        raise InputError(f"is not well-formed XML: {error}", here()) from None
+    except (LookupError, ValueError) as error:  # of Python's codec
+        why = f"declares an encoding that does not fit: {error}; save it in UTF-8 and declare that"
+        raise InputError(why, here()) from None
     return builder.close(), places

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from cosim.errors import InputError, nearest
+from cosim.errors import InputError, nearest, shown
 from cosim.quantity import quantity
 from cosim.scenario.tree_edits import take_out
 from cosim.scenario.xpath_advice import unclosed
@@ -134,7 +134,8 @@ def split_setting(setting: str) -> tuple[str, str]:
             return setting[:index], setting[index + 1 :]
     problem = unclosed(setting)
     raise InputError(
-        f"--set {setting}: expected XPATH=VALUE, such as '//simulation/@seed=2'" + (f"; {problem}" if problem else "")
+        f"--set {shown(setting)}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
+        + (f"; {problem}" if problem else "")
     )
 
 
@@ -149,7 +150,7 @@ def _set_value(root: etree._Element, setting: str) -> None:
         for node in selected_or_added(root, xpath):
             assign(node, value)
     except ValueError as error:
-        raise InputError(f"--set {setting}: {error}") from None
+        raise InputError(f"--set {shown(setting)}: {error}") from None
 
 
 def _set_horizon(root: etree._Element, horizon: str) -> None:

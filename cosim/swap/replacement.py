@@ -127,7 +127,7 @@ def swap(
             raise InputError(f"there is a binding for the plant {plant!r}, but no FMU")
     if variant is None:
         variant = path.with_name("_".join([path.stem, *dict.fromkeys(fmu.stem for fmu in fmus.values())]) + ".xml")
-    if variant.resolve() == path.resolve():
+    if os.path.realpath(variant) == os.path.realpath(path):
         raise InputError(f"{variant} is the scenario itself: name another file for the variant")
     replacements = tuple(
         _replacement(scenario, plant, fmu, bindings.get(plant), variant.parent, cleanup, drive)

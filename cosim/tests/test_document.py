@@ -120,7 +120,7 @@ def test_not_xml(tmp_path: Path, content: bytes, line: int, column: int) -> None
         (b"<?xml encoding='utf-8'?>\n<a/>", 1, 7, 'write <?xml version="1.0" encoding="UTF-8"?>'),
         (b"<a>\x07</a>", 1, 4, "the control character 0x07 cannot be in an XML file"),
         (b"", 1, 1, "it is empty"),
-        (b"<a>\n<b xmlns='urn>a'/></a>", 2, 19, "Invalid namespace URI 'urn>a'"),
+        (b"<a>\n<b xmlns='urn>a'/></a>", 2, 1, "Invalid namespace URI 'urn>a'"),
     ],
 )
 def test_why_it_is_not_xml(tmp_path: Path, content: bytes, line: int, column: int, sentence: str) -> None:

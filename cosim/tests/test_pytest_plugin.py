@@ -141,6 +141,36 @@ def test_what_is_wrong_with_a_file_that_wants_to_be_a_scenario(tmp_path: Path) -
     assert re.search(r"^one.xml:1:\d+: a scenario has no document type declaration", printed, re.MULTILINE)
 
 
+def test_a_fault_of_ours_is_a_sentence(tmp_path: Path) -> None:
+    written(tmp_path, "odd")
+    written(tmp_path, "even")
+    (tmp_path / "conftest.py").write_text(
+        "import cosim.results.summary as s\nwhole = s.summarise\n"
+        "def summarise(scenario, *others):\n"
+        "    return whole(scenario, *others) if scenario.name == 'even' else [][0]\n"
+        "s.summarise = summarise\n"
+    )
+    status, printed = run_pytest(tmp_path)
+    assert status == 1
+    assert "1 failed, 1 passed" in printed
+    assert re.search(
+        r"^odd.xml: a fault of Formation itself, IndexError: list index out of range", printed, re.MULTILINE
+    )
+    assert "Traceback" not in printed
+    path = re.search(r"please report it, with (\S+) and", printed)
+    assert path is not None
+    assert "Traceback" in Path(path[1]).read_text(encoding="utf-8")
+    Path(path[1]).unlink()
+
+
+def test_a_mark_cannot_steer_a_terminal(tmp_path: Path) -> None:
+    written(tmp_path, "known", "1 mm", "a&#x9b;31m b&#x202e;c")
+    status, printed = run_pytest(tmp_path, "-rx")
+    assert status == 0
+    assert "a?31m b?c" in printed
+    assert not set("\x9b\u202e") & set(printed)
+
+
 def test_pytest_starts_as_fast_as_without() -> None:
     program = (
         "import cosim.pytest_plugin, sys; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Compare(Kind):
 
     def _check_other(self, own: Recording, prepare: Prepare, unit: str) -> None:
         path, error = self.path, self.written.error
-        if path.exists() and own.scenario.path.exists() and path.samefile(own.scenario.path):
+        if os.path.realpath(path) == os.path.realpath(own.scenario.path):
             raise error("a scenario cannot be compared with itself")
         try:
             other = prepare(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +44,7 @@ def read_scenario(
     """
     made = as_changes(changes)
     document = read_document(Path(path), made)
-    return _scenario(document, tuple(Path(folder).resolve() for folder in untrusted), map(in_words, made))
+    return _scenario(document, tuple(Path(os.path.realpath(folder)) for folder in untrusted), map(in_words, made))
 
 
 def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:

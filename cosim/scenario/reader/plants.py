@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from cosim.clock import whole
@@ -19,7 +20,7 @@ def plant(element: Element, times: Times, untrusted: tuple[Path, ...]) -> PlantS
     if (model is None) == (fmu is None):
         raise element.error("a <plant> needs either model=... (a built-in model) or fmu=... (a file)")
     path = None if fmu is None else element.path("fmu")
-    distrusted = path is not None and any(path.resolve().is_relative_to(folder) for folder in untrusted)
+    distrusted = path is not None and any(Path(os.path.realpath(path)).is_relative_to(folder) for folder in untrusted)
     return PlantSource(
         id=element.get("id"),
         model=model,

@@ -12,6 +12,8 @@ from cosim.scenario.reader.element import Element
 from cosim.scenario.written_element import Written
 
 MAX_TICKS = 10_000_000
+LONGEST = 1e100
+"""Largest time [s]: the third power of a larger one may be infinite, and so may its number of steps."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class Times(Clock):
         """Read them from a scenario."""
         simulation = root.child("simulation")
         step, horizon = simulation.positive("step", "s"), simulation.positive("horizon", "s")
+        _not_too_long(simulation, "step", step)
+        _not_too_long(simulation, "horizon", horizon)
         steps = horizon / step
         if steps > MAX_TICKS:
             raise simulation.error(f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible")
@@ -62,7 +66,9 @@ class Times(Clock):
         start = self.beginning(element, "from", exact=exact) if "from" in element else 0.0
         stop = end
         if "to" in element:
-            stop = self.exact(element, "to") if exact else element.quantity("to", "s")
+            stop = _not_too_long(element, "to", element.quantity("to", "s"))
+            if exact:
+                self.exact(element, "to")
         if start > stop:
             raise element.error(f"the window ends at {stop:g} s, before it begins at {start:g} s")
         return start, stop
@@ -73,6 +79,12 @@ class Times(Clock):
         if start == stop:
             raise element.error(f"it begins and ends at {start:g} s: the end must be later")
         return start, stop
+
+
+def _not_too_long(element: Written, name: str, time: float) -> float:
+    if time > LONGEST:
+        raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> is longer than {LONGEST:g} s')
+    return time
 
 
 def _whole(element: Written, what: str, steps: float, step: float, least: int) -> int:

@@ -1,0 +1,194 @@
+"""Whatever nobody foresaw is a sentence with an exit status of its own, and costs no other scenario anything."""
+
+import errno
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lxml import etree
+
+import cosim.cli.check
+import cosim.cli.listing
+import cosim.cli.run
+from cosim.errors import InputError, OutputError
+from cosim.results.result import Result
+from cosim.tests.driving import SHORT
+from cosim.unforeseen import foreseen, lack_of, status_of
+
+from .commands import command, failed
+
+
+@pytest.fixture
+def two(line: str, tmp_path: Path) -> tuple[str, str]:
+    """Return two scenarios of which the name of the first one begins with "odd"."""
+    text = Path(line).read_text(encoding="utf-8")
+    first, second = tmp_path / "odd.xml", tmp_path / "even.xml"
+    for path in (first, second):
+        path.write_text(text.replace('name="clmr_line"', f'name="{path.stem}"'), encoding="utf-8")
+    return str(first), str(second)
+
+
+@pytest.fixture
+def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str, BaseException], None]:
+    """Return a function that lets a function, given by its path, raise an error for the scenario "odd"."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def broken(place: str, error: BaseException) -> None:
+        module, name = place.rsplit(".", 1)
+        whole = getattr(sys.modules[module], name)
+
+        def breaks(about: object, *arguments: object) -> object:
+            if "odd" in (getattr(about, "name", ""), getattr(about, "stem", "")):
+                raise error
+            return whole(about, *arguments)
+
+        monkeypatch.setattr(place, breaks)
+
+    return broken
+
+
+@pytest.mark.parametrize("place", ["cosim.cli.run.read", "cosim.cli.run.summarise"])
+@pytest.mark.parametrize(
+    ("error", "status", "sentence"),
+    [
+        (IndexError("off by one"), 70, "odd.xml: a fault of Formation itself, IndexError: off by one ("),
+        (SystemExit(0), 70, "odd.xml: code that Formation has called ended the process ("),
+        (MemoryError(), 71, "odd.xml: the memory has run out ("),
+        (OSError(errno.ENOSPC, "No space left on device", "/x"), 71, "odd.xml: the disk is full (/x)"),
+    ],
+)
+def test_other_scenarios_go_on(
+    two: tuple[str, str],
+    breaking: Callable[[str, BaseException], None],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    place: str,
+    error: BaseException,
+    status: int,
+    sentence: str,
+) -> None:
+    breaking(place, error)
+    junit = tmp_path / "all.xml"
+    out, err = command(
+        capsys, "run", *two, "--out", tmp_path / "runs", "--junit", junit, *SHORT, "--no-figure", status=status
+    )
+    assert sentence in " ".join(err.split())
+    assert f"results in {tmp_path / 'runs' / 'even'}/" in out
+    assert (tmp_path / "runs" / "odd" / "result.nc").exists() is place.endswith("summarise")
+    first, second = etree.parse(junit).getroot()
+    assert (first.get("errors"), second.get("errors")) == ("1", "0")
+    if status == 70:
+        (kept,) = tmp_path.glob("formation-fault-*.txt")
+        assert str(kept) in err
+        told = kept.read_text(encoding="utf-8")
+        assert "Traceback" in told
+        assert "Python 3" in told
+        assert "numba" in told
+    else:
+        assert not list(tmp_path.glob("formation-fault-*.txt"))
+
+
+def test_checks_go_on(
+    two: tuple[str, str], breaking: Callable[[str, BaseException], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    breaking("cosim.cli.check.set_up", ZeroDivisionError("division by zero"))
+    out, err = command(capsys, "check", *two, status=70)
+    assert "odd.xml: a fault of Formation itself, ZeroDivisionError: division by zero" in err
+    assert "even, 4 followers" in out
+
+
+def test_a_command_that_breaks(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def breaks(*_: object) -> None:
+        raise RecursionError("too deep")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))  # nothing can be kept there
+    monkeypatch.setattr("cosim.cli.listing.inventory", breaks)
+    assert "RecursionError: too deep" in (printed := failed(capsys, 70, "list"))
+    assert "its traceback could not be kept; please report it" in printed
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.EAGAIN, errno.ENOMEM])
+def test_a_lack_of_the_machine_decides_the_status_of_what_follows_from_it(code: int) -> None:
+    def write() -> None:
+        try:
+            raise OSError(code, "as the system says it")
+        except OSError as error:
+            raise OutputError(f"x cannot be written: {error.strerror}") from None
+
+    with pytest.raises(OutputError) as raised:
+        write()
+    assert foreseen(raised.value) is raised.value
+    assert status_of(raised.value) == 71
+
+
+def test_bad_input_is_no_lack() -> None:
+    def read() -> None:
+        try:
+            Path("/none/such").read_bytes()
+        except OSError:
+            raise InputError("x cannot be read") from None
+
+    with pytest.raises(InputError) as raised:
+        read()
+    assert status_of(raised.value) == 2
+    assert lack_of(RuntimeError("can't start new thread"))
+
+
+def test_a_path_that_nobody_thought_of_is_input() -> None:
+    error = foreseen(OSError(errno.ENAMETOOLONG, "File name too long", "a" * 5000), "s.xml")
+    assert isinstance(error, InputError)
+    assert re.fullmatch(r"s\.xml: a+\.\.\.a+: File name too long", str(error))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits")
+def test_a_file_that_may_not_grow(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def limited(result: Result, folder: Path) -> object:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+        try:
+            return save(result, folder)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    save = cosim.cli.run._save
+    monkeypatch.setattr("cosim.cli.run._save", limited)
+    printed = failed(capsys, 71, "run", line, "--out", str(tmp_path), *SHORT, "--no-figure")
+    assert "result.nc cannot be written: File too large" in printed
+
+
+def test_no_process_can_be_started(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class NoPlant(subprocess.Popen[bytes]):
+        def __init__(self, command: list[str], **options: Any) -> None:
+            if command[0] == sys.executable:
+                raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+            super().__init__(command, **options)
+
+    isolated = tmp_path / "isolated.xml"
+    text = Path(line).read_text(encoding="utf-8")
+    isolated.write_text(text.replace('model="car_like"', 'model="car_like" isolate="process"'), encoding="utf-8")
+    monkeypatch.setattr(subprocess, "Popen", NoPlant)
+    printed = failed(capsys, 71, "run", str(isolated), "--out", str(tmp_path), *SHORT, "--no-figure")
+    assert "its process cannot be started: Resource temporarily unavailable" in printed
+
+
+def test_every_help_names_the_statuses(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["--help"], ["run", "--help"], ["list", "--help"]):
+        with pytest.raises(SystemExit):
+            command(capsys, *arguments)
+        printed = capsys.readouterr().out
+        assert "\n  70   a fault of Formation itself" in printed
+        assert "\n  71   the machine lacks something" in printed
