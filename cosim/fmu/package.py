@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from cosim.fmu.model_description import Interface, ModelDescription, Variable
 from cosim.fmu.unpack_folder import plain_folder
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario.scenario import BindingSource
+from plants import scratch
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Package:
 
     def close(self) -> None:
         """Remove the unpacked files."""
-        shutil.rmtree(self.directory, ignore_errors=True)
+        scratch.remove(self.directory)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def open_package(path: Path, where: Location | None = None) -> Package:
         sha256 = unpack(path, directory, where)
         return Package(path, sha256, *_described(path, directory, where), directory)
     except BaseException:
-        shutil.rmtree(directory, ignore_errors=True)
+        scratch.remove(directory)
         raise
 
 

@@ -26,6 +26,7 @@ from cosim.fmu.reference_series import Series
 from cosim.fmu.replay import FAILURE, REQUEST, RESULT, Request
 from cosim.plant.process import environment, kill
 from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
+from plants import scratch
 
 TOLERANCE = 1e-4
 """Relative tolerance of an experiment that states none."""
@@ -85,8 +86,7 @@ def replay(package: Package, experiment: Experiment, time_limit: float = TIME_LI
     """
     interface = choose_interface(package, "", None)
     check_binary(package, interfaces(package.description)[interface].modelIdentifier, None)
-    with tempfile.TemporaryDirectory(prefix="formation-replay-") as name:
-        folder = Path(name)
+    with scratch.folder(Path(tempfile.gettempdir()), "formation-replay-") as folder:
         (folder / REQUEST).write_text(_request(package, experiment, interface), "utf-8")
         failure = _in_a_process(folder, time_limit)
         if not failure and (folder / FAILURE).is_file():

@@ -10,12 +10,16 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from plants import scratch
+
 _PLAIN = re.compile(r"[A-Za-z0-9._~/:\\-]+" if sys.platform == "win32" else r"[A-Za-z0-9._~/-]+")
 """A path in which nothing must be percent-encoded (RFC 3986, section 2.3)."""
 
 
 def plain_folder(prefix: str) -> Path:
     """Return a new folder, where possible with a path in plain ASCII, without spaces and other special characters.
+
+    `plants.scratch.remove` removes it, and the next run if this one is killed before.
 
     Parameters
     ----------
@@ -25,8 +29,8 @@ def plain_folder(prefix: str) -> Path:
     for base in _bases():
         if _PLAIN.fullmatch(base):
             with suppress(OSError):
-                return Path(tempfile.mkdtemp(prefix=prefix, dir=base))
-    return Path(tempfile.mkdtemp(prefix=prefix))
+                return scratch.make(Path(base), prefix)
+    return scratch.make(Path(tempfile.gettempdir()), prefix)
 
 
 def _bases() -> Iterator[str]:

@@ -3,8 +3,6 @@
 SymPy, Jinja and FMPy's headers are touched only if something has to be generated.
 """
 
-import tempfile
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,20 +46,18 @@ def build(
     contents = [part for item in sorted((files or {}).items()) for part in item]
     key = store.digest([name, *contents, *tools])
 
-    fmu = store.folder() / "fmus" / key[:32] / f"{name}.fmu"
+    def make(path: Path) -> None:
+        _make(name, version, files or _generate(plants.load(name), version), compilers, path)
+
+    fmu = store.place(key, name)
     wanted = fmu if out is None else Path(out) / fmu.name
-    if not (cache and zipfile.is_zipfile(fmu)):
-        files = files or _generate(plants.load(name), version)
-
-        def make(path: Path) -> None:
-            _make(name, version, files, compilers, path)
-
-        try:
-            store.write(fmu, make)
-        except store.CannotWrite:
-            if wanted == fmu:
-                raise
-            return store.write(wanted, make)  # without a cache, then
+    try:
+        if not (cache and store.holds(fmu)):
+            store.keep(fmu, make)
+    except store.CannotKeep:
+        if wanted == fmu:
+            raise
+        return store.write(wanted, make)  # without a cache, then
     return fmu if out is None else store.copy(fmu, wanted)
 
 
@@ -72,18 +68,17 @@ def _generate(model: "OdeModel", fmi: str) -> dict[str, bytes]:
 
 
 def _make(name: str, fmi: str, files: dict[str, bytes], compilers: dict[Platform, Compiler], fmu: Path) -> None:
-    """Write the files to a folder, compile the sources among them for each platform, and zip it all to `fmu`."""
-    with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
-        for path, content in files.items():
-            (root / path).parent.mkdir(parents=True, exist_ok=True)
-            (root / path).write_bytes(content)
-        sources = sorted(path for path in files if path.endswith(".c"))
-        libraries: dict[str, list[bytes]] = {}
-        for platform, compiler in compilers.items():
-            path = f"binaries/{platform.folder(fmi)}/{name}{platform.suffix}"
-            libraries.setdefault(path, []).append(compile_library(compiler, platform, root, sources, name))
-        for path, parts in libraries.items():
-            (root / path).parent.mkdir(parents=True)
-            (root / path).write_bytes(parts[0] if len(parts) == 1 else universal(parts))
-        package(root, fmu)
+    """Write the files to a folder beside `fmu`, compile the sources among them for each platform, and zip it all."""
+    root = fmu.parent / "content"
+    for path, content in files.items():
+        (root / path).parent.mkdir(parents=True, exist_ok=True)
+        (root / path).write_bytes(content)
+    sources = sorted(path for path in files if path.endswith(".c"))
+    libraries: dict[str, list[bytes]] = {}
+    for platform, compiler in compilers.items():
+        path = f"binaries/{platform.folder(fmi)}/{name}{platform.suffix}"
+        libraries.setdefault(path, []).append(compile_library(compiler, platform, root, sources, name))
+    for path, parts in libraries.items():
+        (root / path).parent.mkdir(parents=True)
+        (root / path).write_bytes(parts[0] if len(parts) == 1 else universal(parts))
+    package(root, fmu)

@@ -1,15 +1,23 @@
-"""Where FMUs are kept: one folder for each combination of sources and tools, named by a digest of both."""
+"""Where FMUs are kept: one folder for each combination of sources and tools, named by a digest of both.
+
+An FMU is a library that is loaded, so what is kept is not trusted blindly: it is used only if its checksum, in a file
+beside it, still holds, and if nobody else can write there.
+"""
 
 import hashlib
 import importlib.metadata
 import os
 import shutil
-import tempfile
+import stat
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import plants
+from plants import scratch
 from plants.errors import BuildError
+
+_OTHERS_CAN_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def folder() -> Path:
@@ -47,11 +55,58 @@ def digest(parts: Iterable[str | bytes]) -> str:
     return total.hexdigest()
 
 
-class CannotWrite(BuildError):
-    """A folder cannot be written."""
+class CannotKeep(BuildError):
+    """A folder cannot be written, or others can write there."""
 
 
-def write(target: Path, make: Callable[[Path], None]) -> Path:
+def place(key: str, name: str) -> Path:
+    """Return where the FMU of a model is kept; `key` is a digest of all that determines it."""
+    return folder() / "fmus" / key[:32] / f"{name}.fmu"
+
+
+def holds(fmu: Path) -> bool:
+    """Return whether an FMU is kept at its place, as it was when it was built.
+
+    Raises
+    ------
+    CannotKeep
+        Others can write there.
+    """
+    _check_rights(fmu)
+    try:
+        return _checksum_file(fmu).read_text("ascii") == _checksum_line(fmu)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def keep(fmu: Path, make: Callable[[Path], None]) -> None:
+    """Build an FMU at its place, in folders of this user alone, with its checksum; see `write`.
+
+    Raises
+    ------
+    CannotKeep
+        The folder cannot be written, or others can write there.
+    """
+    try:
+        folder().parent.mkdir(parents=True, exist_ok=True)
+        for part in _folders(fmu):
+            part.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        raise _cannot_write(fmu, error) from error
+    _check_rights(fmu)
+
+    def make_both(made: Path) -> None:
+        make(made)
+        checksum = _checksum_file(made)
+        checksum.write_text(_checksum_line(made), "ascii")
+        for file in (made, checksum):
+            file.chmod(0o644)
+        os.replace(checksum, _checksum_file(fmu))
+
+    write(fmu, make_both, fmu.parents[1])
+
+
+def write(target: Path, make: Callable[[Path], None], base: Path | None = None) -> Path:
     """Make a file so that no other process ever sees half of it: `make` writes it elsewhere, then it is moved.
 
     Parameters
@@ -60,23 +115,22 @@ def write(target: Path, make: Callable[[Path], None]) -> Path:
         The file. An older one is replaced.
     make
         Is given the path of a file to write, alone in a temporary folder.
+    base
+        Where that folder is, on the same file system; beside the file by default.
 
     Raises
     ------
-    CannotWrite
+    CannotKeep
         The folder cannot be written.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".build-", dir=target.parent) as scratch:
-            made = Path(scratch) / target.name
+        with scratch.folder(base or target.parent, ".build-") as temporary:
+            made = temporary / target.name
             make(made)
             os.replace(made, target)
     except OSError as error:
-        raise CannotWrite(
-            f"cannot write {target}: {error.strerror or error}; choose a folder that can be written"
-            " (the environment variable FORMATION_CACHE names the cache)"
-        ) from error
+        raise _cannot_write(target, error) from error
     return target
 
 
@@ -87,3 +141,46 @@ def copy(source: Path, target: Path) -> Path:
         shutil.copyfile(source, path)
 
     return write(target, make)
+
+
+def _cannot_write(target: Path, error: OSError) -> CannotKeep:
+    return CannotKeep(
+        f"cannot write {target}: {error.strerror or error}; choose a folder that can be written"
+        " (the environment variable FORMATION_CACHE names the cache)"
+    )
+
+
+def _folders(fmu: Path) -> tuple[Path, ...]:
+    """Return the folders of the cache that lead to an FMU."""
+    return folder(), fmu.parents[1], fmu.parent
+
+
+def _checksum_file(fmu: Path) -> Path:
+    return fmu.with_name(f"{fmu.name}.sha256")
+
+
+def _checksum_line(fmu: Path) -> str:
+    """Return the checksum of a file as `sha256sum --check` reads it."""
+    return f"{hashlib.sha256(fmu.read_bytes()).hexdigest()}  {fmu.name}\n"
+
+
+def _check_rights(fmu: Path) -> None:
+    """Refuse an FMU if others than this user and the administrator can write to it or its folders."""
+    if sys.platform == "win32":  # the user's folders have lists of rights there
+        return
+    for path in (*_folders(fmu), fmu, _checksum_file(fmu)):
+        try:
+            status = path.stat()
+        except OSError:
+            continue
+        if status.st_uid not in (os.geteuid(), 0):
+            raise CannotKeep(
+                f"the cache of built FMUs is not used, because {path} belongs to another user: remove it, or choose"
+                " a folder of your own (the environment variable FORMATION_CACHE names the cache)"
+            )
+        if status.st_mode & _OTHERS_CAN_WRITE:
+            raise CannotKeep(
+                f"the cache of built FMUs is not used, because others can write to {path}: take that right away"
+                f" (chmod -R go-w '{folder()}'), or choose a folder of your own (the environment variable"
+                " FORMATION_CACHE names the cache)"
+            )
