@@ -29,13 +29,14 @@ def compiled(function: F) -> F:
     if not COMPILED:
         return function
     import numba
+    from formation_controllers.kept import trusted
 
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
         file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_version")
-    except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
+        fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
+    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         fresh = False
     if not fresh:
         dispatcher = numba.njit(**options)(function)

@@ -58,6 +58,7 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
             "formation_controllers",
             {
                 "cli/listing.py",
+                "compiled.py",
                 "control/compiled_teams.py",
                 "control/installed_laws.py",
                 "control/leader_view.py",

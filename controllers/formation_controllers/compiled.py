@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from formation_controllers import elementary
+from formation_controllers.kept import trusted
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -64,8 +65,8 @@ def compiled(function: F) -> F:
     try:
         dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
         file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_version")
-    except (RuntimeError, AttributeError):  # nowhere to write a cache, or a Numba with another kind of cache
+        fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
+    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         fresh = False
     if not fresh:
         dispatcher = numba.njit(error_model="numpy")(function)
