@@ -18,7 +18,8 @@ from cosim.cli.summary import print_summary
 from cosim.master.simulation import Simulation
 from cosim.results.figure import draw
 from cosim.results.files import load, save
-from cosim.results.summary import FollowerFigures, Summary
+from cosim.results.follower_figures import FollowerFigures
+from cosim.results.summary import Summary
 from cosim.scenario.edits import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 
 FILES = ["figure.png", "result.nc", "summary.json"]

@@ -9,7 +9,8 @@ from itertools import groupby
 from rich.console import Console
 
 from cosim.cli.console import safe, table
-from cosim.results.summary import FollowerFigures, Summary
+from cosim.results.follower_figures import FollowerFigures
+from cosim.results.summary import Summary
 from cosim.results.verdict import Verdict
 
 NARROW = 72

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, closing
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_plants import member
 from cosim.plant.fleet import CompiledFleet, Fleet
+from cosim.plant.member import Member
 from cosim.plant.message import RobotMessage
 from cosim.plant.spec import Value
 
@@ -33,20 +35,21 @@ class AnyFleet(Protocol):
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Give parameters of a plant other values."""
 
-    def close(self) -> None:
-        """End all plants."""
-
 
 StartFleet: TypeAlias = Callable[
-    [Sequence[RobotSetup], float, NDArray[np.float64], Sequence[tuple[int, ...]]], AnyFleet
+    [Sequence[RobotSetup], float, NDArray[np.float64], Sequence[tuple[int, ...]]], AbstractContextManager[AnyFleet]
 ]
 """Starts the plants of robots for a run until a time [s]: a robot's state is written into its row of an array from then
-on, pose and velocities in its columns."""
+on, pose and velocities in its columns. The plants are those of a block, at whose end they may be ended."""
 
 
 def start_fleet(
     robots: Sequence[RobotSetup], horizon: float, state: NDArray[np.float64], columns: Sequence[tuple[int, ...]]
-) -> AnyFleet:
-    """Start the FMUs of robots."""
-    members = [member(robot, horizon, own) for robot, own in zip(robots, columns, strict=True)]
-    return Fleet(members, state)
+) -> AbstractContextManager[AnyFleet]:
+    """Start the FMUs of robots, and end them with the block."""
+    return closing(Fleet(members_of(robots, horizon, columns), state))
+
+
+def members_of(robots: Sequence[RobotSetup], horizon: float, columns: Sequence[tuple[int, ...]]) -> list[Member]:
+    """Return the plants of robots."""
+    return [member(robot, horizon, own) for robot, own in zip(robots, columns, strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,9 @@ class MockFleet:
         """Take note of parameters that change."""
         self.changes.append((time, self._names[index], values))
 
-    def close(self) -> None:
-        """End all plants."""
+    def __enter__(self) -> Self:
+        """Return the plants."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self.closed = True

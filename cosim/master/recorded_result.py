@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 
 import numpy as np
@@ -21,9 +22,15 @@ from cosim.master.setup import Setup
 from cosim.master.who_is_who import texts, who_is_who
 from cosim.plant.message import RobotMessage
 from cosim.results import provenance
-from cosim.results.expectations.recorded import units_by_component
+from cosim.results.expectations.recorded import DERIVED, units_by_component
 from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
+from cosim.vehicle.columns import RunColumns
+
+Floats = NDArray[np.float64]
+
+_NEEDED = ("pose", "leader_pose", "desired_range", "desired_bearing")
+"""The variables from which others are computed."""
 
 LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "xarray")
 
@@ -37,7 +44,7 @@ def recorded_result(
     logged: Sequence[RobotMessage],
     failure: Failure | None = None,
 ) -> Result:
-    """Return the records of a run, with the variables that are computed from them.
+    """Return the records of a run that are wanted, with the variables that are computed from them.
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
     each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time. Coordinates
@@ -47,8 +54,10 @@ def recorded_result(
     of every controller, versions of the libraries, what was changed in the scenario's file, what the plants logged,
     ``status`` (``completed`` or ``incomplete``) and why the run did not reach its end.
     """
-    columns = setup.columns
-    arrays = _in_columns(recorder.arrays(), setup)
+    columns, wanted = setup.columns, recorder.wanted
+    computed = [name for name in DERIVED if wanted is None or name in wanted]
+    needed = None if wanted is None else {*wanted, *(_NEEDED if computed else ())}
+    arrays = _in_columns(recorder.arrays(needed), setup)
     samples = recorder.recorded
     coordinates = {
         "time": Variable(("time",), np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
@@ -67,7 +76,20 @@ def recorded_result(
     variables = {
         name: Variable(("time", *variable.dims), arrays[name], variable.attributes)
         for name, variable in recorder.variables.items()
+        if wanted is None or name in wanted
     }
+    values = _computed(arrays, samples, teams, columns) if computed else {}
+    for name in computed:
+        units, long_name = DERIVED[name]
+        variables[name] = Variable(("time", "robot"), values[name], {"units": units, "long_name": long_name})
+    attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
+    return Result(variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure))
+
+
+def _computed(
+    arrays: Mapping[str, Floats], samples: int, teams: Sequence[Team], columns: RunColumns
+) -> dict[str, Floats]:
+    """Return the variables that are computed from recorded ones."""
     desired = np.stack([arrays["desired_range"], arrays["desired_bearing"]], axis=-1)
     formation = np.full_like(desired, np.nan)
     for team in teams:
@@ -79,18 +101,15 @@ def recorded_result(
     if samples:
         formation[..., 1] = unwrapped_bearing(formation[..., 1], desired[..., 1])
     error = formation - desired
-    for name, values, units, long_name in (
-        ("range", formation[..., 0], "m", "range to the virtual leader"),
-        ("bearing", formation[..., 1], "rad", "bearing of the virtual leader"),
-        ("range_error", error[..., 0], "m", "range less the desired range"),
-        ("bearing_error", error[..., 1], "rad", "bearing less the desired bearing"),
-    ):
-        variables[name] = Variable(("time", "robot"), values, {"units": units, "long_name": long_name})
-    attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
-    return Result(variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure))
+    return {
+        "range": formation[..., 0],
+        "bearing": formation[..., 1],
+        "range_error": error[..., 0],
+        "bearing_error": error[..., 1],
+    }
 
 
-def _in_columns(arrays: dict[str, NDArray[np.float64]], setup: Setup) -> dict[str, NDArray[np.float64]]:
+def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:
     """Return what was recorded with the entries of every robot in the columns of the result."""
     columns, kinds = setup.columns, [robot.kind for robot in setup.followers]
     called = columns.commands
@@ -147,7 +166,10 @@ def _provenance(
             ]
         ),
         "plant_messages": json.dumps(messages),
-        "versions": json.dumps(
-            {"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}}
-        ),
+        "versions": _versions(),
     }
+
+
+@cache
+def _versions() -> str:
+    return json.dumps({"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}})

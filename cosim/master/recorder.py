@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from cosim.results.result_variable import ResultVariable
 
 
 class Recorder:
-    """All result variables over the samples of a run; a sample that is not recorded is NaN.
+    """All result variables over the samples of a run.
 
     Parameters
     ----------
@@ -19,6 +20,10 @@ class Recorder:
         How many samples the whole run has.
     variables
         The variables of the result.
+    wanted
+        Names of the signals that somebody will read, those computed from recorded ones among them; None for all.
+    memory
+        Arrays of an earlier run, whose records are overwritten; gets those of this one.
 
     Attributes
     ----------
@@ -26,16 +31,27 @@ class Recorder:
         How many samples are recorded; whoever fills the arrays counts them.
     """
 
-    def __init__(self, samples: int, variables: Sequence[ResultVariable]) -> None:
+    def __init__(
+        self,
+        samples: int,
+        variables: Sequence[ResultVariable],
+        wanted: Collection[str] | None = None,
+        memory: list[NDArray[Any]] | None = None,
+    ) -> None:
         self.variables = {variable.name: variable for variable in variables}
+        self.wanted = wanted
         self.recorded = 0
         self._samples = samples
+        self._memory: list[NDArray[Any]] = [] if memory is None else memory
+        self._used = 0
         self._arrays: dict[str, NDArray[np.float64]] = {}
         self._records: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the array (samples, ...) of a variable, to write into."""
-        return self._arrays.setdefault(name, np.full((self._samples, *self.variables[name].shape), np.nan))
+        if name not in self._arrays:
+            self._arrays[name] = self._place(self.variables[name].shape, np.dtype(np.float64))
+        return self._arrays[name]
 
     def keep(self, name: str, place: NDArray[np.float64]) -> None:
         """Take an array (samples, ...) into which a variable is written."""
@@ -43,7 +59,7 @@ class Recorder:
 
     def place_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a place (samples, ...) for the values that an array has at the ticks."""
-        return np.full((self._samples, *values.shape), np.nan)
+        return self._place(values.shape, values.dtype)
 
     def records_of(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.float64]:
         """Return a place (samples, numbers) for records: one field for each variable, one record for each row.
@@ -56,16 +72,28 @@ class Recorder:
             The type of a record. The place has the numbers of all records one after the other, as NumPy copies records
             field by field and numbers at once.
         """
-        store = np.zeros((self._samples, len(rows)), dtype)
+        store = self._place((len(rows),), dtype)
         self._records.append((rows, store))
         return store.view(np.float64).reshape(self._samples, -1)
 
-    def arrays(self) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded part of every variable, by name."""
-        arrays = {name: array[: self.recorded] for name, array in self._arrays.items()}
-        for name in self.variables.keys() - arrays.keys():
-            arrays[name] = np.full((self.recorded, *self.variables[name].shape), np.nan)
-            for rows, store in self._records:
-                if name in (store.dtype.names or ()):
-                    arrays[name][:, rows] = store[name][: self.recorded]
-        return {name: arrays[name] for name in self.variables}
+    def _place(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return an array, that of an earlier run if it fits: runs of a scenario ask for the same ones in turn."""
+        shape, used = (self._samples, *shape), self._used
+        self._used += 1
+        if used == len(self._memory) or (self._memory[used].shape, self._memory[used].dtype) != (shape, dtype):
+            self._memory[used:] = [np.empty(shape, dtype)]
+        return self._memory[used]
+
+    def arrays(self, wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded part of every variable by name, or of those that are wanted."""
+        names = [name for name in self.variables if wanted is None or name in wanted]
+        return {name: self._recorded_part(name) for name in names}
+
+    def _recorded_part(self, name: str) -> NDArray[np.float64]:
+        if name in self._arrays:
+            return self._arrays[name][: self.recorded]
+        found = np.full((self.recorded, *self.variables[name].shape), np.nan)
+        for rows, store in self._records:
+            if name in (store.dtype.names or ()):
+                found[:, rows] = store[name][: self.recorded]
+        return found

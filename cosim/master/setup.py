@@ -46,8 +46,10 @@ class Setup:
         Motion of a leader with a <trajectory>.
     desired : formation_controllers.Desired
         Place of every follower at every tick and two derivatives, each (ticks + 1, N, 2).
+    opened : dict
+        The FMU of each plant of the scenario, by its id.
     fmus : dict
-        The FMU of each plant that is used, by its id.
+        Those of plants that are used.
     laws : dict
         The control law of each controller that is used, by its id.
     gains : tuple
@@ -64,6 +66,7 @@ class Setup:
     followers: tuple[RobotSetup, ...]
     motion: Motion | None
     desired: fc.Desired
+    opened: Mapping[str, Fmu]
     fmus: Mapping[str, Fmu]
     laws: Mapping[str, Law]
     gains: tuple[fc.Gains, ...]
@@ -77,7 +80,7 @@ class Setup:
         return run_columns([robot.kind for robot in (self.leader, *self.followers)])
 
 
-def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> Setup:
+def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], before: Setup | None = None) -> Setup:
     """Find and check everything that a scenario names. Built-in plants are built if they are not in the cache.
 
     Parameters
@@ -88,13 +91,15 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         Receives the clean-up callbacks.
     timing
         Gets the seconds that were spent, by part.
+    before
+        The set-up of another run with the same plants: FMUs, laws and scenarios to compare with are taken from it.
 
     Raises
     ------
     InputError
         A part does not exist or does not fit; the message has its place in the scenario.
     """
-    fmus = open_fmus(scenario, cleanup, timing)
+    fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened)
     _check_size(scenario, _least_bytes(scenario, fmus))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = leader_of(scenario, fmus)
@@ -105,7 +110,8 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         check_common_effects(scenario, followers)
         desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
     with timed(timing, "controllers"):
-        found = {name: find_law(source) for name, source in scenario.controllers.items()}
+        known = {} if before is None else {law.source: law for law in before.laws.values()}
+        found = {name: known.get(source) or find_law(source) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
@@ -115,7 +121,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
     variables = result_variables_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(variable.bytes_per_sample for variable in variables))
     signals = recorded_signals(scenario, variables, columns, laws)
-    others: dict[Path, tuple[Scenario, Setup]] = {}
+    others: dict[Path, tuple[Scenario, Setup]] = {} if before is None else dict(before.others)
 
     def prepare(path: Path) -> Recording:
         """Read and set up a scenario to compare with, once; its own expectations are not read."""
@@ -132,6 +138,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> 
         followers=followers,
         motion=motion,
         desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        opened=fmus,
         fmus={name: fmu for name, fmu in fmus.items() if name in _plants_of(scenario)},
         laws=laws,
         gains=gains,

@@ -18,6 +18,7 @@ from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
 from cosim.master.recorded_result import recorded_result
+from cosim.master.recorder import Recorder
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import TeamArrays
@@ -48,6 +49,8 @@ class Simulation:
         Who watches the run, from its first tick to its end.
     fleet
         Starts the plants: their FMUs, or for tests a `cosim.master.mock_fleet.MockFleet`.
+    recorder
+        Gets the records, in memory that another run has used; without one, a new one.
 
     Attributes
     ----------
@@ -72,6 +75,7 @@ class Simulation:
         *,
         observers: Iterable[Observer] = (),
         fleet: StartFleet = start_fleet,
+        recorder: Recorder | None = None,
     ) -> None:
         self.scenario = scenario
         self.timing: dict[str, float] = {}
@@ -87,7 +91,8 @@ class Simulation:
             self.velocities = {robot.name: now.visible(row)[1] for row, robot in enumerate(robots)}
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
             self._fleet = self._start_plants(fleet, cleanup)
-            self._ticks = Ticks(scenario, self.setup, now, self._teams, self._fleet)
+            recorder = recorder or Recorder(scenario.ticks + 1, self.setup.result_variables)
+            self._ticks = Ticks(scenario, self.setup, now, self._teams, self._fleet, recorder)
             for observer in observers:
                 self._watch(observer)
             self._cleanup = cleanup.pop_all()
@@ -288,8 +293,7 @@ class Simulation:
         with timed(self.timing, "load"):
             columns = [now.columns_of(robot.kind) for robot in driven]
             started = fleet(driven, self.scenario.horizon, now.state[len(now.kinds) - len(driven) :], columns)
-        cleanup.callback(started.close)
-        return started
+            return cleanup.enter_context(started)
 
     def _gather_teams(self) -> list[Team]:
         scenario, setup = self.scenario, self.setup

@@ -58,6 +58,8 @@ class Ticks:
         The laws with their followers.
     fleet
         The plants, started.
+    recorder
+        Gets the records.
 
     Attributes
     ----------
@@ -68,10 +70,16 @@ class Ticks:
     """
 
     def __init__(
-        self, scenario: Scenario, setup: Setup, now: TeamArrays, teams: Sequence[Team], fleet: AnyFleet
+        self,
+        scenario: Scenario,
+        setup: Setup,
+        now: TeamArrays,
+        teams: Sequence[Team],
+        fleet: AnyFleet,
+        recorder: Recorder,
     ) -> None:
         self.tick = 0
-        self.recorder = Recorder(scenario.ticks + 1, setup.result_variables)
+        self.recorder = recorder
         self._scenario, self._setup, self._now, self._teams, self._fleet = scenario, setup, now, tuple(teams), fleet
         robots = (setup.leader, *setup.followers)
         names = [robot.name for robot in robots]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +16,9 @@ from cosim.master.timing import timed
 from cosim.scenario.scenario import PlantSource, Scenario, Setting
 
 
-def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) -> dict[str, Fmu]:
+def open_fmus(
+    scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], opened: Mapping[str, Fmu]
+) -> dict[str, Fmu]:
     """Return the FMU of every plant by the plant's id, also of unused plants, so that the whole file is checked.
 
     Parameters
@@ -27,6 +29,8 @@ def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) 
         Receives the clean-up callbacks.
     timing
         Receives the seconds that were spent, by part.
+    opened
+        FMUs that are open already, by the plant's id.
 
     Raises
     ------
@@ -35,11 +39,14 @@ def open_fmus(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float]) 
     """
     fmus = {}
     for source in scenario.plants.values():
-        with timed(timing, "build"):
-            path = _fmu_path(source)
-        with timed(timing, "load"):
-            fmu = fmus[source.id] = open_fmu(path, source.where, source.binding, source.interface)
-        cleanup.callback(fmu.close)
+        fmu = opened.get(source.id)
+        if fmu is None:
+            with timed(timing, "build"):
+                path = _fmu_path(source)
+            with timed(timing, "load"):
+                fmu = open_fmu(path, source.where, source.binding, source.interface)
+            cleanup.callback(fmu.close)
+        fmus[source.id] = fmu
         understood(fmu, source, source.parameters)
         check_solver(fmu, source)
         check_step(fmu, source, scenario.step)

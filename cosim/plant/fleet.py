@@ -43,8 +43,8 @@ _LINK = np.dtype(
 class Fleet:
     """Plants that are stepped together.
 
-    Legal call order: `step`, `run` and `change` in any number, at successive ticks; `close` at the end. After a
-    SimulationError only `close`.
+    Legal call order: `step`, `run` and `change` in any number, at successive ticks; `restart` for another run, also
+    after a failure; `close` at the end. After a SimulationError only these two.
 
     Parameters
     ----------
@@ -71,6 +71,34 @@ class Fleet:
     """
 
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
+        _settle()
+        with ExitStack() as cleanup:
+            self._external: dict[int, StepwisePlant] = {}
+            self._instances: dict[int, Instance] = {}
+            cleanup.callback(self._end)
+            self._start(members, state)
+            self._cleanup = cleanup.pop_all()
+
+    def restart(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
+        """Put all plants at the start of another run, with other values; nothing is left of the run before.
+
+        FMUs are reset. An FMU that cannot be, and one in a process of its own, is started anew.
+
+        Parameters
+        ----------
+        members
+            The same FMUs for the same robots.
+        state
+            As for a new fleet.
+
+        Raises
+        ------
+        InputError, SimulationError
+            As for a new fleet. The fleet can be restarted all the same.
+        """
+        self._start(members, state)
+
+    def _start(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
         self.members = tuple(members)
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []
@@ -78,13 +106,12 @@ class Fleet:
         self._state[:] = np.nan
         self._kept = [0] * len(members)
         sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
-        _settle()
-        with ExitStack() as cleanup:
-            cleanup.enter_context(returning())
-            self._external: dict[int, StepwisePlant] = self._start_processes(cleanup) | self._start_stepwise(cleanup)
-            self._instances = self._start_instances(cleanup)
-            self._rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
-            rows = self._rows
+        with returning():
+            self._end_external()
+            self._start_processes()
+            self._start_stepwise()
+            self._start_instances()
+            self._rows = rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
             inputs = [range(len(member.inputs)) for member in members]
             self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
             self._arrays = FleetArrays(
@@ -106,7 +133,6 @@ class Fleet:
             for member, found_there in zip(self.members, self._state, strict=True):
                 check_pose(member, found_there)
             self._late = [index for index, member in enumerate(self.members) if member.spec.late_outputs]
-            self._cleanup = cleanup.pop_all()
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant from a communication point by one communication step [s].
@@ -207,13 +233,12 @@ class Fleet:
 
     # Starting ----------------------------------------------------------------------------------------------------
 
-    def _start_processes(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
+    def _start_processes(self) -> None:
         processes: dict[int, ProcessPlant] = {}
-        cleanup.callback(end, processes.values())
         for index, member in enumerate(self.members):
             if member.isolated:
                 try:
-                    processes[index] = ProcessPlant(member.spec)
+                    self._external[index] = processes[index] = ProcessPlant(member.spec)
                 except PlantError as error:
                     raise self._not_started(index, error) from None
         for index, process in processes.items():
@@ -221,30 +246,44 @@ class Fleet:
                 process.wait_until_started()
             except PlantError as error:
                 raise self._not_started(index, error) from None
-        return dict(processes)
 
-    def _start_stepwise(self, cleanup: ExitStack) -> dict[int, StepwisePlant]:
-        plants: dict[int, StepwisePlant] = {}
+    def _start_stepwise(self) -> None:
         for index, member in enumerate(self.members):
             make = None if member.isolated else stepper(member.spec)
             if make is not None:
                 try:
-                    plants[index] = make(member.spec)
+                    self._external[index] = make(member.spec)
                 except PlantError as error:
                     raise self._not_started(index, error) from None
-                cleanup.callback(plants[index].close)
-        return plants
 
-    def _start_instances(self, cleanup: ExitStack) -> dict[int, Instance]:
-        instances: dict[int, Instance] = {}
+    def _start_instances(self) -> None:
         for index, member in enumerate(self.members):
             if index not in self._external:
                 try:
-                    instances[index] = Instance(member.spec)
+                    before = self._instances.pop(index, None)  # back once it is restarted
+                    if before is None or not before.restart(member.spec):
+                        if before is not None:
+                            before.close()
+                        before = Instance(member.spec)
+                    self._instances[index] = before
                 except PlantError as error:
                     raise self._not_started(index, error) from None
-                cleanup.callback(instances[index].close)
-        return instances
+
+    def _end(self) -> None:
+        with ExitStack() as closing:  # whatever happens to one of them
+            closing.callback(self._end_external)
+            for instance in self._instances.values():
+                closing.callback(instance.close)
+            self._instances = {}
+
+    def _end_external(self) -> None:
+        processes = [plant for plant in self._external.values() if isinstance(plant, ProcessPlant)]
+        with ExitStack() as closing:
+            closing.callback(end, processes)
+            for plant in self._external.values():
+                if not isinstance(plant, ProcessPlant):
+                    closing.callback(plant.close)
+            self._external = {}
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
         return not_started(self.members, index, error)

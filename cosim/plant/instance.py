@@ -49,7 +49,8 @@ _SETTERS = {
 class Instance:
     """An initialised instance at the start of its run; of Model Exchange, in Continuous-Time Mode.
 
-    Legal call order: `change`, `handle_event` and the calls of `cosim.plant.stepping`, in any number, `close` once.
+    Legal call order: `change`, `handle_event` and the calls of `cosim.plant.stepping`, in any number, `restart` for
+    another run; `close` once.
 
     Parameters
     ----------
@@ -75,17 +76,58 @@ class Instance:
     def __init__(self, spec: PlantSpec) -> None:
         self.spec = spec
         self.log = Log(spec.robot)
-        self.next_event = float("inf")
         self.status = 0
         self._fmu: Any = None
+        self._started(self._instantiate)
+        self.living.append(spec)
+
+    def restart(self, spec: PlantSpec) -> bool:
+        """Reset the instance to the start of a run with other values (FMI 2.0, section 2.1.6; FMI 3.0, section 2.3.1).
+
+        Parameters
+        ----------
+        spec
+            The same FMU with its values for this run.
+
+        Returns
+        -------
+        bool
+            Whether that was possible. If not, it is to be closed: the FMU has no such function, refuses to be reset, or
+            has failed in the last run.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses to start with these values; the instance is closed.
+        """
+        if self.status >= ERROR or (self._version == 1 and not self._co_simulation):
+            return False
+        self.log.take_data()
+        try:
+            with kept_arithmetic():
+                self._fmu.reset()
+        except FMICallException as error:
+            self._note(error)
+            return False
+        self.living[:] = [spec if one is self.spec else one for one in self.living]
+        self.spec, self.status = spec, 0
+        self._started()
+        return True
+
+    def _started(self, instantiate: Callable[[], None] | None = None) -> None:
+        """Start the instance; close it if that fails."""
+        self.next_event = float("inf")
         self._initialised = False
         self._it = "it "  # the subject of messages until the plant is started
         folder = os.getcwd()
         try:
             with kept_arithmetic():
-                self._start()
+                if instantiate is not None:
+                    instantiate()
+                for value in self.spec.values:
+                    self._set(value)
+                self._initialise()
             self._it = ""
-            self.living.append(spec)
         except BaseException as error:
             self._note(error)
             said = self._reason(str(error))
@@ -227,12 +269,6 @@ class Instance:
     @property
     def _co_simulation(self) -> bool:
         return self.spec.interface == CO_SIMULATION
-
-    def _start(self) -> None:
-        self._instantiate()
-        for value in self.spec.values:
-            self._set(value)
-        self._initialise()
 
     def _instantiate(self) -> None:
         spec = self.spec

@@ -13,8 +13,9 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
+from cosim.results.follower_figures import FollowerFigures, follower_figures
 from cosim.results.logged import LoggedMessage, logged_messages
-from cosim.results.metrics import MEASURES, settling_time, smallest_distance
+from cosim.results.metrics import smallest_distance
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -23,36 +24,6 @@ from cosim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     import xarray as xr
-
-RANGE_BAND = 0.1
-BEARING_BAND = math.radians(2.0)
-STEADY_PART = 0.2
-SETTLED_PART = 0.05
-
-
-@dataclass(frozen=True)
-class FollowerFigures:
-    """How well one follower kept its place.
-
-    Attributes
-    ----------
-    settling_time : float or None
-        From when on [s] the range error stays within 0.1 m and the bearing error within 2 degrees; None if they do not
-        for at least the last twentieth of the horizon.
-    range_rms, bearing_rms : float
-        Root mean square of the errors [m], [rad] over the last fifth of the horizon.
-    peak_torque : float
-        Largest magnitude of a torque as applied [N.m]; NaN where the vehicle takes other commands.
-    within_from : float or None
-        From when on [s] both errors stay within these bands, however short that is; None if they do not at the end.
-    """
-
-    robot: str
-    settling_time: float | None
-    range_rms: float
-    bearing_rms: float
-    peak_torque: float
-    within_from: float | None
 
 
 @dataclass(frozen=True)
@@ -156,7 +127,7 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
         scenario=name,
         status=result.attrs["status"],
         end_time=float(time[-1]) if len(time) else 0.0,
-        followers=tuple(_figures(horizon, step, result, robot) for robot in result.robots),
+        followers=follower_figures(horizon, step, result),
         smallest_distance=nearest.distance if nearest else None,
         smallest_distance_between=nearest.between if nearest else None,
         smallest_distance_of_bodies=bodies.distance if bodies else None,
@@ -167,23 +138,6 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
         provenance=Provenance.of(result.attrs),
         messages=messages,
         messages_left_out=left_out,
-    )
-
-
-def _figures(horizon: float, step: float, result: Result, robot: str) -> FollowerFigures:
-    time = result["time"].values
-    settled = settling_time(result, robot, RANGE_BAND, BEARING_BAND)
-    last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
-    steady = time >= (1 - STEADY_PART) * horizon - 0.5 * step
-    torque = np.abs(result.of_robot("torque", robot)) if "torque" in result else np.zeros(0)
-    torque = torque[~np.isnan(torque)]  # of a vehicle with fewer commands than another
-    return FollowerFigures(
-        robot=robot,
-        settling_time=settled if settled is not None and settled <= last_chance else None,
-        range_rms=MEASURES["rms"](time[steady], result.of_robot("range_error", robot)[steady]),
-        bearing_rms=MEASURES["rms"](time[steady], result.of_robot("bearing_error", robot)[steady]),
-        peak_torque=float(torque.max()) if torque.size else math.nan,
-        within_from=settled,
     )
 
 

@@ -40,6 +40,7 @@ def mock_setup(scenario: Scenario) -> Setup:
         followers=followers,
         motion=None,
         desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        opened={},
         fmus={},
         laws=laws,
         gains=tuple(laws[follower.controller].gains for follower in scenario.followers),

@@ -19,7 +19,19 @@ from cosim.scenario.scenario import Expectation, Scenario
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["KINDS", "Kind", "Prepare", "Recorded", "Recording", "RunOther", "check", "judge", "recorded", "understood"]
+__all__ = [
+    "KINDS",
+    "Kind",
+    "Prepare",
+    "Recorded",
+    "Recording",
+    "RunOther",
+    "check",
+    "judge",
+    "needed",
+    "recorded",
+    "understood",
+]
 
 
 KINDS: Mapping[str, type[Kind]] = kinds_in(__name__, __path__, Kind)
@@ -61,6 +73,11 @@ def check(
     """
     for expectation in scenario.expectations:
         understood(expectation).check(Recording(scenario, signals, shapeless or {}), prepare)
+
+
+def needed(expectations: Iterable[Expectation], known: Mapping[str, Recorded]) -> frozenset[str]:
+    """Return which of the signals that a run records its expectations are judged by."""
+    return frozenset(signal for written in expectations for signal in understood(written).signals(known))
 
 
 def judge(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import Measure
 from cosim.results.result import Result
@@ -50,6 +52,10 @@ class Bounded(Kind):
         if self.attribute == "below" and self.bound <= 0:
             raise self.written.error(f"{what} is not greater than zero, so the expectation cannot hold")
         self.check_samples(own.scenario)
+
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return its signal."""
+        return {self.subject.signal}
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower that has such a signal."""

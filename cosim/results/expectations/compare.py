@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from cosim.clock import ROUNDING
 from cosim.errors import FormationError, InputError
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import MEASURES
 from cosim.results.result import Result
@@ -68,6 +70,10 @@ class Compare(Kind):
         except UnitError as wrong:
             has = f"{str(self.subject)!r} has another unit"
             raise error(f"in the other scenario, {path.name}, {has}: {wrong}") from None
+
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return its signal."""
+        return {self.subject.signal}
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the team; the expectation fails, even if it is known to, if there is no other run to compare with."""

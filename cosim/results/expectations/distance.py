@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded
 from cosim.results.metrics import smallest_distance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -46,6 +48,10 @@ class Distance(Kind):
                 "reference points"
             )
         self.check_samples(own.scenario)
+
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return the poses."""
+        return {"pose"}
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the two followers that came nearest to each other."""

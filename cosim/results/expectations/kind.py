@@ -90,6 +90,10 @@ class Kind(ABC):
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Return the verdict on each follower, or one on the team; None instead of `run_other`: nothing is run."""
 
+    @abstractmethod
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return which signals of a run it is judged by, of all that are recorded."""
+
     # Reading and checking
 
     def read_bound(self, name: str) -> None:

@@ -8,8 +8,13 @@ from dataclasses import dataclass
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import LEADER
 
-DERIVED = {"range": "m", "bearing": "rad", "range_error": "m", "bearing_error": "rad"}
-"""Signals of every follower that are computed from recorded ones, with their units."""
+DERIVED = {
+    "range": ("m", "range to the virtual leader"),
+    "bearing": ("rad", "bearing of the virtual leader"),
+    "range_error": ("m", "range less the desired range"),
+    "bearing_error": ("rad", "bearing less the desired bearing"),
+}
+"""Signals of every follower that are computed from recorded ones, with their units and meanings."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ def recorded(
     owners
         For each signal that not every follower has, who has it.
     """
-    known = {name: Recorded({"": unit}, tuple(followers)) for name, unit in DERIVED.items()}
+    known = {name: Recorded({"": unit}, tuple(followers)) for name, (unit, _) in DERIVED.items()}
     for variable in variables:
         components = next((labels[dim] for dim in variable.dims if dim != "robot"), ("",))
         known[variable.name] = Recorded(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.subject import Subject
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -36,6 +38,10 @@ class Regular(Kind):
             raise self.written.error("no follower has a controller that signals singularities: remove <regular>")
         self.check_robots(telling, "controller that signals singularities")
         self.check_samples(own.scenario)
+
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return those that tell of a singularity."""
+        return [name for name, signal in known.items() if signal.tells_singularity]
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""

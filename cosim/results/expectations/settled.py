@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 from cosim.clock import ROUNDING
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
+from cosim.results.expectations.recorded import Recorded
 from cosim.results.metrics import settling_time
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -42,6 +44,10 @@ class Settled(Kind):
             raise self.written.error(f"by={by:g} s is not within the run of {horizon:g} s")
         if problem := own.scenario.clock.off_tick(by):
             raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
+
+    def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
+        """Return both errors."""
+        return {"range_error", "bearing_error"}
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""

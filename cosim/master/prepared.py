@@ -1,0 +1,229 @@
+"""A scenario that is prepared once and run often, with other values each time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import replace
+from functools import partial
+from types import TracebackType
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import Failure, InputError, Location, SimulationError, nearest
+from cosim.master.fleets import AnyFleet, members_of
+from cosim.master.other_runs import run_other
+from cosim.master.recorder import Recorder
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import Setup, set_up
+from cosim.master.simulation import Simulation
+from cosim.master.ticks import driven_robots
+from cosim.plant.fleet import Fleet
+from cosim.results.expectations import judge, needed
+from cosim.results.follower_figures import NEEDED, follower_figures
+from cosim.results.outcome import RunOutcome
+from cosim.results.verdict import Verdict
+from cosim.scenario.edits import Change
+from cosim.scenario.scenario import LEADER, PlantSource, Scenario
+
+Floats: TypeAlias = NDArray[np.float64]
+
+EVERYTHING = "everything"
+"""In place of names of signals: all of them are recorded."""
+
+
+class Prepared:
+    """The structure of a scenario: its plants are built, loaded and started once, for any number of runs.
+
+    A run has the scenario's robots, plants, step and horizon, and any seed and values: masses, gains, noise, starts,
+    places, torques, events. Its numbers are those of the same scenario run alone, bit for bit: plants are reset and get
+    all of their values, laws and random numbers begin anew, and whatever happened in a run, the next one does not see
+    it. An FMU that refuses to be reset, that has failed, or that runs in a process of its own, is started anew.
+
+    An FMU that is not one of the built-in models may reset itself wrongly. So the first run after a reset is also made
+    with new instances; if they differ in one bit, new ones are started for every run.
+
+    Legal call order: `run` in any number, by one thread at a time; `close` at the end (or use ``with``).
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    record
+        The signals that outcomes hold, by name; `EVERYTHING` for all. None: outcomes hold no signals, and only those
+        are recorded that expectations and figures need.
+
+    Attributes
+    ----------
+    resets : bool
+        Whether FMUs are reset; False once one has turned out to do it wrongly.
+
+    Raises
+    ------
+    InputError
+        The scenario asks for something that does not exist or does not fit; or it records no such signal.
+
+    Examples
+    --------
+    >>> with cosim.Prepared(cosim.read_scenario("scenarios/clmr_line.xml")) as prepared:
+    ...     for mass in range(20, 60):
+    ...         outcome = prepared.run([f"plant/parameter[@name='m_c']/@value={mass} kg"])
+    ...         print(mass, outcome.passed, outcome.figures[0].range_rms)
+    """
+
+    def __init__(self, scenario: Scenario, record: Collection[str] | None = None) -> None:
+        self.scenario = scenario
+        self.resets = True
+        self._record = record
+        self._fleet: Fleet | None = None
+        self._memory: list[NDArray[Any]] = []
+        self._reset = False  # whether the plants of the last run were those of the run before
+        with ExitStack() as cleanup:
+            self._setup = set_up(scenario, cleanup, {})
+            self._check_record()
+            self._unverified = any(robot.source.model is None for robot in driven_robots(self._setup))
+            cleanup.callback(self._end_plants)
+            self._cleanup = cleanup.pop_all()
+
+    def run(self, variation: Scenario | Iterable[str | Change] = ()) -> RunOutcome:
+        """Run the scenario with other values, and judge it.
+
+        Parameters
+        ----------
+        variation
+            The scenario of this run, or changes of the prepared one as for `Scenario.edited`, such as
+            ``simulation/@seed=7``.
+
+        Raises
+        ------
+        InputError
+            A change does not apply, a value makes no sense or is refused by an FMU, or the structure differs.
+        RunInterrupted
+            The user pressed Ctrl-C.
+        """
+        scenario = variation if isinstance(variation, Scenario) else self.scenario.edited(variation)
+        self._check_structure(scenario)
+        with ExitStack() as cleanup:
+            setup = set_up(scenario, cleanup, {}, self._setup)
+            memory = [] if self._keeps or self._unverified else self._memory
+            recorder = self._recorder(scenario, setup, memory)
+            outcome = self._run(scenario, setup, recorder)
+            if self._reset and self._unverified:
+                self._unverified = False
+                self._end_plants()
+                expected = self._recorder(scenario, setup, [])
+                anew = self._run(scenario, setup, expected)
+                self.resets = outcome.failure == anew.failure and _equal(recorder.arrays(), expected.arrays())
+                return anew
+            return outcome
+
+    def close(self) -> None:
+        """End all plants and remove unpacked files."""
+        self._cleanup.close()
+
+    def __enter__(self) -> Self:
+        """Return what is prepared; it is closed at the end of the block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # A run -------------------------------------------------------------------------------------------------
+
+    def _run(self, scenario: Scenario, setup: Setup, recorder: Recorder) -> RunOutcome:
+        failure: Failure | None = None
+        verdicts: tuple[Verdict, ...] = ()
+        with Simulation(scenario, setup, fleet=self._lend, recorder=recorder) as simulation:
+            try:
+                result = simulation.run_to_end()
+            except SimulationError as error:
+                failure, result = error.failure, error.recorded
+            if failure is None:
+                verdicts = judge(scenario.expectations, result, partial(run_other, setup))
+        return RunOutcome(
+            status="completed" if failure is None else "failed",
+            verdicts=verdicts,
+            figures=follower_figures(scenario.horizon, scenario.step, result),
+            failure=failure,
+            plant_messages=tuple(json.loads(result.attrs["plant_messages"])),
+            result=result if self._keeps else None,
+        )
+
+    def _recorder(self, scenario: Scenario, setup: Setup, memory: list[NDArray[Any]]) -> Recorder:
+        wanted = None
+        if self._record != EVERYTHING:
+            wanted = {*needed(scenario.expectations, setup.signals), *NEEDED, *(self._record or ())}
+        return Recorder(scenario.ticks + 1, setup.result_variables, wanted, memory)
+
+    @property
+    def _keeps(self) -> bool:
+        """Whether outcomes hold signals, so that each run needs memory of its own."""
+        return self._record is not None
+
+    def _lend(
+        self,
+        robots: Sequence[RobotSetup],
+        horizon: float,
+        state: Floats,
+        columns: Sequence[tuple[int, ...]],
+    ) -> AbstractContextManager[AnyFleet]:
+        """Put the plants at the start of a run, at whose end they stay."""
+        if not self.resets:
+            self._end_plants()
+        members = members_of(robots, horizon, columns)
+        self._reset = self._fleet is not None
+        if self._fleet is None:
+            self._fleet = Fleet(members, state)
+        else:
+            self._fleet.restart(members, state)
+        return nullcontext(self._fleet)
+
+    def _end_plants(self) -> None:
+        fleet, self._fleet = self._fleet, None
+        if fleet is not None:
+            fleet.close()
+
+    # What can be run ---------------------------------------------------------------------------------------
+
+    def _check_record(self) -> None:
+        for name in () if self._record in (None, EVERYTHING) else self._record:
+            if name not in self._setup.signals:
+                raise InputError(f"the run records no signal {name!r}: {nearest(name, list(self._setup.signals))}")
+
+    def _check_structure(self, scenario: Scenario) -> None:
+        asked = _structure(scenario)
+        for what, prepared in _structure(self.scenario).items():
+            if asked.get(what) != prepared:
+                raise InputError(
+                    f"{scenario.name!r} cannot be run as a variation of {self.scenario.name!r}, as {what} differs: "
+                    "prepare it on its own"
+                )
+
+
+def _structure(scenario: Scenario) -> dict[str, object]:
+    """Return what all runs of a scenario share, by its name."""
+    plants = scenario.plants
+    return {
+        "the step": scenario.step,
+        "the sample period": scenario.period,
+        "the horizon": scenario.ticks,
+        "whether the leader's motion is given": scenario.leader.trajectory is not None,
+        "the list of followers": [follower.id for follower in scenario.followers],
+        "the list of plants": list(plants),
+        **{f"the plant {name!r}": _without_values(plant) for name, plant in plants.items()},
+        f"the plant of {LEADER}": scenario.leader.plant,
+        **{f"the plant of {follower.id}": follower.plant for follower in scenario.followers},
+    }
+
+
+def _without_values(plant: PlantSource) -> PlantSource:
+    return replace(plant, parameters=(), where=Location(""))
+
+
+def _equal(one: Mapping[str, Floats], other: Mapping[str, Floats]) -> bool:
+    return all(np.array_equal(values, other[name], equal_nan=True) for name, values in one.items())
