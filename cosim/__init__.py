@@ -10,6 +10,11 @@ or step by step:
 ...     while not simulation.finished:
 ...         simulation.step()
 
+or many times with other values:
+
+>>> with cosim.Prepared(cosim.read_scenario("scenarios/clmr_line.xml")) as prepared:
+...     outcomes = [prepared.run([f"simulation/@seed={seed}"]) for seed in range(100)]
+
 and later, from the files of ``formation run``:
 
 >>> result = cosim.load_result("runs/clmr_line")
@@ -30,9 +35,11 @@ if TYPE_CHECKING:
     from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
     from cosim.master.pacing import Pacer
+    from cosim.master.prepared import Prepared
     from cosim.master.simulation import Simulation
     from cosim.results.figure import save_figure
     from cosim.results.files import load_result
+    from cosim.results.outcome import RunOutcome
     from cosim.results.summary import Summary, summary_of
     from cosim.results.verdict import Verdict
     from cosim.scenario.edits import Change
@@ -46,7 +53,9 @@ __all__ = [
     "Pacer",
     "PlantComparison",
     "PlantFile",
+    "Prepared",
     "RunInterrupted",
+    "RunOutcome",
     "Scenario",
     "Simulation",
     "SimulationError",
@@ -102,6 +111,8 @@ _HOMES = {
     "PlantFile": "cosim.compare.comparison",
     "compare_plants": "cosim.compare.comparison",
     "Pacer": "cosim.master.pacing",
+    "Prepared": "cosim.master.prepared",
+    "RunOutcome": "cosim.results.outcome",
     "Scenario": "cosim.scenario.scenario",
     "Simulation": "cosim.master.simulation",
     "Summary": "cosim.results.summary",

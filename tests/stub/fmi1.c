@@ -62,8 +62,7 @@ fmi1Status FMI(fmiTerminateSlave)(fmi1Component c)
 fmi1Status FMI(fmiResetSlave)(fmi1Component c)
 {
     REQUIRE("fmiResetSlave", ANY);
-    reset(c, ((Stub *)c)->car.when);
-    return fmi1OK;
+    return (fmi1Status)restart(c);
 }
 
 void FMI(fmiFreeSlaveInstance)(fmi1Component c) { destroy(c); }

@@ -74,8 +74,7 @@ fmi2Status fmi2Terminate(fmi2Component c)
 fmi2Status fmi2Reset(fmi2Component c)
 {
     REQUIRE(ANY);
-    reset(c, ((Stub *)c)->car.when);
-    return fmi2OK;
+    return (fmi2Status)restart(c);
 }
 
 /* ---- variables ---- */

@@ -116,8 +116,7 @@ fmi3Status fmi3Terminate(fmi3Instance c)
 fmi3Status fmi3Reset(fmi3Instance c)
 {
     REQUIRE(ANY);
-    reset(c, ((Stub *)c)->car.when);
-    return fmi3OK;
+    return (fmi3Status)restart(c);
 }
 
 /* ---- variables ---- */

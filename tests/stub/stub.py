@@ -50,6 +50,7 @@ BEHAVIOURS = {
     "trap": "lets invalid floating-point operations raise SIGFPE (glibc)",
     "chdir": "changes the working directory to /",
     "signals": "ignores SIGINT",
+    "stale": "keeps its speed and its wheelbase when it is reset",
     "thread": "starts a thread that never ends, and aborts if it is unloaded or torn down under it",
 }
 """What a stub can be made to do at its `place`. Before what ends or hangs the process it logs a line."""
@@ -61,11 +62,12 @@ PLACES = {
     "get": "on getting an output that is a state, from the time `when`",
     "step": "in a step (Model Exchange: on getting derivatives) that begins at the time `when` or later",
     "terminate": "on terminating",
+    "reset": "on being reset",
     "free": "on freeing the instance",
 }
 """In which function a stub does what it is made to do."""
 
-_PLACE = dict.fromkeys(("rounding", "trap", "chdir", "signals", "thread"), "instantiate")
+_PLACE = dict.fromkeys(("rounding", "trap", "chdir", "signals", "thread"), "instantiate") | {"stale": "reset"}
 _ROLES = ("x", "y", "psi", "gamma", "v", "omega")
 
 # Unit of each state, of the torques, of the wheelbase, of the time.

@@ -369,6 +369,16 @@ static inline Status finish_initialization(Stub *s, Mode next)
     return status;
 }
 
+static inline Status restart(Stub *s)
+{
+    const Status status = act(s, "reset");
+    if (status >= DISCARD) return status;
+    const Car before = s->car;
+    reset(s, before.when);
+    if (is(s, "stale")) s->car.a = before.a, s->car.state[V] = before.state[V];
+    return status;
+}
+
 static inline Status finish(Stub *s)
 {
     const Status status = act(s, "terminate");
