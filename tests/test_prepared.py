@@ -5,6 +5,7 @@ import re
 import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -150,10 +151,11 @@ def test_a_run_that_fails_leaves_the_next_one_as_it_is(line: Scenario, monkeypat
     with Prepared(line, EVERYTHING) as prepared:
         for what in random.permutation([*FAILING, "is interrupted"] * 3):
             if what == "is interrupted":
-                with monkeypatch.context() as patch, pytest.raises(RunInterrupted):
+                with monkeypatch.context() as patch:
                     run = Segment.run
                     patch.setattr(Segment, "run", lambda *of, run=run: signal.raise_signal(signal.SIGINT) or run(*of))
-                    prepared.run()
+                    with pytest.raises(RunInterrupted):
+                        prepared.run()
             else:
                 try:
                     outcome = assert_as_alone(prepared, FAILING[what])
@@ -170,17 +172,20 @@ def test_only_what_is_needed_is_judged_alike(scenarios: Path) -> None:
     scenario = cosim.read_scenario(scenarios / "clmr_line.xml").edited(
         ["//settled/@by=2 s", "//rms/@from=2 s"], horizon=3.0
     )
-    with Prepared(scenario) as little, Prepared(scenario, ["torque", "bearing"]) as some:
-        with Prepared(scenario, EVERYTHING) as everything:
-            for seed in range(1, 4):
-                changes = [f"simulation/@seed={seed}"]
-                expected, one, other = everything.run(changes), little.run(changes), some.run(changes)
-                assert one.figures == other.figures == expected.figures
-                assert repr(one.verdicts) == repr(other.verdicts) == repr(expected.verdicts)
-                assert one.result is None
-                assert other.result is not None
-                assert {"torque", "bearing"} <= other.result.data_vars.keys() < expected.result.data_vars.keys()
-                assert np.array_equal(other.result["bearing"].values, expected.result["bearing"].values)
+    with (
+        Prepared(scenario) as little,
+        Prepared(scenario, ["torque", "bearing"]) as some,
+        Prepared(scenario, EVERYTHING) as everything,
+    ):
+        for seed in range(1, 4):
+            changes = [f"simulation/@seed={seed}"]
+            expected, one, other = everything.run(changes), little.run(changes), some.run(changes)
+            assert one.figures == other.figures == expected.figures
+            assert repr(one.verdicts) == repr(other.verdicts) == repr(expected.verdicts)
+            assert one.result is None
+            assert other.result is not None
+            assert {"torque", "bearing"} <= other.result.data_vars.keys() < expected.result.data_vars.keys()
+            assert np.array_equal(other.result["bearing"].values, expected.result["bearing"].values)
 
 
 def test_an_outcome_is_not_overwritten(line: Scenario) -> None:
@@ -247,7 +252,7 @@ def test_fmus_of_others(
             counts.append(len(started))
         outcome = prepared.run()
     alone = 3
-    anew = [second - first - alone for first, second in zip(counts, counts[1:], strict=False)]
+    anew = [second - first - alone for first, second in pairwise(counts)]
     can_reset = fmi != "1.0" or interface == "co_simulation"
     assert prepared.resets == (behaviour != "stale" or not can_reset)
     assert anew[-1] == (0 if behaviour == "good" and can_reset else 3)
