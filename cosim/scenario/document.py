@@ -22,10 +22,11 @@ from cosim.missing_file import absent
 from cosim.scenario.edits import Change, in_words
 from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
 from cosim.scenario.malformed_xml import reason
-from cosim.scenario.variant import vary
+from cosim.scenario.variant import MAX_ELEMENTS, vary
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 50
+MAX_ATTRIBUTES = 1000
 MAX_VARIANTS = 20
 _ARCHIVE = b"PK\x03\x04"
 """How a zip archive begins."""
@@ -278,9 +279,10 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     opened: list[tuple[str, int]] = []
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
+    file = str(path)
 
     def here() -> Location:
-        return Location(str(path), parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
+        return Location(file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
 
     def qualified(name: str) -> str:
         return "{" + name if "}" in name else name
@@ -289,10 +291,16 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         opened.append((name.rpartition("}")[2], parser.CurrentLineNumber))
         if len(opened) > MAX_DEPTH:
             raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
+        if len(places) >= MAX_ELEMENTS:
+            raise InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", here())
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", here())
         try:
             element = builder.start(
                 qualified(name),
-                {qualified(key): value for key, value in attributes.items()},
+                {qualified(key): value for key, value in attributes.items()}
+                if "}" in "".join(attributes)
+                else attributes,
                 {None: NAMESPACE} if not places else None,
             )
         except ValueError as error:  # a name or a namespace that expat takes and lxml refuses

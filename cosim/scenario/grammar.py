@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from collections.abc import Iterator
 from functools import cache
 from importlib import resources
+from itertools import islice
 from pathlib import Path
 
 from lxml import etree
@@ -15,6 +17,10 @@ from cosim.quantity import advice, meant
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
 
+_SMALL = 2000
+"""Elements of a tree in which all breaches may be found."""
+_PIECE = 2048
+"""Bytes that are checked at once in a larger one."""
 _XS = "{http://www.w3.org/2001/XMLSchema}"
 
 
@@ -26,12 +32,37 @@ def local_name(element: etree._Element) -> str:
 def violation(root: etree._Element) -> tuple[etree._Element, str] | None:
     """Return the first element that breaks the schema, with a sentence on the breach; None if none does."""
     schema = _schema()
-    if schema.validate(root):
+    if schema.validate(_up_to_a_breach(root)):
         return None
     error = schema.error_log[0]
     found = root.getroottree().xpath(error.path)
     element = found[0] if isinstance(found, list) and isinstance(found[0], etree._Element) else root
     return element, _sentence(error.message, element)
+
+
+def _up_to_a_breach(root: etree._Element) -> etree._Element:
+    """Return a tree without most of the breaches after the first one; the tree itself if it is small or has none.
+
+    libxml2 reports all of them, and the place of each takes the longer the more elements are before it.
+    """
+    if root.xpath(f"count(//*) <= {_SMALL}"):
+        return root
+    text = etree.tostring(root)
+    parser = etree.XMLPullParser(events=("start",), schema=_schema())
+    kept = 0
+    for begin in range(0, len(text), _PIECE):
+        parser.feed(text[begin : begin + _PIECE])
+        kept += sum(1 for _ in parser.read_events())
+        if len(parser.feed_error_log):
+            break
+    else:
+        return root
+    copied = copy.deepcopy(root)
+    last = next(islice(copied.iter("*"), kept - 1, None))
+    for element in (last, *last.iterancestors()):
+        for following in list(element.itersiblings()):
+            following.getparent().remove(following)
+    return copied
 
 
 @cache

@@ -20,23 +20,30 @@ def insert(parent: etree._Element, nodes: list[etree._Element]) -> None:
     """Insert nodes, one of them an element, after the last child that the schema has not after that element."""
     ranks = children_of(parent.tag)
     rank = next(ranks[node.tag] for node in nodes if is_element(node))
-    index = max((i + 1 for i, c in enumerate(parent) if is_element(c) and ranks.get(c.tag, 0) <= rank), default=0)
-    while 0 < index < len(parent) and not is_element(parent[index]) and "\n" not in (parent[index - 1].tail or ""):
-        index += 1  # a comment on the same line
-    put(parent, index, nodes)
+    before = [tag for tag, other in ranks.items() if other <= rank]
+    previous = next(parent.iterchildren(*before, reversed=True), None)
+    while previous is not None and "\n" not in (previous.tail or ""):
+        following = previous.getnext()
+        if following is None or is_element(following):
+            break
+        previous = following  # a comment on the same line
+    put(parent, previous, nodes)
 
 
-def put(parent: etree._Element, index: int, nodes: list[etree._Element]) -> None:
-    """Insert nodes before the child of an index, each on a line of its own."""
+def put(parent: etree._Element, previous: etree._Element | None, nodes: list[etree._Element]) -> None:
+    """Insert nodes after a child, or before all children, each on a line of its own."""
     outer = "\n" + _INDENT * sum(1 for _ in parent.iterancestors())
-    for i, node in enumerate(nodes, index):
+    for node in nodes:
         if is_element(node) and len(node):
             etree.indent(node, _INDENT, level=outer.count(_INDENT) + 1)
-        if i > 0:
-            node.tail, parent[i - 1].tail = parent[i - 1].tail, outer + _INDENT
+        if previous is not None:
+            tail, previous.tail, node.tail = previous.tail, None, None
+            previous.addnext(node)  # which takes the same time for any number of children
+            previous.tail, node.tail = outer + _INDENT, tail
         else:
             node.tail, parent.text = parent.text if len(parent) else outer, outer + _INDENT
-        parent.insert(i, node)
+            parent.insert(0, node)
+        previous = node
 
 
 def take_out(element: etree._Element) -> None:

@@ -15,6 +15,7 @@ from lxml import etree
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of, described_children
 from cosim.scenario.tree_edits import insert, is_element, put, take_out
+from cosim.scenario.xpath_cost import BUDGET, cost, text_of
 from cosim.scenario.xpath_selection import assign, select, selected_or_added
 
 MAX_ELEMENTS = 200_000
@@ -49,7 +50,11 @@ def vary(base: etree._Element, variant: etree._Element, places: Places) -> None:
             insert(base, [_copied(own, places)])
         if old is not None:
             take_out(old)
+    text, looks = text_of(base) + text_of(variant), 0
     for rule in variant.iterchildren(*_RULES):
+        looks += _cost(rule, len(places) + text)
+        if looks > BUDGET:
+            _refuse(rule, "is one rule too many: up to here, they might look at too many elements", places)
         _RULES[rule.tag](base, rule, places)
 
 
@@ -70,7 +75,7 @@ def _replace(base: etree._Element, rule: etree._Element, places: Places) -> None
     if parent is None:
         _refuse(rule, "the scenario itself cannot be replaced", places)
     _check_children(parent, rule, places)
-    put(parent, parent.index(old) + 1, [_copied(child, places) for child in rule])
+    put(parent, old, [_copied(child, places) for child in rule])
     take_out(old)
 
 
@@ -117,6 +122,15 @@ def _selected(
         return selecting(base, rule.get(attribute, ""))
     except ValueError as error:
         _refuse(rule, f"{attribute}: {error}", places)
+
+
+def _cost(rule: etree._Element, size: int) -> int:
+    """Return the cost of a rule's XPath; of one that is refused by itself, nothing."""
+    try:
+        looks = cost(rule.get("select", rule.get("into", "")), size)
+    except ValueError:
+        return 0
+    return looks if looks <= BUDGET else 0
 
 
 def _refuse(rule: etree._Element, message: str, places: Places) -> NoReturn:

@@ -10,9 +10,13 @@ from itertools import islice
 
 from lxml import etree
 
+from cosim.scenario.xpath_cost import affordable
+
 MAX_SHOWN = 3
 MAX_TRIED = 50
 """How many XPaths are tried; each of them searches the whole scenario."""
+MAX_WORDS = 20
+"""How many words of an XPath are respelled."""
 MAX_NAMES = 5000
 """Of how many names in the scenario the nearest is looked for."""
 MAX_LENGTH = 500
@@ -61,7 +65,8 @@ def _distinct(candidates: Iterable[str], xpath: str) -> Iterator[str]:
 
 
 def _selects(root: etree._Element, xpath: str) -> bool:
-    with suppress(etree.XPathError):
+    with suppress(etree.XPathError, ValueError):
+        affordable(root, xpath)
         return bool(root.xpath(xpath))
     return False
 
@@ -93,9 +98,12 @@ def _respelled(root: etree._Element, xpath: str) -> str:
         known |= {element.tag, *element.attrib, element.get("name", ""), element.get("id", "")}
         if len(known) > MAX_NAMES:
             break
+    respelled = 0
 
     def nearest(word: re.Match[str]) -> str:
-        if word[0] in known:
+        nonlocal respelled
+        respelled += word[0] not in known
+        if word[0] in known or respelled > MAX_WORDS:
             return word[0]
         return next(iter(difflib.get_close_matches(word[0][:100], known, n=1)), word[0])
 

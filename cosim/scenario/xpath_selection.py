@@ -9,6 +9,7 @@ from lxml import etree
 from cosim.scenario.grammar import children_of
 from cosim.scenario.tree_edits import insert, is_element
 from cosim.scenario.xpath_advice import advice, unclosed
+from cosim.scenario.xpath_cost import affordable
 
 _NAMED_VALUE = re.compile(
     r"(?P<parent>.+)/(?P<tag>gain|parameter)"
@@ -43,8 +44,10 @@ def selected_or_added(root: etree._Element, xpath: str) -> list[object]:
         It is no XPath, or selects nothing and names nothing that could be added to one element.
     """
     match = _NAMED_VALUE.fullmatch(xpath)
-    if match is None or _evaluated(root, xpath):
+    if match is None:
         return select(root, xpath)
+    if found := _evaluated(root, xpath):
+        return found
     tag, name, parent = match["tag"], match["name"], match["parent"]
     if parent.endswith("/"):  # as in //gain
         parent += "/descendant-or-self::*"
@@ -85,6 +88,7 @@ def assign(node: object, value: str) -> etree._Element:
 
 def _evaluated(root: etree._Element, xpath: str) -> list[object]:
     try:
+        affordable(root, xpath)
         selected = root.xpath(xpath)
     except etree.XPathError as error:
         raise ValueError(f"{xpath!r} is not an XPath: {unclosed(xpath) or error}") from None

@@ -51,6 +51,34 @@ def test_too_large(tmp_path: Path) -> None:
     assert "larger than 4 MiB" in str(refused(path))
 
 
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ("<a/>" * 300_000, "has more than 200000 elements"),
+        (
+            "<pose " + " ".join(f'a{i}="1 m"' for i in range(40_000)) + "/>",
+            "has 40000 attributes; at most 1000 are read",
+        ),
+    ],
+)
+def test_many_parts(tmp_path: Path, more: str, sentence: str) -> None:
+    assert sentence in str(refused(variant(tmp_path, "<sensor>", f"{more}<sensor>")))
+
+
+@pytest.mark.parametrize(
+    "bad", ["<event/>", '<event at="1 s" robots="leader"><stop/><stop a="1"/></event>', '<event x="">1</event>']
+)
+def test_the_first_of_many_breaches_is_found_soon(tmp_path: Path, bad: str) -> None:
+    """The place of each takes libxml2 the longer the more are before it: all of them, their square."""
+    good = '<event at="1 s" robots="leader"><stop/></event>\n' * 3000
+    error = refused(variant(tmp_path, "</scenario>", f"{good}{bad * 20_000}</scenario>"))
+    few = refused(variant(tmp_path, "</scenario>", f"{bad}</scenario>"))
+    assert error.message == few.message
+    assert error.where is not None
+    assert few.where is not None
+    assert error.where.line == few.where.line + 3000
+
+
 def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "huge.xml"
     with path.open("wb") as file:

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -353,6 +354,39 @@ def test_many_elements_into_many(base: Path, tmp_path: Path, monkeypatch: pytest
     error = refused(write(tmp_path / "v.xml", f'<insert into="follower">{gains}</insert>'))
     assert "v.xml:3:" in error
     assert error.endswith("the scenario grows to more than 2000 elements here")
+
+
+def test_xpaths_that_would_not_end(base: Path, tmp_path: Path) -> None:
+    nested = "//*[count(" * 6 + "//*" + ") > 0]" * 6
+    error = refused(write(tmp_path / "v.xml", f'<set select="{nested}/@nothing" value="1"/>'))
+    assert error.startswith(f"{tmp_path / 'v.xml'}:3:1: <set> select: ")
+    assert "which takes too long" in error
+    with pytest.raises(InputError, match="which takes too long"):
+        read_scenario(base, [f"{nested}/@nothing=1"])
+
+
+def test_more_rules_than_can_be_followed(base: Path, tmp_path: Path) -> None:
+    gains = "".join(f'<gain name="g_{i}" value="1"/>' for i in range(4000))
+    rules = "\n".join('<set select="//gain[1]/@value" value="1"/>' for _ in range(5000))
+    error = refused(write(tmp_path / "v.xml", f'<insert into="controller">{gains}</insert>\n{rules}'))
+    assert re.match(rf"{re.escape(str(tmp_path))}/v.xml:\d+:1: <set> is one rule too many: ", error)
+
+
+@pytest.mark.parametrize("tag", ["event", "plant"])
+def test_insertion_takes_a_time_that_grows_with_the_number(base: Path, tmp_path: Path, tag: str) -> None:
+    one = {
+        "event": '<event at="1 s" robots="leader"><stop/></event>',
+        "plant": '<plant id="p{}" model="car_like"/>',
+    }[tag]
+
+    def seconds(number: int) -> float:
+        elements = "".join(one.format(i) for i in range(number))
+        path = write(tmp_path / "v.xml", f'<insert into="/scenario">{elements}</insert>')
+        started = time.process_time()
+        assert len(read_document(path).root.findall(f"{{*}}{tag}")) >= number
+        return time.process_time() - started
+
+    assert min(seconds(8000) for _ in range(2)) < 10 * min(seconds(2000) for _ in range(2))  # the square would be 16
 
 
 def test_entities_are_refused_in_variants_too(base: Path, tmp_path: Path) -> None:
