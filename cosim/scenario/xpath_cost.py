@@ -97,7 +97,7 @@ def cost(xpath: str, size: int) -> int:
     looks: int = max(size, 1) ** (1 + outer.aside + outer.inner)
     if outer.far or outer.compared or outer.aside:
         looks += size ** (2 + outer.aside) // _CHEAPER
-    return looks * (1 + len(tokens) // _TOKENS + _searched(tokens) // _TOKENS)
+    return looks * (1 + len(tokens) // _TOKENS + _searched(tokens))
 
 
 def _searched(tokens: Sequence[_Token]) -> int:
