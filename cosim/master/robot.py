@@ -47,6 +47,8 @@ class RobotSetup:
         Inputs that are no real numbers, at the start.
     changes : dict
         Parameters and inputs of that kind that change, by tick.
+    origin : object
+        Everything in the scenario from which this follows: robots of equal origins with the same FMU are equal.
     """
 
     name: str
@@ -64,6 +66,7 @@ class RobotSetup:
     samples: NDArray[np.float64]
     held: tuple[ParameterValue, ...]
     changes: Mapping[int, tuple[ParameterValue, ...]]
+    origin: object = None
 
     @property
     def kind(self) -> Kind:

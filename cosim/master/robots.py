@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 import formation_controllers as fc
 import numpy as np
@@ -18,14 +19,31 @@ from cosim.master.robot_events import changes_of, events_of, stops
 from cosim.master.robot_inputs import robot_inputs
 from cosim.master.used_fmus import understood
 from cosim.scenario.reader.times import Times
-from cosim.scenario.scenario import LEADER, EffectSource, Entries, InputSource, Scenario, Setting
+from cosim.scenario.scenario import (
+    LEADER,
+    EffectSource,
+    Entries,
+    Follower,
+    InputSource,
+    Leader,
+    Scenario,
+)
 from cosim.signals import effects
 from cosim.vehicle.kind import Kind, Role, names, units_of
 from cosim.vehicle.outline import Outline, outline_fault
 
 
-def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
+def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | None = None) -> RobotSetup:
     """Return the leader.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    fmus
+        The FMU of each plant.
+    before
+        The leader of another run with the same FMUs, which is taken if it comes to the same.
 
     Raises
     ------
@@ -33,6 +51,9 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
         Something in the scenario does not fit the leader's FMU, with the place in the scenario.
     """
     leader = scenario.leader
+    origin = _origin(scenario, LEADER, leader, leader.inputs)
+    if before is not None and before.origin == origin:
+        return before
     kind = fmus[leader.plant].binding.kind
     torque = np.zeros((scenario.ticks + 1, len(kind.command)))
     if leader.trajectory is None:
@@ -51,73 +72,56 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> RobotSetup:
                 )
             start = tick_at(event.time, scenario.step)
             torque[start:] = _entries(event.torque, kind, kind.command, missing=0.0)
-    return _robot(
-        scenario,
-        fmus[leader.plant],
-        LEADER,
-        leader.plant,
-        leader.where,
-        pose=None if leader.trajectory is not None else leader.pose,
-        own=leader.parameters,
-        sensor=leader.sensor,
-        actuator=(),
-        torque=torque,
-        inputs=leader.inputs,
-    )
+    pose = None if leader.trajectory is not None else leader.pose
+    return _robot(scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torque, leader.inputs)
 
 
-def followers_of(scenario: Scenario, fmus: Mapping[str, Fmu]) -> tuple[RobotSetup, ...]:
-    """Return the followers in the scenario's order.
+def followers_of(
+    scenario: Scenario, fmus: Mapping[str, Fmu], before: Iterable[RobotSetup] = ()
+) -> tuple[RobotSetup, ...]:
+    """Return the followers in the scenario's order; see `leader_of`."""
+    known = {robot.name: robot for robot in before}
+    robots = []
+    for follower in scenario.followers:
+        inputs = (*scenario.inputs, *follower.inputs)
+        origin = _origin(scenario, follower.id, follower, inputs)
+        robot, fmu = known.get(follower.id), fmus[follower.plant]
+        if robot is None or robot.origin != origin:
+            torque = np.zeros((scenario.ticks + 1, len(fmu.binding.kind.command)))
+            pose, actuator = follower.pose, follower.actuator
+            robot = _robot(scenario, fmu, follower.id, follower, origin, pose, actuator, torque, inputs)
+        robots.append(robot)
+    return tuple(robots)
 
-    Raises
-    ------
-    InputError
-        Something in the scenario does not fit a follower's FMU, with the place in the scenario.
-    """
-    return tuple(
-        _robot(
-            scenario,
-            fmus[follower.plant],
-            follower.id,
-            follower.plant,
-            follower.where,
-            pose=follower.pose,
-            own=follower.parameters,
-            sensor=follower.sensor,
-            actuator=follower.actuator,
-            torque=np.zeros((scenario.ticks + 1, len(fmus[follower.plant].binding.kind.command))),
-            inputs=(*scenario.inputs, *follower.inputs),
-        )
-        for follower in scenario.followers
-    )
+
+def _origin(scenario: Scenario, name: str, about: Leader | Follower, inputs: Sequence[InputSource]) -> object:
+    """Return everything in a scenario from which the set-up of a robot follows, to be compared."""
+    seed = scenario.seed if inputs else None  # their noise
+    return about, scenario.plants[about.plant], tuple(inputs), tuple(events_of(scenario, name)), scenario.clock, seed
 
 
 def _robot(
     scenario: Scenario,
     fmu: Fmu,
     name: str,
-    plant: str,
-    where: Location,
-    *,
+    about: Leader | Follower,
+    origin: object,
     pose: Entries | None,
-    own: Sequence[Setting],
-    sensor: tuple[EffectSource, ...],
     actuator: tuple[EffectSource, ...],
     torque: NDArray[np.float64],
     inputs: Sequence[InputSource],
 ) -> RobotSetup:
-    kind = fmu.binding.kind
-    named = {setting.name for setting in own}
-    common = [setting for setting in scenario.plants[plant].parameters if setting.name not in named]
-    source = scenario.plants[plant]
-    parameters = understood(fmu, source, [*common, *own])
+    kind, where, source = fmu.binding.kind, about.where, scenario.plants[about.plant]
+    named = {setting.name for setting in about.parameters}
+    common = [setting for setting in source.parameters if setting.name not in named]
+    parameters = understood(fmu, source, [*common, *about.parameters])
     _check_free(fmu, parameters)
     try:
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
     times = Times(scenario.step, scenario.ticks)
-    sensing = effects.understood(sensor, units_of(kind.pose), times, f"the pose of {name}, a {kind.name},")
+    sensing = effects.understood(about.sensor, units_of(kind.pose), times, f"the pose of {name}, a {kind.name},")
     acting = effects.understood(actuator, units_of(kind.command), times, f"the actuators of {name}, a {kind.name},")
     given = robot_inputs(scenario, fmu, name, inputs, scenario.clock.times)
     changes = changes_of(scenario, fmu, source, name, given)
@@ -145,6 +149,7 @@ def _robot(
         ),
         held=given.discrete.get(0, ()),
         changes=changes,
+        origin=origin,
     )
 
 
@@ -167,16 +172,22 @@ def outline_of(kind: Kind, vehicle: Vehicle, name: str, where: Location) -> Outl
     InputError
         The kind states one that makes no sense.
     """
-    if kind.outline is None:
-        return None
-    try:
-        outline = kind.outline(vehicle)
-        fault = outline_fault(outline, names(kind.pose))
-    except Exception as error:  # whatever someone's function does
-        fault = f"cannot be computed: {type(error).__name__}: {error}"
+    outline, fault = _outline(kind, vehicle)
     if fault:
         raise InputError(f"{name}: the outline of the kind of vehicle {kind.name!r} {fault}", where)
     return outline
+
+
+@lru_cache(64)
+def _outline(kind: Kind, vehicle: Vehicle) -> tuple[Outline | None, str]:
+    """Return the outline of a kind of vehicle with some geometry, and its fault."""
+    if kind.outline is None:
+        return None, ""
+    try:
+        outline = kind.outline(vehicle)
+        return outline, outline_fault(outline, names(kind.pose))
+    except Exception as error:  # whatever someone's function does
+        return None, f"cannot be computed: {type(error).__name__}: {error}"
 
 
 def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:

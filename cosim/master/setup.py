@@ -102,11 +102,11 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
     fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened)
     _check_size(scenario, _least_bytes(scenario, fmus))  # before any array of that size is made
     with timed(timing, "signals"):
-        leader = leader_of(scenario, fmus)
+        leader = leader_of(scenario, fmus, None if before is None else before.leader)
         motion = None
         if scenario.leader.trajectory is not None:
             motion = leader_motion(scenario.leader.trajectory, leader.vehicle, scenario.clock.times)
-        followers = followers_of(scenario, fmus)
+        followers = followers_of(scenario, fmus, () if before is None else before.followers)
         check_common_effects(scenario, followers)
         desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
     with timed(timing, "controllers"):

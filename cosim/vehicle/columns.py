@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +72,13 @@ class RunColumns:
         }
 
 
-def run_columns(kinds: Sequence[Kind]) -> RunColumns:
+def run_columns(kinds: Iterable[Kind]) -> RunColumns:
     """Return the columns of a run with robots of some kinds."""
+    return _run_columns(tuple(dict.fromkeys(kinds)))
+
+
+@cache
+def _run_columns(kinds: tuple[Kind, ...]) -> RunColumns:
     called = "torque" if all(kind.takes_torques for kind in kinds) else "command"
     return RunColumns(columns(kinds, "pose"), columns(kinds, "velocity"), columns(kinds, "command"), called)
 

@@ -50,7 +50,8 @@ class Schedule:
         amount = np.full(self._shape, self._idle)
         for start, stop, row, columns, own in self._spans:
             if start <= tick < stop:
-                amount[row, columns] = self._combine(amount[row, columns], own)
+                before = amount[row, columns]
+                amount[row, columns] = own if (before == self._idle).all() else self._combine(before, own)
         return amount
 
     def fill(self, first: int, out: Floats) -> None:
