@@ -72,8 +72,12 @@ def address_of(function: Callable[..., Any], *arguments: Any) -> int:
         if function not in _functions:
             _functions.append(function)
         return _functions.index(function)
-    _entry, address = _compiled_for(function, arguments)
-    return address
+    return _compiled_for(function, arguments)[1]
+
+
+def address_of_types(function: Callable[..., Any], form: Any, types: Callable[[], tuple[Any, ...]]) -> int:
+    """Return the address of a compiled function for Numba's types, which are asked for once for each form."""
+    return _compiled_as(function, form, types)[1]
 
 
 def entry_of(function: F, *arguments: Any) -> F:
@@ -83,8 +87,7 @@ def entry_of(function: F, *arguments: Any) -> F:
     """
     if not hasattr(function, "compile"):
         return function
-    entry, _address = _compiled_for(function, arguments)
-    return entry  # type: ignore[return-value]
+    return _compiled_for(function, arguments)[0]  # type: ignore[return-value]
 
 
 _known: dict[tuple[Callable[..., Any], Any], tuple[Callable[..., Any], int]] = {}
@@ -92,23 +95,33 @@ _known: dict[tuple[Callable[..., Any], Any], tuple[Callable[..., Any], int]] = {
 
 def _compiled_for(function: Any, arguments: tuple[Any, ...]) -> tuple[Callable[..., Any], int]:
     """Compile a function for the types of arguments; return what Python calls, and the address for compiled code."""
-    key = function, _form(arguments)
-    if key not in _known:
+
+    def types() -> tuple[Any, ...]:
         import numba
 
-        types = tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+        return tuple(numba.typeof(argument) for argument in arguments)  # type: ignore[no-untyped-call]
+
+    return _compiled_as(function, form_of(arguments), types)
+
+
+def _compiled_as(function: Any, form: Any, types: Callable[[], tuple[Any, ...]]) -> tuple[Callable[..., Any], int]:
+    if (function, form) not in _known:
+        import numba
+
+        signature = types()
         with warnings.catch_warnings():  # that records of one law begin as those of another that is compiled
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-            entry = function.compile(types)
-        overload = function.overloads[types]
-        _known[key] = entry, int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
-    return _known[key]
+            entry = function.compile(signature)
+        overload = function.overloads[signature]
+        address = int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+        _known[function, form] = entry, address
+    return _known[function, form]
 
 
-def _form(value: Any) -> Any:
+def form_of(value: Any) -> Any:
     """Return what decides on Numba's type of a value, which Numba takes milliseconds to find for arrays of records."""
     if isinstance(value, tuple):
-        return type(value), *map(_form, value)
+        return type(value), *map(form_of, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous, value.flags.writeable
     return type(value)

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 from lxml import etree
+from numpy.typing import NDArray
 
 import plants
 from cosim.cli import main
-from cosim.master.loop import Driving, give
 from cosim.master.simulation import Simulation
 from cosim.master.ticks import Ticks
+from cosim.plant.fleet import Fleet
 from cosim.results.files import load
 from cosim.scenario.grammar import NAMESPACE
 from cosim.tests.driving import SHORT
@@ -302,12 +303,14 @@ def test_a_plant_that_fails(
 ) -> None:
     """A leader's torque that is not a number, from the third tick on."""
 
-    def breaks(driving: Driving, tick: int) -> None:
-        give(driving, tick)
-        if tick == 3:
-            driving.given[1] = np.nan
+    original = Fleet.step
 
-    monkeypatch.setattr("cosim.master.ticks.give", breaks)
+    def breaks(fleet: Fleet, tick: int, step: float, given: NDArray[np.float64]) -> None:
+        if tick == 3:
+            given[1] = np.nan
+        original(fleet, tick, step, given)
+
+    monkeypatch.setattr(Fleet, "step", breaks)
     monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "leader at t = 0.06 s: the plant car_like.fmu did not " in printed

@@ -15,7 +15,7 @@ from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 from cosim.cli import main
-from cosim.master.loop import LawCall, Loop, Sensing, advance, sense
+from cosim.master.loop import Loop, Part, advance
 from cosim.results.figure_process import PROGRAM
 from cosim.results.files import load
 from cosim.tests import driving
@@ -143,14 +143,14 @@ def test_a_signal_while_the_result_is_made_or_written(
 def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def never_ends(sensing: Sensing, tick: int) -> None:
-        sense(sensing, tick)
-        if tick == 5:
+    def never_ends(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
+        if first == 5 and parts == Part.SENSE:
             for _ in range(2):
                 signal.raise_signal(signal.SIGINT)
             pytest.fail("the second signal should have ended this tick")
+        return advance(loop, parts, first, last)
 
-    monkeypatch.setattr("cosim.master.ticks.sense", never_ends)
+    monkeypatch.setattr("cosim.master.ticks.advance", never_ends)
     monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
     failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
@@ -233,10 +233,10 @@ def test_laws_that_do_not_fit(
 def test_a_fault_of_the_master_loses_nothing_either(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def breaks(loop: Loop, laws: tuple[LawCall, ...], first: int, last: int) -> tuple[int, int]:
+    def breaks(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
         if first > 7:
             raise IndexError("off by one")
-        return advance(loop, laws, first, min(last, 8))
+        return advance(loop, parts, first, min(last, 8))
 
     monkeypatch.setattr("cosim.master.ticks.advance", breaks)
     printed = failed(capsys, 3, "run", line, "--out", str(tmp_path), *SHORT)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_plants import member
-from cosim.plant.fleet import CompiledFleet, Fleet
+from cosim.plant.fleet import Fleet
+from cosim.plant.fleet_step import CompiledFleet
 from cosim.plant.member import Member
 from cosim.plant.message import RobotMessage
 from cosim.plant.spec import Value
@@ -26,7 +27,7 @@ class AnyFleet(Protocol):
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant by one communication step."""
 
-    def compiled(self) -> CompiledFleet | None:
+    def compiled(self, given: NDArray[np.float64]) -> CompiledFleet | None:
         """Return what compiled code needs in place of `step`; None if plants must be stepped from Python."""
 
     def settle(self, tick: int, step: float, found: int) -> None:

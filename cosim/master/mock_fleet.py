@@ -56,7 +56,7 @@ class MockFleet:
         """Move the plants to where they are at the next communication point."""
         self._state[:] = self._motion((tick + 1) * step, given)
 
-    def compiled(self) -> None:
+    def compiled(self, given: NDArray[np.float64]) -> None:
         """Return None: the function is Python."""
 
     def settle(self, tick: int, step: float, found: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
@@ -12,34 +13,20 @@ from numpy.typing import NDArray
 from cosim.compiled import entry_of
 from cosim.control.team import Team
 from cosim.master.fleets import AnyFleet
-from cosim.master.loop import (
-    Acting,
-    Commanding,
-    Ended,
-    LawCall,
-    Loop,
-    Recording,
-    Sensing,
-    Taking,
-    act,
-    advance,
-    give,
-    lead,
-    record,
-    sense,
-)
+from cosim.master.loop import Ended, Loop, Part, Stage, Wiring, advance
+from cosim.master.moves import spots, spots_by_tick
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.master.team_arrays import TeamArrays
-from cosim.master.wiring import driving_of, laws_of, path_of
+from cosim.master.wiring import wire_acting, wire_laws, wire_path, wire_plants
+from cosim.plant.fleet_step import NO_FLEET, CompiledFleet
 from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
 from cosim.signals.chain import WINDOW
 from cosim.signals.sensors import pose_sensors
 
 Floats = NDArray[np.float64]
-_Compiled = tuple[Callable[[Loop, tuple[LawCall, ...], int, int], tuple[int, int]], Loop, tuple[LawCall, ...]]
 
 
 class Ticks:
@@ -88,21 +75,23 @@ class Ticks:
         step = scenario.step
         self._sensors = pose_sensors(scenario.seed, names, poses, [robot.sensor for robot in robots], step)
         self._actuators = actuators(commands, [robot.actuator for robot in setup.followers], step)
-        self._sensing = Sensing(now.state, now.measured, self._sensors.arrays)
-        external = now.padded([robot.torque for robot in robots])
-        disturbed = bool(np.nan_to_num(external[:, 1:]).any())
-        self._acting = Acting(now.command, now.torque[1:], now.torque, external, disturbed, self._actuators.arrays)
+        self._external = now.padded([robot.torque for robot in robots])
         self._desired = [[np.ascontiguousarray(part[:, team.place]) for part in setup.desired] for team in teams]
+        self._wiring = Wiring()
+        self._wiring.move(Stage.SENSE, spots(now.measured), spots(now.pose))
+        wire_acting(self._wiring, now, self._external)
         driven = driven_robots(setup)
-        self._driving = driving_of(now, len(robots) - len(driven), driven)
+        self._given = wire_plants(self._wiring, now, len(robots) - len(driven), driven)
         self._changes: dict[int, list[tuple[int, RobotSetup]]] = {}
         for row, robot in enumerate(driven):
             for tick in robot.changes:
                 self._changes.setdefault(tick, []).append((row, robot))
-        self._path = path_of(now, setup.leader, setup.motion)
-        self._recording, self._telemetry = self._records()
-        self._loop: _Compiled | None = None
-        lead(self._path, now.state, 0)
+        self._switches = sorted(self._changes)
+        wire_path(self._wiring, now, setup.leader, setup.motion)
+        self._telemetry = self._records()
+        self._loop = self._wired(NO_FLEET)
+        self._advance = entry_of(advance, self._loop, 0, 0, 0)
+        self._do(Part.LEAD, -1)
 
     def one(self, override: Mapping[int, Floats], watch: Callable[[int], None]) -> None:
         """Run a tick part by part.
@@ -121,11 +110,10 @@ class Ticks:
         """
         tick, step = self.tick, self._scenario.step
         self._sensors.make_ready(tick)
-        sense(self._sensing, tick)
+        self._do(Part.SENSE, tick)
         self._control()
         self._actuators.make_ready(tick)
         self._act(override)
-        record(self._recording, tick)
         for team, records in zip(self._teams, self._telemetry, strict=True):
             records[tick] = team.telemetry(tick * step)
         self.recorder.recorded = tick + 1
@@ -133,11 +121,10 @@ class Ticks:
         if tick < self._scenario.ticks:
             for row, robot in self._changes.get(tick, ()):
                 self._fleet.change(row, [parameter.as_value for parameter in robot.changes[tick]], tick * step)
-            give(self._driving, tick)
-            self._fleet.step(tick, step, self._driving.given)
+            self._do(Part.GIVE, tick)
+            self._fleet.step(tick, step, self._given)
+            self._do(Part.LEAD, tick)
         self.tick += 1
-        if self.tick <= self._scenario.ticks:
-            lead(self._path, self._now.state, self.tick)
 
     def some(self, most: int) -> bool:
         """Run up to so many ticks in compiled code; return whether that was possible.
@@ -147,18 +134,21 @@ class Ticks:
         SimulationError
             As `one`.
         """
-        compiled = self._compiled
         first, step, horizon = self.tick, self._scenario.step, self._scenario.ticks
-        if first == 0 or first in self._changes or compiled is None:  # at the first tick controllers are started
+        if first == 0 or first in self._changes or not self._is_compiled:  # at the first tick controllers are started
             return False
-        last = min(first + most, first - first % WINDOW + WINDOW, horizon + 1, *(t for t in self._changes if t > first))
-        run, loop, laws = compiled
+        last = min(
+            first + most,
+            first - first % WINDOW + WINDOW,
+            horizon + 1,
+            *self._switches[bisect(self._switches, first) :][:1],
+        )
         self._sensors.make_ready(first)
         self._actuators.make_ready(first)
-        self.tick, ended = run(loop, laws, first, last)
+        self.tick, ended = self._advance(self._loop, Part.ALL.value, first, last)
         self.recorder.recorded = self.tick + (ended == Ended.PLANTS)
         if ended == Ended.PLANTS:
-            self._fleet.settle(self.tick, step, int(loop.fleet.found[0]))
+            self._fleet.settle(self.tick, step, int(self._loop.fleet.found[0]))
         self._fleet.settle(min(self.tick, horizon) - 1, step, 0)  # at the horizon no plant is stepped
         if ended == Ended.COMMANDS:
             self._raise_not_finite()
@@ -192,23 +182,27 @@ class Ticks:
 
     def _act(self, override: Mapping[int, Floats]) -> None:
         """Let the commands act, some of this tick alone: those of the controllers may be held longer."""
-        if not override:
-            act(self._acting, self.tick)
-            return
-        command, leader = self._now.command, self._acting.external[self.tick, 0]
+        command, leader = self._now.command, self._external[self.tick, 0]
         held = command.copy(), leader.copy()
         for row, own in override.items():
             (command[row - 1] if row else leader)[:] = own
-        act(self._acting, self.tick)
-        command[:], leader[:] = held
+        self._do(Part.ACT, self.tick)
+        if override:
+            command[:], leader[:] = held
 
-    def _records(self) -> tuple[Recording, list[Floats]]:
+    def _do(self, parts: Part, tick: int) -> None:
+        """Run parts of a tick."""
+        self._advance(self._loop, parts.value, tick, tick + 1)
+
+    def _records(self) -> list[Floats]:
         """Prepare the records, and fill in the values known before the run."""
         recorder, now, desired = self.recorder, self._now, self._setup.desired
         recorder.of("desired_range")[:] = desired.q[..., 0]
         recorder.of("desired_bearing")[:] = desired.q[..., 1]
         telemetry = [recorder.records_of(team.rows, team.telemetry_type) for team in self._teams]
         state, measured, torque = map(recorder.place_of, (now.state, now.measured, now.torque))
+        for values, place in ((now.state, state), (now.measured, measured), (now.torque, torque)):
+            self._wiring.move(Stage.RECORD, spots_by_tick(place), spots(values), place)
         commands = self._setup.columns.commands
         pose, velocity = np.split(state, [now.pose.shape[1]], axis=-1)
         for name, place in {
@@ -223,33 +217,35 @@ class Ticks:
         }.items():
             if name in recorder.variables:
                 recorder.keep(name, place)
-        return Recording(now.state, now.measured, now.torque, state, measured, torque), telemetry
+        return telemetry
+
+    def _wired(self, fleet: CompiledFleet) -> Loop:
+        moves, stages, laws = self._wiring.arrays()
+        return Loop(
+            step=self._scenario.step,
+            ticks=self._scenario.ticks,
+            period=self._scenario.period,
+            moves=moves,
+            stages=stages,
+            laws=laws,
+            sensors=self._sensors.arrays,
+            measured=self._now.measured,
+            actuators=self._actuators.arrays,
+            acting=self._now.torque[1:],
+            fleet=fleet,
+        )
 
     @cached_property
-    def _laws(self) -> tuple[tuple[LawCall, ...], Taking, Commanding] | None:
-        return laws_of(self._teams, self._now, self._setup.desired, self._setup.motion, self._telemetry)
+    def _has_laws(self) -> bool:
+        setup = self._setup
+        return wire_laws(self._wiring, self._teams, self._now, setup.desired, setup.motion, self._telemetry)
 
     @property
-    def _compiled(self) -> _Compiled | None:
-        """The compiled loop, and its arguments; None while Python has a share in every tick."""
-        if self._loop is None and self._laws is not None and (fleet := self._fleet.compiled()) is not None:
-            laws, taking, commanding = self._laws
-            scenario = self._scenario
-            loop = Loop(
-                step=scenario.step,
-                ticks=scenario.ticks,
-                period=scenario.period,
-                sensing=self._sensing,
-                taking=taking,
-                commanding=commanding,
-                acting=self._acting,
-                recording=self._recording,
-                driving=self._driving,
-                path=self._path,
-                fleet=fleet,
-            )
-            self._loop = entry_of(advance, loop, laws, 0, 0), loop, laws
-        return self._loop
+    def _is_compiled(self) -> bool:
+        """Whether compiled code can run whole ticks, and Python has a share in none of them."""
+        if self._loop.fleet is NO_FLEET and self._has_laws and (fleet := self._fleet.compiled(self._given)) is not None:
+            self._loop = self._wired(fleet)
+        return self._loop.fleet is not NO_FLEET
 
 
 def driven_robots(setup: Setup) -> tuple[RobotSetup, ...]:

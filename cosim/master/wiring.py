@@ -8,10 +8,11 @@ import numpy as np
 from formation_controllers import Desired
 from numpy.typing import NDArray
 
-from cosim.compiled import address_of
 from cosim.control.compiled_teams import compiled_ticks, taken
 from cosim.control.team import Team
-from cosim.master.loop import Commanding, Driving, LawCall, Path, Taking
+from cosim.frames import Bound
+from cosim.master.loop import Stage, Wiring
+from cosim.master.moves import Spots, spots, spots_by_tick
 from cosim.master.robot import RobotSetup
 from cosim.master.team_arrays import TeamArrays
 from cosim.vehicle.path import Motion
@@ -19,15 +20,20 @@ from cosim.vehicle.path import Motion
 Floats = NDArray[np.float64]
 
 
-def laws_of(
-    teams: Sequence[Team], now: TeamArrays, desired: Desired, motion: Motion | None, records: Sequence[Floats]
-) -> tuple[tuple[LawCall, ...], Taking, Commanding] | None:
-    """Return the laws as compiled code calls them, what they take and where their commands go.
-
-    None if one of them must be called from Python.
+def wire_laws(
+    wiring: Wiring,
+    teams: Sequence[Team],
+    now: TeamArrays,
+    desired: Desired,
+    motion: Motion | None,
+    records: Sequence[Floats],
+) -> bool:
+    """Let compiled code call the laws; return whether that is possible, and not one of them is called from Python.
 
     Parameters
     ----------
+    wiring
+        Gets the laws, what they take and where their commands and signals go.
     teams
         All teams.
     now
@@ -41,59 +47,53 @@ def laws_of(
     """
     ticks = compiled_ticks(teams)
     if ticks is None:
-        return None
-    n, samples = len(now.command), len(desired.q)
-    index, measured, command = (
-        np.arange(array.size).reshape(array.shape) for array in (now.state, now.measured, now.command)
-    )
-    acceleration = np.zeros((0, 0)) if motion is None else np.ascontiguousarray(motion.acceleration)
+        return False
+    command, acceleration = spots(now.command), np.zeros((0, 0)) if motion is None else motion.acceleration
     all_taken = taken(
         teams,
-        state=index[:, now.pose.shape[1] :],
-        measured=measured,
-        desired=np.arange(2 * n).reshape(n, 2),
-        acceleration=np.arange(acceleration.shape[1]),
+        state=spots(now.velocity).first,
+        measured=spots(now.measured).first,
+        desired=np.arange(now.command.shape[0] * 2).reshape(-1, 2),
+        acceleration=spots_by_tick(acceleration).first,
     )
-    q, q_dot, q_ddot = (np.ascontiguousarray(part).reshape(samples, -1) for part in desired)
-    to, of = all_taken.to, all_taken.of
-    taking = Taking(
-        taken=all_taken.numbers,
-        measured=now.measured.reshape(-1),
-        to_measured=to["measured"],
-        from_measured=of["measured"],
-        state=now.state.reshape(-1),
-        to_state=to["state"],
-        from_state=of["state"],
-        q=q,
-        q_dot=q_dot,
-        q_ddot=q_ddot,
-        to_q=to["q"],
-        to_q_dot=to["q_dot"],
-        to_q_ddot=to["q_ddot"],
-        from_q=of["q"],
-        acceleration=acceleration,
-        to_acceleration=to["acceleration"],
-        from_acceleration=of["acceleration"],
-    )
-    places = [command[team.commands] for team in teams]
-    firsts = np.cumsum([0, *(place.size for place in places)])
-    given = np.zeros(firsts[-1])
-    laws = []
-    for team, tick, inputs, place, first, store in zip(
-        teams, ticks, all_taken.inputs, places, firsts[:-1].tolist(), records, strict=True
-    ):
-        arguments = (inputs, tick.own, given[first : first + place.size].reshape(place.shape))
+    given = [np.zeros(command[team.commands].first.shape) for team in teams]
+    try:
+        wiring.laws = [
+            Bound(tick.function, inputs, tick.own, commands)
+            for tick, inputs, commands in zip(ticks, all_taken.inputs, given, strict=True)
+        ]
+    except TypeError:  # a law has something of its own that is neither number nor array
+        return False
+    numbers = spots(all_taken.numbers)
+    for name, of in all_taken.of.items():
+        source = Spots(of, acceleration.strides[0] if name == "acceleration" else 0)
+        if name in desired._fields:
+            places = spots_by_tick(getattr(desired, name))
+            source = Spots(places.first.reshape(-1)[of], places.tick)
+        wiring.move(Stage.TAKE, numbers[all_taken.to[name]], source, all_taken, acceleration, desired)
+    for team, commands, store in zip(teams, given, records, strict=True):
+        wiring.move(Stage.COMMAND, command[team.commands], spots(commands), commands)
         signals = team.controller.telemetry_record.view(np.float64).reshape(-1)
-        laws.append(LawCall(address_of(tick.function, *arguments), arguments, signals, store))
-    own_places = np.concatenate([place.reshape(-1) for place in places])
-    return tuple(laws), taking, Commanding(given, now.command.reshape(-1), own_places)
+        wiring.move(Stage.SIGNALS, spots_by_tick(store), spots(signals), store, signals)
+    return True
 
 
-def driving_of(now: TeamArrays, first: int, robots: Sequence[RobotSetup]) -> Driving:
+def wire_acting(wiring: Wiring, now: TeamArrays, external: Floats) -> None:
+    """Let commands act, and torques (ticks, robots, entries) besides."""
+    besides = spots_by_tick(external)
+    wiring.move(Stage.ACT, spots(now.torque[0]), besides[0], external)
+    wiring.move(Stage.ACT, spots(now.torque[1:]), spots(now.command))
+    if np.nan_to_num(external[:, 1:]).any():
+        wiring.move(Stage.BESIDES, spots(now.torque[1:]), besides[1:])
+
+
+def wire_plants(wiring: Wiring, now: TeamArrays, first: int, robots: Sequence[RobotSetup]) -> Floats:
     """Return what the plants are given: of one plant after the other, its commands and its other inputs.
 
     Parameters
     ----------
+    wiring
+        Gets where that comes from.
     now
         The numbers of a tick.
     first
@@ -101,22 +101,21 @@ def driving_of(now: TeamArrays, first: int, robots: Sequence[RobotSetup]) -> Dri
     robots
         Those that are plants.
     """
-    width, places, samples = now.torque.shape[1], [], 0
-    for row, robot in enumerate(robots, start=first):
-        others = robot.samples.shape[1]
-        places += [row * width + entry for entry in range(len(robot.kind.command))]
-        places += [-1 - sample for sample in range(samples, samples + others)]
-        samples += others
-    return Driving(
-        given=np.zeros(len(places)),
-        torque=now.torque.reshape(-1),
-        samples=np.concatenate([robot.samples for robot in robots], axis=1),
-        places=np.array(places, dtype=np.int64),
+    commands = [len(robot.kind.command) for robot in robots]
+    samples = np.concatenate([robot.samples for robot in robots], axis=1)
+    given = np.zeros(sum(commands) + samples.shape[1])
+    is_command = np.concatenate(
+        [np.arange(own + robot.samples.shape[1]) < own for own, robot in zip(commands, robots, strict=True)]
     )
+    acting = np.arange(now.torque.shape[1]) < np.array(commands)[:, np.newaxis]
+    to = spots(given)
+    wiring.move(Stage.GIVE, to[is_command], spots(now.torque[first : first + len(robots)])[acting], given)
+    wiring.move(Stage.GIVE, to[~is_command], spots_by_tick(samples), samples)
+    return given
 
 
-def path_of(now: TeamArrays, leader: RobotSetup, motion: Motion | None) -> Path:
-    """Return where a leader is whose motion is given; nothing for a leader that is driven."""
-    if motion is None:
-        return Path(np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
-    return Path(np.ascontiguousarray(motion.state), np.array(now.columns_of(leader.kind), dtype=np.int64))
+def wire_path(wiring: Wiring, now: TeamArrays, leader: RobotSetup, motion: Motion | None) -> None:
+    """Put a leader whose motion is given where it is."""
+    if motion is not None:
+        columns = list(now.columns_of(leader.kind))
+        wiring.move(Stage.LEAD, spots(now.state[0])[columns], spots_by_tick(motion.state), motion)

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import address_of, compiled
+from cosim.compiled import entry_of
 from cosim.errors import InputError, SimulationError
+from cosim.frames import Bound
 from cosim.plant.constant_step import misfit
 from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
+from cosim.plant.fleet_step import (
+    LINK,
+    CompiledFleet,
+    FleetArrays,
+    Found,
+    advance_all,
+    give_inputs,
+    load_libraries,
+    other_address,
+    run_fleet,
+    step_fleet,
+    take_outputs,
+)
 from cosim.plant.instance import Instance
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
@@ -22,22 +34,11 @@ from cosim.plant.message import Message, RobotMessage
 from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
-from cosim.plant.stepping import EXTERNAL, Rows, advance, read_outputs
+from cosim.plant.stepping import Rows
 from cosim.plant.stepwise import StepwisePlant, stepper
 
 KEPT_MESSAGES = 20
 """Number of messages of a plant that are kept, the first ones."""
-
-_LINK = np.dtype(
-    [
-        ("row", np.int64),
-        ("column", np.int64),
-        ("place", np.int64),
-        ("scale", np.float64),
-        ("offset", np.float64),
-        ("bound", np.float64),
-    ]
-)
 
 
 class Fleet:
@@ -71,7 +72,9 @@ class Fleet:
     """
 
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
-        _settle()
+        load_libraries()
+        self._clock, self._found = np.zeros(2), np.zeros(1, dtype=np.int64)
+        self._call: Callable[..., None] | None = None
         with ExitStack() as cleanup:
             self._external: dict[int, StepwisePlant] = {}
             self._instances: dict[int, Instance] = {}
@@ -123,11 +126,12 @@ class Fleet:
                 _links([member.inputs for member in members], rows.first_input, inputs),
                 _links([member.outputs for member in members], rows.first_output, self._columns),
                 state,
+                other_address(rows),
             )
             for index, plant in self._external.items():
                 self._slice(rows.outputs, rows.first_output, index)[:] = plant.first_outputs
-            found = _read(self._arrays)
-            for index, failure in self._failed().items() if found == _FAILED else ():
+            found = self._step(np.zeros(len(self._arrays.in_links)), 0.0, 0.0)  # reads the outputs
+            for index, failure in self._failed().items() if found == Found.FAILED else ():
                 raise self._not_started(index, PlantError(f"it {failure}"))
             self._check(0.0, found, 0.0)
             for member, found_there in zip(self.members, self._state, strict=True):
@@ -154,16 +158,29 @@ class Fleet:
         if self._external:
             self._step_all(time, step, given, after)
         else:
-            self._check(time, _tick(self._arrays, given, time, step), after)
+            self._check(time, self._step(given, time, step), after)
         if self._late:
             self._check_first_step(after)
 
-    def compiled(self) -> CompiledFleet | None:
-        """Return what compiled code needs in place of `step`; None if plants must be stepped from Python."""
+    def compiled(self, given: NDArray[np.float64]) -> CompiledFleet | None:
+        """Return what compiled code needs in place of `step`; None if plants must be stepped from Python.
+
+        It is good for as long as the fleet is not closed, and reads the inputs from an array.
+        """
         if self._external or self._late:
             return None
-        given, found = np.zeros(len(self._arrays.in_links)), np.zeros(1, dtype=np.int64)
-        return CompiledFleet(address_of(_step, self._arrays, given, 0.0, 0.0, found), self._arrays, found, Log.pending)
+        self._bound = Bound(step_fleet, self._arrays, given, self._clock, self._found)
+        return CompiledFleet(np.array(self._bound.numbers, dtype=np.int64), self._clock, self._found, Log.pending)
+
+    def _step(self, given: NDArray[np.float64], time: float, step: float) -> int:
+        """Give inputs, take a step and read the outputs; if it has no length, read them only."""
+        self._clock[:] = time, step
+        given = np.ascontiguousarray(given, dtype=np.float64)
+        arguments = self._arrays, given, self._clock, self._found
+        if self._call is None:
+            self._call = entry_of(step_fleet, *arguments)
+        self._call(*arguments)
+        return int(self._found[0])
 
     def settle(self, tick: int, step: float, found: int) -> None:
         """Keep the messages of a step of `compiled` code from a tick, and raise its failures as `step` does."""
@@ -172,17 +189,17 @@ class Fleet:
     def _step_all(self, time: float, step: float, given: NDArray[np.float64], after: float) -> None:
         """Step the plants here and those that are stepped elsewhere side by side."""
         rows = self._rows
-        _give(self._arrays, given)
+        give_inputs(self._arrays, given)
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
-        failed = _advance_all(self._arrays, time, step)
+        failed = advance_all(self._arrays, time, step)
         failures = {}
         for index, plant in self._external.items():
             try:
                 plant.finish(self._slice(rows.outputs, rows.first_output, index))
             except PlantError as error:
                 failures[index] = str(error)
-        found = _FAILED if failed or failures else _take(self._arrays)
+        found = Found.FAILED if failed or failures else take_outputs(self._arrays)
         self._check(time, found, after, failures)
 
     def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -208,7 +225,7 @@ class Fleet:
             out[k] = self._state
         if one_by_one == len(given):
             return
-        tick, found = _run(self._arrays, given[one_by_one:], first + one_by_one, step, out[one_by_one:])
+        tick, found = run_fleet(self._arrays, given[one_by_one:], first + one_by_one, step, out[one_by_one:])
         self._check(tick * step, found, (tick + 1) * step)
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
@@ -302,11 +319,11 @@ class Fleet:
     def _check(self, time: float, found: int, after: float, failures: dict[int, str] | None = None) -> None:
         """Keep the messages, and raise the failures at a communication point or after the step from there."""
         failures = dict(failures or {})
-        if found == _FAILED:
+        if found == Found.FAILED:
             failures |= self._failed()
             last = max(failures)  # the remedy is named once
             failures[last] = self._with_doubt(last, failures[last], after - time)
-        elif found == _DIVERGED:
+        elif found == Found.DIVERGED:
             time, failures = after, self._diverged()
             if after == 0.0:
                 failures = {index: f"{said}; {SHOWN_LATE}" for index, said in failures.items()}
@@ -316,7 +333,7 @@ class Fleet:
         for index, plant in self._external.items():
             self._keep(index, plant.take_messages(), plant.take_data(), time)
         if failures:
-            variable = self._diverging(min(failures))[0][0].name if found == _DIVERGED else ""
+            variable = self._diverging(min(failures))[0][0].name if found == Found.DIVERGED else ""
             raise SimulationError(*self._failures(failures, time), variable)
 
     def _with_doubt(self, index: int, said: str, step: float) -> str:
@@ -389,130 +406,5 @@ def _links(
             for row, (own, places) in enumerate(zip(links, columns, strict=True))
             for at, link in zip(places, own, strict=True)
         ],
-        dtype=_LINK,
+        dtype=LINK,
     )
-
-
-# Compiled ---------------------------------------------------------------------------------------------------------
-
-
-class Found(IntEnum):
-    """What a tick of a fleet has come to: all is well, a call has failed, a state is not within its bounds."""
-
-    FINE, FAILED, DIVERGED = range(3)
-
-
-_FINE, _FAILED, _DIVERGED = map(int, Found)
-"""Findings of `_tick` and its kin: a call that failed, a state out of bounds."""
-
-
-class FleetArrays(NamedTuple):
-    """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state."""
-
-    rows: NDArray[np.void]
-    inputs: NDArray[np.float64]
-    outputs: NDArray[np.float64]
-    scratch: NDArray[np.float64]
-    work: NDArray[np.float64]
-    in_links: NDArray[np.void]
-    out_links: NDArray[np.void]
-    state: NDArray[np.float64]
-
-
-class CompiledFleet(NamedTuple):
-    """A step of a fleet for compiled code: ``call(address, (arrays, given, time, step, found))``.
-
-    Attributes
-    ----------
-    address : int
-        That of a function for `cosim.compiled.call`.
-    arrays : FleetArrays
-        Its first argument; next come the plants' inputs, the communication point and the step [s].
-    found : ndarray
-        Its last argument; gets the finding, of `Found`.
-    said : ndarray
-        How many messages of FMUs wait for `Fleet.settle`.
-    """
-
-    address: int
-    arrays: FleetArrays
-    found: NDArray[np.int64]
-    said: NDArray[np.int64]
-
-
-@compiled
-def _settle() -> None:
-    """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
-
-
-@compiled
-def _give(plants: FleetArrays, given: NDArray[np.float64]) -> None:
-    for j in range(len(plants.in_links)):
-        link = plants.in_links[j]
-        value = (given[j] - link["offset"]) / link["scale"]
-        if plants.inputs[link["place"]] != value:
-            plants.rows[link["row"]]["in_changed"] = 1
-        plants.inputs[link["place"]] = value
-
-
-@compiled
-def _take(plants: FleetArrays) -> int:
-    """Write the state; return whether all of it is finite and within its bounds."""
-    found = _FINE
-    for j in range(len(plants.out_links)):
-        link = plants.out_links[j]
-        if link["place"] < 0:
-            continue
-        value = link["scale"] * plants.outputs[link["place"]] + link["offset"]
-        plants.state[link["row"], link["column"]] = value
-        if not abs(value) < link["bound"]:  # not finite is not smaller
-            found = _DIVERGED
-    return found
-
-
-@compiled
-def _read(plants: FleetArrays) -> int:
-    failed = False
-    for i in range(len(plants.rows)):
-        row = plants.rows[i]
-        if row["kind"] != EXTERNAL and row["late"] == 0:
-            row["what"], row["status"] = read_outputs(row)
-            failed = failed or row["what"] != FINE
-    return _FAILED if failed else _take(plants)
-
-
-@compiled
-def _advance_all(plants: FleetArrays, time: float, step: float) -> bool:
-    failed = False
-    for i in range(len(plants.rows)):
-        row = plants.rows[i]
-        if row["kind"] != EXTERNAL:
-            row["what"], row["status"] = advance(row, plants.scratch[i], plants.work, time, step)
-            failed = failed or row["what"] != FINE
-    return failed
-
-
-@compiled
-def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> int:
-    _give(plants, given)
-    if _advance_all(plants, time, step):
-        return _FAILED
-    return _take(plants)
-
-
-@compiled
-def _step(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float, found: NDArray[np.int64]) -> None:
-    found[0] = _tick(plants, given, time, step)
-
-
-@compiled
-def _run(
-    plants: FleetArrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
-) -> tuple[int, int]:
-    """Return the last tick and the finding of `_tick` there."""
-    for k in range(len(given)):
-        found = _tick(plants, given[k], (first + k) * step, step)
-        if found != _FINE:
-            return first + k, found
-        out[k] = plants.state
-    return first + len(given) - 1, _FINE

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim.master.loop import give
+from cosim.master.loop import Stage, Wiring
+from cosim.master.moves import move
 from cosim.master.team_arrays import TeamArrays
-from cosim.master.wiring import driving_of
+from cosim.master.wiring import wire_plants
 from cosim.vehicle.car_like import CAR_LIKE
 from cosim.vehicle.columns import columns, run_columns
 from cosim.vehicle.differential_drive import DIFFERENTIAL_DRIVE
@@ -75,9 +76,11 @@ def test_plants_are_given_their_own_commands_and_inputs() -> None:
 
     def given(samples: np.ndarray, tick: int) -> list[float]:
         robots: list[Any] = [SimpleNamespace(kind=one, samples=samples), SimpleNamespace(kind=CAR_LIKE, samples=none)]
-        driving = driving_of(now, 1, robots)
-        give(driving, tick)
-        return driving.given.tolist()
+        wiring = Wiring()
+        given = wire_plants(wiring, now, 1, robots)
+        moves, stages, _laws = wiring.arrays()
+        move(moves, stages[Stage.GIVE], stages[Stage.GIVE + 1], tick)
+        return given.tolist()
 
     assert given(none, 0) == [1.0, 2.0, 3.0]
     assert given(inputs, 0) == [1.0, 7.0, 2.0, 3.0]

@@ -1,0 +1,178 @@
+"""Numbers that are moved at every tick from one place in memory to another, as compiled code moves them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compiled import COMPILED, compiled
+
+Places: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Where numbers are: their addresses at tick 0, and by how much these grow from tick to tick."""
+
+    first: Places
+    tick: int = 0
+
+    def __getitem__(self, index: Any) -> Spots:
+        return Spots(self.first[index], self.tick)
+
+
+def spots(array: NDArray[np.float64]) -> Spots:
+    """Return where the numbers of an array are, which are the same at all ticks."""
+    first = np.array(array.__array_interface__["data"][0], dtype=np.int64)
+    for size, stride in zip(array.shape, array.strides, strict=True):
+        first = np.add.outer(first, stride * np.arange(size, dtype=np.int64))
+    return Spots(first)
+
+
+def spots_by_tick(array: NDArray[np.float64]) -> Spots:
+    """Return where the numbers (ticks, ...) of an array are, with a part for each tick."""
+    return Spots(spots(array[0]).first, array.strides[0]) if len(array) else Spots(np.zeros(0, dtype=np.int64))
+
+
+class Move(IntEnum):
+    """The columns of a move: rows of numbers, some columns each, from one address to another.
+
+    The addresses grow from tick to tick and from row to row.
+    """
+
+    TO, TO_TICK, TO_ROW, OF, OF_TICK, OF_ROW, ROWS, COLUMNS = range(8)
+
+
+_TO, _TO_TICK, _TO_ROW, _OF, _OF_TICK, _OF_ROW, _ROWS, _COLUMNS = map(int, Move)
+_FEW = 6
+"""Up to so many numbers are copied fastest one by one."""
+
+
+def moves_between(to: Spots, of: Spots) -> list[tuple[int, ...]]:
+    """Return the moves, as few as possible, from some places to as many others; those of a pair are in order."""
+    targets, sources = to.first.reshape(-1), of.first.reshape(-1)
+    if not len(targets):
+        return []
+    breaks = np.flatnonzero((np.diff(targets) != 8) | (np.diff(sources) != 8)) + 1
+    firsts = np.concatenate(([0], breaks))
+    lengths = np.diff(np.concatenate((firsts, [len(targets)])))
+    rows: list[list[int]] = []  # to, from, rows, columns, and by how much the first two grow
+    for target, source, length in zip(
+        targets[firsts].tolist(), sources[firsts].tolist(), lengths.tolist(), strict=True
+    ):
+        if rows and rows[-1][3] == length:
+            last = rows[-1]
+            grown = target - last[0] - last[4] * (last[2] - 1), source - last[1] - last[5] * (last[2] - 1)
+            if last[2] == 1 or grown == (last[4], last[5]):
+                last[4:], last[2] = grown, last[2] + 1
+                continue
+        rows.append([target, source, 1, length, 0, 0])
+    return [(t, to.tick, tr, s, of.tick, sr, n, width) for t, s, n, width, tr, sr in rows]
+
+
+@compiled
+def move(moves: Places, first: int, last: int, tick: int) -> None:
+    """Do some of the moves for a tick."""
+    for m in range(first, last):
+        to = moves[m, _TO] + tick * moves[m, _TO_TICK]
+        of = moves[m, _OF] + tick * moves[m, _OF_TICK]
+        to_row, of_row, columns = moves[m, _TO_ROW], moves[m, _OF_ROW], moves[m, _COLUMNS]
+        for _ in range(moves[m, _ROWS]):
+            if columns > _FEW:
+                copy(to, of, 8 * columns)
+            else:
+                for j in range(columns):
+                    store(to + 8 * j, load(of + 8 * j))
+            to += to_row
+            of += of_row
+
+
+@compiled
+def move_finite(moves: Places, first: int, last: int, tick: int) -> bool:
+    """Do some of the moves for a tick; return whether all the numbers are finite."""
+    strange = 0
+    for m in range(first, last):
+        to = moves[m, _TO] + tick * moves[m, _TO_TICK]
+        of = moves[m, _OF] + tick * moves[m, _OF_TICK]
+        to_row, of_row, columns = moves[m, _TO_ROW], moves[m, _OF_ROW], moves[m, _COLUMNS]
+        for _ in range(moves[m, _ROWS]):
+            for j in range(columns):
+                number = load(of + 8 * j)
+                strange |= number - number != 0.0
+                store(to + 8 * j, number)
+            to += to_row
+            of += of_row
+    return strange == 0
+
+
+@compiled
+def add(moves: Places, first: int, last: int, tick: int) -> None:
+    """Do some of the moves for a tick, and add each number to the one that is there."""
+    for m in range(first, last):
+        to = moves[m, _TO] + tick * moves[m, _TO_TICK]
+        of = moves[m, _OF] + tick * moves[m, _OF_TICK]
+        for _ in range(moves[m, _ROWS]):
+            for j in range(moves[m, _COLUMNS]):
+                store(to + 8 * j, load(to + 8 * j) + load(of + 8 * j))
+            to += moves[m, _TO_ROW]
+            of += moves[m, _OF_ROW]
+
+
+# Memory -----------------------------------------------------------------------------------------------------------
+
+
+def _load_plain(address: int) -> float:
+    return ctypes.c_double.from_address(int(address)).value
+
+
+def _store_plain(address: int, number: float) -> None:
+    ctypes.c_double.from_address(int(address)).value = number
+
+
+def _copy_plain(to: int, of: int, size: int) -> None:
+    ctypes.memmove(int(to), int(of), int(size))
+
+
+def _memory() -> tuple[Callable[[int], float], Callable[[int, float], None], Callable[[int, int, int], None]]:
+    from llvmlite import ir
+    from numba import types
+    from numba.core.cgutils import raw_memcpy
+    from numba.extending import intrinsic
+
+    place = ir.DoubleType().as_pointer()
+
+    @intrinsic
+    def load(_: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.load(builder.inttoptr(values[0], place))
+
+        return types.float64(types.int64), generate
+
+    @intrinsic
+    def store(_: Any, address: Any, number: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            builder.store(values[1], builder.inttoptr(values[0], place))
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.float64), generate
+
+    @intrinsic
+    def copy(_: Any, to: Any, of: Any, size: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            target, source = (builder.inttoptr(value, ir.IntType(8).as_pointer()) for value in values[:2])
+            raw_memcpy(builder, target, source, values[2], 1)  # type: ignore[no-untyped-call]
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, types.int64), generate
+
+    return load, store, copy  # type: ignore[return-value]
+
+
+load, store, copy = _memory() if COMPILED else (_load_plain, _store_plain, _copy_plain)
+"""``load(address)``, ``store(address, number)`` and ``copy(to, from, bytes)``."""

@@ -1,0 +1,174 @@
+"""A step of all plants in compiled code: inputs given, each plant advanced, outputs read and checked."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.compiled import address_of, call, compiled
+from cosim.plant.failures import FINE
+from cosim.plant.stepping import EXTERNAL, SLAVE, Rows, advance_at, advance_slave, read_at_start
+
+LINK = np.dtype(
+    [
+        ("row", np.int64),
+        ("column", np.int64),
+        ("place", np.int64),
+        ("scale", np.float64),
+        ("offset", np.float64),
+        ("bound", np.float64),
+    ]
+)
+
+
+class Found(IntEnum):
+    """What a tick of a fleet has come to: all is well, a call has failed, a state is not within its bounds."""
+
+    FINE, FAILED, DIVERGED = range(3)
+
+
+_FINE, _FAILED, _DIVERGED = map(int, Found)
+"""The same as plain numbers, for compiled code."""
+
+
+class FleetArrays(NamedTuple):
+    """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state.
+
+    ``other`` is the address of the function for plants that are not Co-Simulation of FMI 1.0 or 2.0, zero without any:
+    it is a large function, which most runs need not compile.
+    """
+
+    rows: NDArray[np.void]
+    inputs: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+    scratch: NDArray[np.float64]
+    work: NDArray[np.float64]
+    in_links: NDArray[np.void]
+    out_links: NDArray[np.void]
+    state: NDArray[np.float64]
+    other: int
+
+
+class CompiledFleet(NamedTuple):
+    """A step of a fleet for compiled code.
+
+    Attributes
+    ----------
+    call : ndarray of int
+        The numbers of `step_fleet` with its arguments, see `cosim.frames.Bound`.
+    clock : ndarray
+        Takes the communication point and the step [s].
+    found : ndarray
+        Gets the finding, of `Found`.
+    said : ndarray
+        How many messages of FMUs wait for `Fleet.settle`.
+    """
+
+    call: NDArray[np.int64]
+    clock: NDArray[np.float64]
+    found: NDArray[np.int64]
+    said: NDArray[np.int64]
+
+
+NO_FLEET = CompiledFleet(
+    np.zeros(3, dtype=np.int64), np.zeros(2), np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+)
+"""For plants that are stepped from Python."""
+
+
+def other_address(rows: Rows) -> int:
+    """Return ``other`` of `FleetArrays`."""
+    if np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
+        return 0
+    return address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
+
+
+@compiled
+def load_libraries() -> None:
+    """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
+
+
+@compiled
+def give_inputs(plants: FleetArrays, given: NDArray[np.float64]) -> None:
+    """Convert inputs from the roles' units to those of the FMUs."""
+    for j in range(len(plants.in_links)):
+        link = plants.in_links[j]
+        value = (given[j] - link["offset"]) / link["scale"]
+        if plants.inputs[link["place"]] != value:
+            plants.rows[link["row"]]["in_changed"] = 1
+        plants.inputs[link["place"]] = value
+
+
+@compiled
+def take_outputs(plants: FleetArrays) -> int:
+    """Write the state; return whether all of it is finite and within its bounds."""
+    found = _FINE
+    for j in range(len(plants.out_links)):
+        link = plants.out_links[j]
+        if link["place"] < 0:
+            continue
+        value = link["scale"] * plants.outputs[link["place"]] + link["offset"]
+        plants.state[link["row"], link["column"]] = value
+        if not abs(value) < link["bound"]:  # not finite is not smaller
+            found = _DIVERGED
+    return found
+
+
+@compiled
+def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
+    """Advance the plants that are called here, with their inputs given; return whether a call has failed.
+
+    A step of no length only reads the outputs.
+    """
+    failed = False
+    for i in range(len(plants.rows)):
+        row = plants.rows[i]
+        if row["kind"] == SLAVE:
+            row["what"], row["status"] = advance_slave(row, time, step) if step > 0.0 else read_at_start(row)
+        elif row["kind"] != EXTERNAL:
+            call(plants.other, (plants.rows, i, plants.scratch, plants.work, time, step))
+        else:
+            continue
+        failed = failed or row["what"] != FINE
+    return failed
+
+
+@compiled
+def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> int:
+    if step > 0.0:
+        give_inputs(plants, given)
+    if advance_all(plants, time, step):
+        return _FAILED
+    return take_outputs(plants)
+
+
+@compiled
+def step_fleet(
+    plants: FleetArrays, given: NDArray[np.float64], clock: NDArray[np.float64], found: NDArray[np.int64]
+) -> None:
+    """Give all plants their inputs, advance them and take their outputs.
+
+    Parameters
+    ----------
+    plants, given, clock
+        The plants, their inputs, and communication point and step [s]. A step of no length only reads the outputs.
+    found
+        Gets the finding, of `Found`.
+    """
+    found[0] = _tick(plants, given, clock[0], clock[1])
+
+
+@compiled
+def run_fleet(
+    plants: FleetArrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
+) -> tuple[int, int]:
+    """Take many steps, with inputs (ticks, ...) for each; return the last tick and the finding there."""
+    for k in range(len(given)):
+        found = _tick(plants, given[k], (first + k) * step, step)
+        if found != _FINE:
+            return first + k, found
+        out[k] = plants.state
+    return first + len(given) - 1, _FINE
