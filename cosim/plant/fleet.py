@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
@@ -74,7 +74,6 @@ class Fleet:
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
         load_libraries()
         self._clock, self._found = np.zeros(2), np.zeros(1, dtype=np.int64)
-        self._call: Callable[..., None] | None = None
         with ExitStack() as cleanup:
             self._external: dict[int, StepwisePlant] = {}
             self._instances: dict[int, Instance] = {}
@@ -130,7 +129,9 @@ class Fleet:
             )
             for index, plant in self._external.items():
                 self._slice(rows.outputs, rows.first_output, index)[:] = plant.first_outputs
-            found = self._step(np.zeros(len(self._arrays.in_links)), 0.0, 0.0)  # reads the outputs
+            given = np.zeros(len(self._arrays.in_links))
+            self._call = entry_of(step_fleet, self._arrays, given, self._clock, self._found)
+            found = self._step(given, 0.0, 0.0)  # reads the outputs
             for index, failure in self._failed().items() if found == Found.FAILED else ():
                 raise self._not_started(index, PlantError(f"it {failure}"))
             self._check(0.0, found, 0.0)
@@ -176,10 +177,7 @@ class Fleet:
         """Give inputs, take a step and read the outputs; if it has no length, read them only."""
         self._clock[:] = time, step
         given = np.ascontiguousarray(given, dtype=np.float64)
-        arguments = self._arrays, given, self._clock, self._found
-        if self._call is None:
-            self._call = entry_of(step_fleet, *arguments)
-        self._call(*arguments)
+        self._call(self._arrays, given, self._clock, self._found)
         return int(self._found[0])
 
     def settle(self, tick: int, step: float, found: int) -> None:
