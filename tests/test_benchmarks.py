@@ -40,6 +40,14 @@ def test_closed_loop_against_c(tmp_path: Path) -> None:
     assert result["nanoseconds"]["loop, all recorded"]["ours to C"]["min"] > 0
 
 
+def test_prepared_runs(tmp_path: Path) -> None:
+    printed = run(BENCHMARKS / "prepared.py", "--runs", 4, "--workers", 1, "--json", tmp_path / "times.json")
+    assert "1 processes: " in printed
+    told = json.loads((tmp_path / "times.json").read_text(encoding="utf-8"))
+    assert told["milliseconds"].keys() == {"prepared", "alone", "in C"}
+    assert min(told["parts"].values()) > 0
+
+
 def test_closed_loop_refuses_another_motion_in_c() -> None:
     code = """
 import closed_loop, numpy as np

@@ -1,4 +1,4 @@
-"""A loop in C without any master: set, step, get and record, or with the option `step_only` nothing but fmi2DoStep.
+"""A loop in C without any master: set, step, get and record.
 
 No master can be faster; this is the cost of the plants themselves.
 """
@@ -33,14 +33,6 @@ int run(Set *set, Step *step, Get *get, void **robot, long n, const unsigned *in
         }
     return status;
 }
-
-int steps(Step *step, void **robot, long n, long first, long ticks, double h)
-{
-    int status = 0;
-    for (long k = first; k < first + ticks; k++)
-        for (long i = 0; i < n; i++) status |= step(robot[i], (double)k * h, h, 1);
-    return status;
-}
 """
 
 
@@ -56,7 +48,6 @@ def compiled() -> ctypes.CDLL:
 class CLoop:
     def __init__(self, job: Job) -> None:
         refs = references(job.fmu)
-        self.step_only = job.options.get("step_only", False)
         self.robots = make_robots(job)
         self.components = (ctypes.c_void_p * len(self.robots))(*(robot.component for robot in self.robots))
         self.set, self.do_step, self.get = (
@@ -82,13 +73,10 @@ class CLoop:
 
     def _advance(self, torque: Floats, ticks: int) -> None:
         n, first, count = (ctypes.c_long(number) for number in (len(self.robots), self.now, ticks))
-        if self.step_only:
-            status = self.c.steps(self.do_step, self.components, n, first, count, self.step)
-        else:
-            assert ticks <= len(self.kept)
-            pointers = (ctypes.c_void_p(array.ctypes.data) for array in (torque, self.kept))
-            calls = (self.set, self.do_step, self.get, self.components, n, self.torques, self.names)
-            status = self.c.run(*calls, *pointers, first, count, self.step)
+        assert ticks <= len(self.kept)
+        pointers = (ctypes.c_void_p(array.ctypes.data) for array in (torque, self.kept))
+        calls = (self.set, self.do_step, self.get, self.components, n, self.torques, self.names)
+        status = self.c.run(*calls, *pointers, first, count, self.step)
         if status != 0:
             raise RuntimeError("a call of the FMU did not succeed")
         self.now += ticks
@@ -96,8 +84,8 @@ class CLoop:
     def outputs(self) -> Floats:
         return np.array([robot.getReal(list(self.names)) for robot in self.robots])
 
-    def recorded(self, ticks: int) -> Floats | None:
-        return None if self.step_only else self.kept[:ticks]
+    def recorded(self, ticks: int) -> Floats:
+        return self.kept[:ticks]
 
 
 def start(job: Job) -> Master:

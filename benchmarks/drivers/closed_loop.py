@@ -4,7 +4,6 @@ The leader is robot 0 and is driven by a constant torque. All that depends on th
 runs where the harness is not installed.
 """
 
-import time
 from typing import Any
 
 import formation_controllers as fc
@@ -35,7 +34,6 @@ class ClosedLoop:
         self.noise = np.load(given["noise"])
         team = fc.Team(CarLike(**given["vehicle"]), len(desired), given["step"])
         self.controller = law(team, law.gains_type.from_mapping(given["gains"]))
-        self.controllers = 0.0  # time spent in them in the last run [s]
         self.outputs = master.outputs().copy()
         self.now = 0
         self.torque = np.zeros((1 + len(desired), 2))
@@ -48,15 +46,12 @@ class ClosedLoop:
 
     def run(self, ticks: int) -> None:
         """Run as many ticks."""
-        self.controllers = 0.0
         for k in range(self.now, self.now + ticks):
             measured = self.outputs[:, :4] + self.noise[k]
             leader = fc.Leader(measured[0], self.outputs[0, 4:])
-            begin = time.perf_counter()
             if k == 0:
                 self.controller.start(measured[1:], leader, self.desired)
             command = self.controller.step(measured[1:], leader, self.desired)
-            self.controllers += time.perf_counter() - begin
             np.clip(command, -self.limit, self.limit, out=self.torque[1:])
             self.kept[k] = self.outputs
             self.kept_measured[k] = measured

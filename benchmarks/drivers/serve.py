@@ -100,7 +100,7 @@ def _answer(request: dict[str, Any], served: dict[str, Any], start: Callable[[Jo
     runner = served.get("loop") or served["master"]
     if what == "run":
         _, seconds = _timed(lambda: runner.run(request["ticks"]))
-        return {"seconds": seconds, "controllers": getattr(runner, "controllers", None)}
+        return {"seconds": seconds}
     assert what == "record"
     recorded = runner.recorded(request["ticks"])
     arrays = {"outputs": served["master"].outputs()} | ({} if recorded is None else {"recorded": recorded})
