@@ -4,8 +4,8 @@
     python benchmarks/prepared.py [--runs N] [--workers N...] [--json FILE]
 
 The scenario is scenarios/clmr_line.xml. Every run has another seed, mass, damping and start of a follower, and is
-judged; only what that needs is recorded. Measured is all that a run in a study takes: the changed scenario is read and set up,
-plants are reset, noise is drawn, the loop runs, and its figures are computed.
+judged; only what that needs is recorded. Measured is all that a run in a study takes: the changed scenario is read and
+set up, plants are reset, noise is drawn, the loop runs, and its figures are computed.
 
 1. A run of the prepared scenario, the same by `cosim.run`, and the loop alone in C (closed_loop.c: plants, law,
    saturation and records of one run; no noise is drawn, nothing is read or judged), in turns in one process.
