@@ -5,15 +5,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
+import cosim.cli.run
+import cosim.master.simulation
 from cosim.cli import main
 from cosim.master.loop import Loop, Part, advance
 from cosim.results.figure_process import PROGRAM
@@ -23,6 +26,7 @@ from cosim.tests import driving
 from .commands import failed
 
 SHORT = [*driving.SHORT, "--no-figure"]
+POSIX_SIGNALS = [] if sys.platform == "win32" else [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 FORMATION = str(Path(sys.executable).with_name("formation"))
 
 
@@ -89,13 +93,16 @@ def test_a_figure_that_cannot_be_drawn_costs_nothing_else(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_the_process(line: str, tmp_path: Path, number: signal.Signals) -> None:
-    """The signal comes when the run has begun; all that the process made apart from its results is gone afterwards."""
+@pytest.mark.parametrize(("number", "times"), [*((number, 1) for number in POSIX_SIGNALS), (signal.SIGINT, 1000)])
+def test_a_signal_to_the_process(line: str, tmp_path: Path, number: int, times: int) -> None:
+    """The signal comes when the run has begun; all that the process made apart from its results is gone afterwards.
+
+    However often it comes, the result is written and the exit status is right.
+    """
     started = tmp_path / "started"
     program = f"""
 import pathlib, sys, time
-from cosim.cli import main
+from cosim.cli import entry
 from cosim.master.ticks import Ticks
 original = Ticks.some
 def some(self, most):
@@ -105,21 +112,27 @@ def some(self, most):
         pathlib.Path({str(started)!r}).touch()
     return possible
 Ticks.some = some
-sys.exit(main(["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulation/@horizon=2000 s"]))
+sys.argv[1:] = ["run", {line!r}, "--out", {str(tmp_path)!r}, "--set", "//simulation/@horizon=2000 s"]
+entry()
 """
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     process = subprocess.Popen([sys.executable, "-c", program], env=environment, stderr=subprocess.PIPE, text=True)
     while not started.exists() and process.poll() is None:
         time.sleep(0.01)
-    process.send_signal(number)
+    for _ in range(times):
+        process.send_signal(number)
+        time.sleep(0.01)
+        if process.poll() is not None:
+            break
     _, printed = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Traceback" not in printed
-    assert "interrupted" in printed
     result = load(tmp_path / "clmr_line" / "result.nc")
     assert 10 <= result.sizes["time"] < 100_000
     assert result.attrs["status"] == "incomplete"
-    assert list(tmp_path.glob("formation-*")) == []
+    if times == 1:  # otherwise what is left may be cut short: the next run removes what an FMU left
+        assert "interrupted" in printed
+        assert list(tmp_path.glob("formation-*")) == []
 
 
 @pytest.mark.parametrize(
@@ -138,6 +151,104 @@ def test_a_signal_while_the_result_is_made_or_written(
     monkeypatch.setattr(sys.modules[module], name, interrupted)
     failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 51
+
+
+@pytest.fixture
+def ignored() -> Iterator[None]:
+    """Ignore signals as a command does that a script starts in the background, or that nohup starts."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in POSIX_SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", POSIX_SIGNALS[::2])
+@pytest.mark.parametrize("name", ["Simulation", "summarise"])
+def test_a_signal_that_was_ignored_before(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    ignored: None,
+    number: signal.Signals,
+    name: str,
+) -> None:
+    """It interrupts at any moment, or at none: nohup keeps SIGHUP away."""
+    original: Callable[..., object] = getattr(cosim.cli.run, name)
+
+    def interrupted(*arguments: object) -> object:
+        signal.raise_signal(number)
+        return original(*arguments)
+
+    monkeypatch.setattr(cosim.cli.run, name, interrupted)
+    failed(capsys, 1 if number == signal.SIGHUP else 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert [signal.getsignal(number) for number in POSIX_SIGNALS] == [signal.SIG_IGN] * 3
+    assert (tmp_path / "clmr_line" / "result.nc").exists() == (number == signal.SIGHUP or name != "Simulation")
+
+
+def test_a_signal_before_the_first_tick(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While the folder of the results is made: the run does not go on to its horizon first."""
+    original = cosim.cli.run.writable_folder
+
+    def interrupted(*arguments: Any) -> Path:
+        signal.raise_signal(signal.SIGINT)
+        return original(*arguments)
+
+    monkeypatch.setattr(cosim.cli.run, "writable_folder", interrupted)
+    failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 0
+
+
+@pytest.mark.parametrize("number", POSIX_SIGNALS)
+def test_many_signals_at_once(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    number: signal.Signals,
+) -> None:
+    """Where the second one ends the tick, others find the recorded data safe."""
+    made = cosim.master.simulation.recorded_result
+
+    def never_ends(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
+        if first == 5 and parts == Part.SENSE:
+            for _ in range(2):
+                signal.raise_signal(number)
+            pytest.fail("the second signal should have ended this tick")
+        return advance(loop, parts, first, last)
+
+    def disturbed(*arguments: Any) -> object:
+        for _ in range(5):
+            signal.raise_signal(number)
+        return made(*arguments)
+
+    monkeypatch.setattr("cosim.master.simulation.recorded_result", disturbed)
+    monkeypatch.setattr("cosim.master.ticks.advance", never_ends)
+    monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
+    failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
+
+
+def test_a_signal_and_a_failure(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The failure is told, and no further scenario is run."""
+
+    def fails(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
+        if first == 5 and parts == Part.SENSE:
+            signal.raise_signal(signal.SIGINT)
+            raise RuntimeError("made up")
+        return advance(loop, parts, first, last)
+
+    monkeypatch.setattr("cosim.master.ticks.advance", fails)
+    monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
+    other = line.replace("clmr_line", "clmr_circle")
+    printed = failed(capsys, 130, "run", line, other, "--out", str(tmp_path), *SHORT)
+    assert "made up" in printed
+    assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 5
+    assert not (tmp_path / "clmr_circle").exists()
 
 
 def test_a_second_ctrl_c_ends_a_tick_that_does_not_end(

@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -22,34 +23,61 @@ from cosim.cli.console import err
 from cosim.cli.ending import ended_by
 from cosim.cli.help_texts import explain
 from cosim.cli.options import Lazy, Parser
+from cosim.master.interrupt import SIGNALS, HeldSignals
 
 INTERRUPTED = 130
 
 
 def entry() -> None:
     """Run the command line and exit with its status."""
-    status = main()
+    try:
+        status = _status(None)
+    except KeyboardInterrupt:  # one more, while another one was dealt with
+        status = INTERRUPTED
+    for number in SIGNALS:  # the command has ended, and its status stands
+        signal.signal(number, signal.SIG_IGN)
     gc.freeze()  # without it the interpreter searches all objects of the libraries for garbage before it ends
     sys.exit(status)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        return _status(arguments)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _status(arguments: Sequence[str] | None) -> int:
     try:
         options = _parser().options(arguments)
     except Exception as error:
         return ended_by(error)[1]
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # `kill` and `timeout` clean up as Ctrl-C does
     try:
+        _interrupt_by_signals()
         started = time.perf_counter()
         function = _function(options.command)
         options.imports = time.perf_counter() - started
         return function(options)
     except KeyboardInterrupt:
-        err().print("interrupted")
+        with suppress(KeyboardInterrupt), HeldSignals():
+            err().print("interrupted")
         return INTERRUPTED
     except (Exception, SystemExit) as error:  # code of others may call sys.exit()
         return ended_by(error)[1]
+
+
+def _interrupt_by_signals() -> None:
+    """Let `kill`, `timeout` and the end of a terminal clean up as Ctrl-C does.
+
+    Ctrl-C, too: a script that starts a command in the background lets it ignore SIGINT, and the command would react to
+    it in one moment and not in the next. `nohup` stays what it is.
+    """
+    for number in SIGNALS:
+        if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
 
 
 def _kinds() -> list[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, safe, table, taking_a_while, warn
+from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
 from cosim.cli.earlier_results import set_aside
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
@@ -47,7 +47,8 @@ def run(options: argparse.Namespace) -> int:
             return max(_run_scenarios(options, outcomes, figures), default=0)
     finally:
         if options.junit is not None:
-            write(options.junit, junit_xml(outcomes))
+            with HeldSignals():
+                write(options.junit, junit_xml(outcomes))
 
 
 def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome], figures: FigureProcess) -> Iterator[int]:
@@ -94,7 +95,7 @@ def _run_scenario(
         outcome.seconds = time.perf_counter() - started
         outcomes.append(outcome)
         if options.junit is not None:
-            with suppress(OutputError):  # the end of the command reports it
+            with suppress(OutputError), HeldSignals():  # the end of the command reports the error
                 write(options.junit, junit_xml(outcomes))
 
 
@@ -126,6 +127,9 @@ def _run_one(
             if drawn:
                 figures.draw(result, folder / "figure.png")
         if signals.received and failure is None:  # while the result was being written
+            failure = RunInterrupted(simulation.time, result)
+        elif signals.received and isinstance(failure, SimulationError):  # both: no further scenario is wanted
+            report(failure)
             failure = RunInterrupted(simulation.time, result)
         console = out()
         # Judging may run other scenarios, to compare with: the result is safe by now.

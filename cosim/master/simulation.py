@@ -81,7 +81,7 @@ class Simulation:
         self.timing: dict[str, float] = {}
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
-        self._signals = HeldSignals(patience=1)
+        self._signals = HeldSignals()
         self._observers: list[Observer] = []
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
@@ -234,26 +234,27 @@ class Simulation:
         """
         watching: list[Observer] = [Progress(progress)] if progress else []
         watching += [pacer] if pacer else []
-        with HeldSignals(patience=1) as signals, timed(self.timing, "loop"), returning():
+        with HeldSignals() as signals, timed(self.timing, "loop"), returning():
             self._signals = signals
-            for observer in watching:
-                self._watch(observer)
-            try:
-                if not self.finished and not signals.received:
-                    with timed(self.timing, "first tick"):
-                        self.step()
-                segment = Segment()
-                while not self.finished and not signals.received:
-                    with self._failing():
-                        self._segment(segment)
-            except KeyboardInterrupt:
-                signals.received += 1
+            signals.breakable(lambda: self._run_ticks(watching))
             stopped = interruption(self.time) if signals.received and not self.finished else None
-            self._end(stopped, watching)
+            signals.breakable(lambda: self._end(stopped, watching))
             result = self._recorded(stopped)
         if signals.received:
             raise RunInterrupted(self.time, result)
         return result
+
+    def _run_ticks(self, watching: Sequence[Observer]) -> None:
+        """Run ticks up to the horizon, or to a signal."""
+        for observer in watching:
+            self._watch(observer)
+        if not self.finished and not self._signals.received:
+            with timed(self.timing, "first tick"):
+                self.step()
+        segment = Segment()
+        while not self.finished and not self._signals.received:
+            with self._failing():
+                self._segment(segment)
 
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""
