@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import COMPILED, address_of, address_of_types, call, compiled, form_of
+from cosim.compiled import COMPILED, address_of, address_of_types, call, compiled, form_of, part
 
 Address: TypeAlias = int
 
@@ -50,7 +50,7 @@ class Bound:
             self.numbers = (address_of(_enter_plain, 0, 0), 0, id(self))
 
 
-@compiled
+@part
 def call_bound(entry: int, function: int, frame: int) -> int:
     """Call a function of `Bound` by its numbers; return not zero if it has raised an exception."""
     return call(entry, (function, frame))

@@ -19,6 +19,9 @@ from formation_controllers.kept import trusted
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+"""Strictly IEEE arithmetic, no fast-math; nobody calls a compiled function from C."""
+
 
 def _sources() -> str:
     """Hash all sources of this package."""
@@ -63,13 +66,13 @@ def compiled(function: F) -> F:
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     try:
-        dispatcher: Any = numba.njit(cache=True, error_model="numpy")(function)
+        dispatcher: Any = numba.njit(cache=True, **_OPTIONS)(function)
         file = dispatcher._cache._cache_file
         fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         fresh = False
     if not fresh:
-        dispatcher = numba.njit(error_model="numpy")(function)
+        dispatcher = numba.njit(**_OPTIONS)(function)
         return dispatcher  # type: ignore[no-any-return]
     # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
     # inlined from another file. The version is looked at first: what is kept of other sources may not even be readable.
@@ -137,7 +140,7 @@ def _teach_elementary() -> None:
         if isinstance(function, FunctionType) and function not in elementary.PRIMITIVES:
             # What is rarely called, for angles beyond thousands of turns, would only make every law larger.
             options = {} if name.startswith("far_") else {"forceinline": True}
-            register_jitable(error_model="numpy", **options)(function)
+            register_jitable(**_OPTIONS, **options)(function)
 
 
 if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]

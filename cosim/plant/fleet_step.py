@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import address_of, call, compiled
+from cosim.compiled import address_of, call, compiled, part
 from cosim.plant.failures import FINE
 from cosim.plant.stepping import EXTERNAL, SLAVE, Rows, advance_at, advance_slave, read_at_start
 
@@ -91,7 +91,7 @@ def load_libraries() -> None:
     """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
 
 
-@compiled
+@part
 def give_inputs(plants: FleetArrays, given: NDArray[np.float64]) -> None:
     """Convert inputs from the roles' units to those of the FMUs."""
     for j in range(len(plants.in_links)):
@@ -102,7 +102,7 @@ def give_inputs(plants: FleetArrays, given: NDArray[np.float64]) -> None:
         plants.inputs[link["place"]] = value
 
 
-@compiled
+@part
 def take_outputs(plants: FleetArrays) -> int:
     """Write the state; return whether all of it is finite and within its bounds."""
     found = _FINE
@@ -117,7 +117,7 @@ def take_outputs(plants: FleetArrays) -> int:
     return found
 
 
-@compiled
+@part
 def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
     """Advance the plants that are called here, with their inputs given; return whether a call has failed.
 
@@ -136,7 +136,7 @@ def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
     return failed
 
 
-@compiled
+@part
 def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> int:
     if step > 0.0:
         give_inputs(plants, given)

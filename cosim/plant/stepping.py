@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import compiled
+from cosim.compiled import compiled, part
 from cosim.plant.calls import c_function
 from cosim.plant.failures import ACCEPT, COMPLETE, EARLY, END, EVENT, FINE, RETURN, WARNING
 from cosim.plant.instance import Instance
@@ -129,13 +129,13 @@ class Rows:
         row["next_event"], row["completes"] = instance.next_event, spec.completed_steps
 
 
-@compiled
+@part
 def _give_2(row: np.void) -> int:
     """Give the inputs of FMI 1.0 or 2.0; return the status."""
     return _exchange(row["set"], (row["component"], row["in_names"], row["in_count"], row["in_values"]))
 
 
-@compiled
+@part
 def _read_2(row: np.void) -> tuple[int, int]:
     """Do what `read_outputs` does, for FMI 1.0 and 2.0."""
     if row["out_count"] == 0:
@@ -144,7 +144,7 @@ def _read_2(row: np.void) -> tuple[int, int]:
     return (RETURN if status > WARNING else FINE), status
 
 
-@compiled
+@part
 def read_outputs(row: np.void) -> tuple[int, int]:
     """Read the outputs of one plant, if they are read here; return the failure and the status."""
     if row["version"] != 3:
@@ -156,7 +156,7 @@ def read_outputs(row: np.void) -> tuple[int, int]:
     return (RETURN if status > WARNING else FINE), status
 
 
-@compiled
+@part
 def read_at_start(row: np.void) -> tuple[int, int]:
     """Read the outputs of one plant as `read_outputs` does, unless they show its state only after a step."""
     if row["late"] != 0:
@@ -164,7 +164,7 @@ def read_at_start(row: np.void) -> tuple[int, int]:
     return read_outputs(row)
 
 
-@compiled
+@part
 def advance_slave(row: np.void, time: float, step: float) -> tuple[int, int]:
     """Advance a Co-Simulation FMU of FMI 1.0 or 2.0: a function of its own takes half the time."""
     if row["in_count"] > 0:
@@ -223,7 +223,7 @@ def advance_at(
         row["what"], row["status"] = read_at_start(row)
 
 
-@compiled
+@part
 def _advance_other(
     row: np.void,
     scratch: NDArray[np.float64],
@@ -259,7 +259,7 @@ def _advance_other(
     return read_outputs(row)
 
 
-@compiled
+@part
 def _step_3(row: np.void, scratch: NDArray[np.float64], time: float, step: float) -> tuple[int, int]:
     """Take a step of FMI 3.0; where the FMU returns early though nobody allowed it, take the rest as well."""
     flags = scratch.view(np.int32)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cosim.clock import tick_at
-from cosim.compiled import compiled
+from cosim.compiled import part
 from cosim.signals.effects.effect import Floats, Rows
 
 
@@ -67,7 +67,7 @@ class Schedule:
         return self._amounts[0]
 
 
-@compiled
+@part
 def clipped(value: float, limit: float) -> float:
     """Return a value clipped to plus or minus a limit."""
     if value > limit:
