@@ -231,6 +231,8 @@ DEADLY = {
     "hang": " within 0.5 s; its process was ended",
     "hang_stubborn": " within 0.5 s; its process was ended",
     "spin": " within 0.5 s; its process was ended",
+    "daemon_exit": ": its process exited with status 7",
+    "daemon_hang": " within 0.5 s; its process was ended",
 }
 """Behaviours, and how the end of the process is told."""
 
@@ -248,6 +250,16 @@ def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, f
     assert recorded(result, reference, BEFORE)
 
 
+@pytest.mark.parametrize("place", ["instantiate", "step", "terminate", "free"])
+def test_what_an_fmu_leaves_behind_ends_with_it(run: Run, reference: xr.Dataset, place: str) -> None:
+    """Though it is in a session of its own, its parent has ended, and it holds the pipe to the harness."""
+    begin = time.monotonic()
+    status, printed, result = run(MODES[1], behaviour="daemon", place=place)
+    assert (status, printed) == (0, "")
+    assert recorded(result, reference, ALL)
+    assert time.monotonic() - begin < 20.0, "the time limit is not waited for"
+
+
 @pytest.mark.parametrize("place", ["set", "get"])
 def test_it_survives_wherever_that_happens(run: Run, place: str) -> None:
     status, printed, _ = run(MODES[1], behaviour="segfault", place=place)
@@ -258,18 +270,19 @@ def test_it_survives_wherever_that_happens(run: Run, place: str) -> None:
 @pytest.mark.parametrize("place", ["instantiate", "initialization"])
 @pytest.mark.parametrize(
     ("mode", "behaviour"),
-    [(MODES[1], behaviour) for behaviour in ("segfault", "exit", "hang", "error", "fatal")]
+    [(MODES[1], behaviour) for behaviour in ("segfault", "exit", "hang", "daemon_hang", "error", "fatal")]
     + [(MODES[0], behaviour) for behaviour in ("error", "fatal")],
 )
 def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str) -> None:
     status, printed, result = run(
-        mode, LIMIT if behaviour == "hang" else 30.0, behaviour=behaviour, place=place, fmi="3.0"
+        mode, LIMIT if behaviour in ("hang", "daemon_hang") else 30.0, behaviour=behaviour, place=place, fmi="3.0"
     )
     assert status == 2
     how = {
         "segfault": "it did not start: its process crashed (SIGSEGV); it had logged:",
         "exit": "it did not start: its process exited with status 7; it had logged:",
         "hang": "it did not start within 0.5 s; its process was ended; it had logged:",
+        "daemon_hang": "it did not start within 0.5 s; its process was ended; it had logged:",
     }
     said = f"{how.get(behaviour, '')} {place} {'goes into' if behaviour in how else 'returns'} {behaviour}".strip()
     assert "bad.xml:4:" in printed
@@ -278,7 +291,7 @@ def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str)
 
 
 @pytest.mark.parametrize("place", ["terminate", "free"])
-@pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang"])
+@pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang", "daemon_hang"])
 def test_what_does_not_end_well_has_run_all_the_same(
     run: Run, reference: xr.Dataset, behaviour: str, place: str
 ) -> None:
@@ -529,12 +542,12 @@ def test_a_signal_in_the_course_of_a_run(
     assert result.sizes["time"] > 1
 
 
-@pytest.mark.parametrize("behaviour", ["slow", "hang"])
+@pytest.mark.parametrize("behaviour", ["slow", "daemon_hang"])
 def test_a_harness_that_is_killed_leaves_no_process(
     harness: Callable[..., Harness], tmp_path: Path, behaviour: str
 ) -> None:
-    one = slow(harness, tmp_path) if behaviour == "slow" else harness(behaviour="hang")
-    one.wait_for(lambda: len(one.workers()) == 2)
+    one = slow(harness, tmp_path) if behaviour == "slow" else harness(behaviour=behaviour)
+    one.wait_for(lambda: len(one.workers()) >= 2)
     time.sleep(1.0)
     one.process.kill()
     one.process.wait()

@@ -13,6 +13,8 @@ from collections import deque
 from pathlib import Path
 from typing import TypedDict
 
+from cosim import process_tree
+
 REQUEST, RESULT, FAILURE = "request.json", "result.bin", "failure.txt"
 
 
@@ -96,4 +98,5 @@ def _replay(request: Request, said: deque[str]) -> bytes:
 
 
 if __name__ == "__main__":
+    process_tree.adopt()
     main()

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import process_tree
 from cosim.errors import printable
 from cosim.fmu.package import Package, check_binary, choose_interface, interfaces
 from cosim.fmu.reference_experiments import Experiment
@@ -128,12 +129,13 @@ def _table(series: Series) -> NDArray[np.float64]:
 
 def _in_a_process(folder: Path, time_limit: float) -> str:
     """Run `cosim.fmu.replay`, and return why it failed; empty if it did not."""
+    mark = process_tree.new_mark()
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "cosim.fmu.replay", str(folder)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,  # output of the FMU
         stderr=subprocess.DEVNULL,
-        env=environment(),
+        env=environment(mark),
         start_new_session=os.name == "posix",
     )
     try:
@@ -141,7 +143,7 @@ def _in_a_process(folder: Path, time_limit: float) -> str:
     except subprocess.TimeoutExpired:
         return f"it did not end within {time_limit:g} s; its process was ended"
     finally:
-        kill(process)
+        kill(process, mark)
     if status < 0:
         name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
         return f"its process crashed ({name})"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import site
 import subprocess
@@ -22,11 +23,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import process_tree
 from cosim.compiled import PLAIN
 from cosim.errors import printable
 from cosim.plant.failures import PlantError
 from cosim.plant.message import LastMessages, Message
-from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, exactly, send
+from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, send
 from cosim.plant.spec import PlantSpec, Value
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
@@ -68,16 +70,18 @@ class ProcessPlant:
         self._waiting = False  # whether the process waits for a request
         self._ending = self._closed = False
         self._limit = _LAUNCH_LIMIT
-        self._process = _launched()
+        self._mark = process_tree.new_mark()
+        self._process = _launched(self._mark)
         try:
             assert self._process.stdin is not None
             assert self._process.stdout is not None
             self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
-            self._watchdog = _Watchdog(self._process, spec.time_limit / 10)
+            self._end = _End(self._process, self._replies)
+            self._watchdog = _Watchdog(self._process, self._mark, spec.time_limit / 10)
             self._watchdog.allow(self._limit)
             self._send(Request.START, spec.to_json())
         except BaseException:
-            kill(self._process)
+            kill(self._process, self._mark)
             raise
 
     def wait_until_started(self) -> None:
@@ -147,7 +151,8 @@ class ProcessPlant:
                     self._receive("did not end", 0)
         finally:
             self._watchdog.stop()
-            kill(self._process)
+            kill(self._process, self._mark)
+            self._end.close()
 
     def _request(self, kind: Request, body: bytes) -> None:
         self._watchdog.allow(self._limit)
@@ -184,8 +189,13 @@ class ProcessPlant:
         return kind, self._exactly(length, failed)
 
     def _exactly(self, length: int, failed: str) -> bytes:
-        data = exactly(self._replies, length)
-        if data is None:
+        data = b""
+        while len(data) < length and not self._watchdog.expired and self._end.wait():
+            part = os.read(self._replies, length - len(data))
+            if not part:
+                break
+            data += part
+        if len(data) < length:
             last = f"; it had logged: {'; '.join(self._last_words)}" if self._last_words else ""
             raise PlantError(f"{failed}{self._how_it_ended()}{last}")
         return data
@@ -195,7 +205,7 @@ class ProcessPlant:
             status = self._process.wait(_EXIT_LIMIT)
         except subprocess.TimeoutExpired:
             return ": its process has closed the pipe to the harness"
-        if self._watchdog.expired:
+        if self._watchdog.expired and status == -signal.SIGKILL:  # and not by itself a moment before
             return f" within {self._limit:g} s; its process was ended"
         if status < 0:
             name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
@@ -212,22 +222,28 @@ def end(plants: Iterable[ProcessPlant]) -> None:
             plant.begin_to_end()
 
 
-def environment() -> dict[str, str]:
-    """Return the environment of a process that runs one FMU: it finds this package where the harness has found it."""
-    variables = {**os.environ, PLAIN: "1"}  # compiling for one plant would take longer than it saves
+def environment(mark: str) -> dict[str, str]:
+    """Return the environment of a process that runs one FMU: it finds this package where the harness has found it.
+
+    Parameters
+    ----------
+    mark
+        That of the process, by which `kill` knows what it has started.
+    """
+    variables = {**os.environ, PLAIN: "1", mark: "1"}  # compiling for one plant would take longer than it saves
     root = str(Path(__file__).parents[2])
     if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
         variables["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     return variables
 
 
-def _launched() -> subprocess.Popen[bytes]:
+def _launched(mark: str) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
             [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=environment(),
+            env=environment(mark),
             stderr=None if _standard_error() else subprocess.DEVNULL,
             bufsize=0,
             start_new_session=os.name == "posix",  # Ctrl-C is the harness's
@@ -245,9 +261,9 @@ def _standard_error() -> bool:
         return False
 
 
-def kill(process: subprocess.Popen[bytes]) -> None:
-    """End a process with its process group, and wait for it."""
-    _signal(process)
+def kill(process: subprocess.Popen[bytes], mark: str) -> None:
+    """End a process with everything that it has started, and wait for it."""
+    _kill(process, mark)
     process.wait()
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
@@ -255,10 +271,8 @@ def kill(process: subprocess.Popen[bytes]) -> None:
                 pipe.close()
 
 
-def _signal(process: subprocess.Popen[bytes]) -> None:
-    if os.name == "posix":
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)  # the group is its own, and outlives it
+def _kill(process: subprocess.Popen[bytes], mark: str) -> None:
+    process_tree.end(process.pid, mark)
     process.kill()
 
 
@@ -266,20 +280,52 @@ def _text(body: bytes) -> str:
     return printable(body.decode("utf-8", "replace"))
 
 
+class _End:
+    """Notices a reply of a process, or its end, whichever comes first: something that it started may hold its pipe.
+
+    Only Linux tells of the end in this way; elsewhere the end of the pipe has to do.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], replies: int) -> None:
+        self._replies = replies
+        self._descriptor = -1
+        if sys.platform == "linux":
+            with suppress(OSError):
+                self._descriptor = os.pidfd_open(process.pid)
+        if self._descriptor >= 0:
+            self._either, self._reply = select.poll(), select.poll()
+            self._either.register(self._descriptor, select.POLLIN)
+            for poll in (self._either, self._reply):
+                poll.register(replies, select.POLLIN)
+
+    def wait(self) -> bool:
+        """Wait for either; return whether the pipe can be read, be it to find its end."""
+        if self._descriptor < 0 or any(ready == self._replies for ready, _ in self._either.poll()):
+            return True
+        return bool(self._reply.poll(0))
+
+    def close(self) -> None:
+        """Watch no more."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
 class _Watchdog:
-    """Ends a process that takes longer than it is allowed.
+    """Ends a process that takes longer than it is allowed, with everything that it has started.
 
     Parameters
     ----------
-    process
-        The process.
+    process, mark
+        The process, and the mark of what it starts.
     interval
         How often to look [s]; at least 0.02 s, at most 0.5 s.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], interval: float) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], mark: str, interval: float) -> None:
         self.expired = False
         self._process = process
+        self._mark = mark
         self._interval = min(max(interval, 0.02), 0.5)
         self._deadline = float("inf")
         self._stopped = threading.Event()
@@ -301,5 +347,5 @@ class _Watchdog:
         while not self._stopped.wait(self._interval):
             if time.monotonic() > self._deadline:
                 self.expired = True
-                _signal(self._process)
+                _kill(self._process, self._mark)
                 return

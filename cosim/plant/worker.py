@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import process_tree
 from cosim.plant.failures import FINE, PlantError
 from cosim.plant.foreign_modules import make_room
 from cosim.plant.instance import Instance
@@ -111,6 +112,7 @@ def main() -> None:
 
     The arguments are the harness's process, and the folders where its Python finds modules.
     """
+    process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     replies = _Replies()
     if os.name == "posix":
@@ -201,9 +203,10 @@ def _receive(pipe: int) -> tuple[int, bytes] | None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process when the harness has ended, even while the FMU works."""
+    """End this process when the harness has ended, even while the FMU works, and what the FMU has started."""
     while os.getppid() == parent:
         time.sleep(_ORPHAN_CHECK)
+    process_tree.end_descendants(os.getpid())
     os._exit(1)
 
 

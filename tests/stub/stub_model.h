@@ -18,6 +18,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #define TOKEN "formation-stub "
@@ -148,6 +149,20 @@ __attribute__((destructor)) static void torn_down(void)
     if (has_thread) abort();
 }
 
+/* Start a process of a session of its own that nobody waits for, which holds all that this one has open. */
+static inline void leave_a_daemon(void)
+{
+    static bool left = false;
+    if (left) return;
+    left = true;
+    const pid_t child = fork();
+    if (child > 0) waitpid(child, NULL, 0);
+    if (child != 0) return;
+    setsid();
+    if (fork() > 0) _exit(0);
+    hang();
+}
+
 /* Do what this stub does in a function of the importer's interface: mostly nothing. */
 static inline Status act(Stub *s, const char *place)
 {
@@ -159,10 +174,14 @@ static inline Status act(Stub *s, const char *place)
     if (s->nothing || strcmp(s->place, place) != 0) return OK;
     const bool timed = strcmp(place, "step") == 0 || strcmp(place, "set") == 0 || strcmp(place, "get") == 0;
     if (timed && car->time < car->when - EPSILON) return OK;
-    static const char *const deadly[] = {"segfault", "exit", "abort", "hang", "hang_stubborn", "spin"};
+    static const char *const deadly[] = {"segfault", "exit", "abort", "hang", "hang_stubborn", "spin", "daemon_exit",
+                                         "daemon_hang"};
     for (size_t i = 0; i < sizeof deadly / sizeof deadly[0]; i++) {
         if (is(s, deadly[i])) say(s, OK, "%s goes into %s at t = %g s, as it was made to", place, s->behaviour, car->time);
     }
+    if (strncmp(s->behaviour, "daemon", 6) == 0) leave_a_daemon();
+    if (is(s, "daemon_exit")) _exit(7);
+    if (is(s, "daemon_hang")) hang();
     if (is(s, "segfault")) segfault();
     if (is(s, "exit")) exit(7);
     if (is(s, "abort")) abort();

@@ -1,0 +1,118 @@
+"""The end of a process with everything that it has started, wherever that has gone in the meantime.
+
+On Linux a process may adopt what its descendants leave behind, so that all of them stay its descendants for as long as
+it lives. What outlives it is known by a mark in its environment. Elsewhere the process group alone is ended: what has
+left it goes on. No sandbox: a process that clears its environment, and whose ancestors end by themselves, escapes.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+_PR_SET_CHILD_SUBREAPER = 36
+_ROUNDS = 1000
+"""Upper limit for searches, one each millisecond, until nothing new is found: something may start processes as fast."""
+_LINUX = sys.platform == "linux"
+_PROC = Path("/proc")
+
+
+def new_mark() -> str:
+    """Return the name of a variable for the environment of a process that is about to start, whatever its value."""
+    return f"FORMATION_PROCESS_TREE_{secrets.token_hex(16)}"
+
+
+def adopt() -> None:
+    """Let what a descendant of this process leaves behind become this one's child, where the system can do that."""
+    if not _LINUX:
+        return
+    import ctypes
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def end(root: int, mark: str) -> None:
+    """End a child of this process, its process group, and everything that it has started.
+
+    The child itself remains to be waited for.
+
+    Parameters
+    ----------
+    root
+        The child, which has begun with `adopt` and leads a process group.
+    mark
+        Its mark; see `new_mark`.
+    """
+    if os.name != "posix":
+        return
+    _signal(root, signal.SIGSTOP)  # it starts nothing more
+    some = end_descendants(root)
+    lived = _state(root) not in ("Z", "")
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(root, signal.SIGKILL)  # the group outlives its leader
+    _signal(root, signal.SIGKILL)
+    if some or not lived:
+        _end_marked(mark)
+
+
+def end_descendants(root: int) -> bool:
+    """End everything that a living process has started and what follows from it; return whether there was anything."""
+    some = False
+    for _ in range(_ROUNDS if _LINUX else 0):
+        living = [process for process in _descendants(root) if _state(process) not in ("Z", "")]
+        if not living:
+            break
+        some = True
+        for process in living:
+            _signal(process, signal.SIGKILL)
+        time.sleep(0.001)
+    return some
+
+
+def _end_marked(mark: str) -> None:
+    for _ in range(_ROUNDS if _LINUX else 0):
+        living = _marked(mark)
+        if not living:
+            break
+        for process in living:
+            _signal(process, signal.SIGKILL)
+        time.sleep(0.001)
+
+
+def _descendants(root: int) -> list[int]:
+    found = [root]
+    for process in found:  # which grows meanwhile
+        with suppress(OSError):
+            for thread in (_PROC / str(process) / "task").iterdir():
+                found += [int(child) for child in (thread / "children").read_bytes().split()]
+    return found[1:]
+
+
+def _marked(mark: str) -> list[int]:
+    """Return the living processes with a mark; the environment of others than this user's cannot be read."""
+    sought = f"\0{mark}=".encode()
+    found = []
+    for folder in _PROC.iterdir():
+        with suppress(OSError):
+            if folder.name.isdecimal() and sought in b"\0" + (folder / "environ").read_bytes():
+                found.append(int(folder.name))
+    return found
+
+
+def _state(process: int) -> str:
+    """Return the letter of a process's state, Z if it has ended and nobody has waited for it; empty if it is gone."""
+    try:
+        return (_PROC / str(process) / "stat").read_text("utf-8", "replace").rpartition(") ")[2][:1]
+    except OSError:
+        return ""
+
+
+def _signal(process: int, number: signal.Signals) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.kill(process, number)

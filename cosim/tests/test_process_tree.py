@@ -1,0 +1,119 @@
+"""A process ends with everything that it has started, wherever that has gone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from cosim import process_tree
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+
+Start = Callable[..., tuple[subprocess.Popen[str], str, int]]
+
+LEAVES_ONE = """
+import os, sys, time
+from cosim import process_tree
+def daemon():
+    if os.fork() == 0:
+        os.setsid()
+        if os.fork() == 0:
+            print(os.getpid(), flush=True)
+            return True
+        os._exit(0)
+    os.wait()
+    return False
+"""
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Start a program that leaves a process behind; return its process, its mark, and the number of the other one."""
+    started: list[tuple[subprocess.Popen[str], int]] = []
+
+    def made(program: str) -> tuple[subprocess.Popen[str], str, int]:
+        mark = process_tree.new_mark()
+        process = subprocess.Popen(
+            [sys.executable, "-c", LEAVES_ONE + program],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, mark: "1"},
+            start_new_session=True,
+        )
+        assert process.stdout is not None
+        left = int(process.stdout.readline())
+        started.append((process, left))
+        return process, mark, left
+
+    yield made
+    for process, left in started:
+        for number in (process.pid, left):
+            if process.returncode is None or number != process.pid:
+                with suppress(ProcessLookupError):
+                    os.kill(number, signal.SIGKILL)
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+def lives(process: int) -> bool:
+    """Return whether a process lives, given that its end takes a moment."""
+    for _ in range(500):
+        if process_tree._state(process) in ("Z", ""):
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def test_what_has_left_the_group(start: Start) -> None:
+    process, mark, left = start("process_tree.adopt()\nif daemon(): time.sleep(1000)\ntime.sleep(1000)")
+    process_tree.end(process.pid, mark)
+    assert process.wait(30) == -signal.SIGKILL
+    assert not lives(left)
+
+
+def test_without_its_environment(start: Start) -> None:
+    """While what started it lives, the mark is not needed."""
+    process, mark, left = start(
+        "process_tree.adopt()\nif daemon(): os.execve('/bin/sleep', ['sleep', '1000'], {})\ntime.sleep(1000)"
+    )
+    process_tree.end(process.pid, mark)
+    assert not lives(left)
+
+
+def test_of_a_process_that_has_ended(start: Start) -> None:
+    process, mark, left = start("process_tree.adopt()\nif daemon(): time.sleep(1000)\nos._exit(3)")
+    deadline = time.monotonic() + 30
+    while process_tree._state(process.pid) != "Z" and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process_tree.end(process.pid, mark)
+    assert process.wait(30) == 3, "its own status is kept"
+    assert not lives(left)
+
+
+def test_what_starts_more_and_more(start: Start) -> None:
+    """Each goes on in a session of its own before it is found; the one that began is stopped first."""
+    chain = "    while os.fork() == 0: os.setsid(); time.sleep(0.02)\n    os._exit(0)"
+    process, mark, _ = start(f"process_tree.adopt()\nif daemon():\n{chain}\ntime.sleep(1000)")
+    process_tree.end(process.pid, mark)
+    assert process.wait(30) == -signal.SIGKILL
+    time.sleep(0.1)
+    assert process_tree._marked(mark) == []
+
+
+def test_nothing_else_is_touched() -> None:
+    other = subprocess.Popen(["sleep", "1000"], start_new_session=True)
+    mark = process_tree.new_mark()
+    process = subprocess.Popen(["sleep", "1000"], env={**os.environ, mark: ""}, start_new_session=True)
+    process_tree.end(process.pid, mark)
+    assert process.wait(30) == -signal.SIGKILL
+    assert other.poll() is None
+    other.kill()
+    other.wait()
