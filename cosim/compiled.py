@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cosim.compiling import watch_numba
+
 PLAIN = "FORMATION_PLAIN_STEPPING"
 """The environment variable that makes the harness alone do without Numba: an FMU may be made of Python and Numba."""
 
@@ -43,6 +45,8 @@ def _compiled(function: F, **more: Any) -> F:
         return function
     import numba
     from formation_controllers.kept import trusted
+
+    watch_numba()
 
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **more}
     try:

@@ -23,6 +23,7 @@ from cosim.cli.console import err
 from cosim.cli.ending import ended_by
 from cosim.cli.help_texts import explain
 from cosim.cli.options import Lazy, Parser
+from cosim.compiling import told
 from cosim.master.interrupt import SIGNALS, HeldSignals
 
 INTERRUPTED = 130
@@ -60,13 +61,18 @@ def _status(arguments: Sequence[str] | None) -> int:
         started = time.perf_counter()
         function = _function(options.command)
         options.imports = time.perf_counter() - started
-        return function(options)
+        with told(_tell_compiling):
+            return function(options)
     except KeyboardInterrupt:
         with suppress(KeyboardInterrupt), HeldSignals():
             err().print("interrupted")
         return INTERRUPTED
     except (Exception, SystemExit) as error:  # code of others may call sys.exit()
         return ended_by(error)[1]
+
+
+def _tell_compiling() -> None:
+    err().print("compiling controllers and the simulation loop for this machine; the next run finds them compiled")
 
 
 def _interrupt_by_signals() -> None:

@@ -217,7 +217,7 @@ def _save(result: Result, folder: Path) -> tuple[Path, Provenance] | None:
 def _progress(scenario: Scenario) -> Iterator[Callable[[int], None] | None]:
     """Show a progress bar on a terminal; elsewhere print a line if the run takes long."""
     if not err().is_terminal:
-        with taking_a_while(f"running {scenario.name}; the first run with a controller compiles it"):
+        with taking_a_while(f"running {scenario.name}"):
             yield None
         return
     every = max(1, scenario.ticks // 200)
