@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import os
 import shutil
 import stat
@@ -29,6 +30,9 @@ _BLOCK = 2**16
 _DESCRIPTION = PurePosixPath(DESCRIPTION)
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
+MAX_FILES = 50_000
+MAX_TAGS = 2_000_000
+"""Beginnings and ends of elements in a model description."""
 
 
 def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
@@ -107,12 +111,28 @@ class _Beginning:
 
 
 _ENCRYPTED = 1
+_ENTRY = b"PK\1\2"
+"""How an entry of a table of contents begins."""
+_LONGEST_ENTRY = 1000
 _DAMAGED = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, ValueError)
+
+
+class _Archive(io.FileIO):
+    """An archive of which the table of contents is read whole, as `zipfile` does, only if it is not too long."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return some bytes; refuse a table of contents with more than `MAX_FILES` entries before it is understood."""
+        size = -1 if size is None else size
+        most = MAX_FILES * _LONGEST_ENTRY
+        data = super().read(size if 0 <= size <= most else most + 1) or b""
+        if len(data) > most or (size > MAX_FILES and data.count(_ENTRY) > MAX_FILES):
+            raise zipfile.BadZipFile(f"it has more than {MAX_FILES} files")
+        return data
 
 
 def _extract(path: Path, directory: Path, where: Location | None) -> None:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with _Archive(path, "rb") as file, zipfile.ZipFile(file) as archive:
             places = _places(path, archive, where)
             _check_sizes(path, {place: entry.file_size for place, entry in places.items()}, where)
             _write(archive, places.pop(_DESCRIPTION), directory / DESCRIPTION)
@@ -163,6 +183,8 @@ def _check_sizes(path: Path, sizes: dict[PurePosixPath, int], where: Location | 
         raise InputError(f"{path} is not an FMU: it holds no {DESCRIPTION}{hint}", where)
     if (unpacked := sum(sizes.values())) > MAX_UNPACKED_BYTES:
         raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
+    if len(sizes) > MAX_FILES:
+        raise InputError(f"the FMU {path} has {len(sizes)} files; at most {MAX_FILES} are unpacked", where)
     if sizes[_DESCRIPTION] > MAX_DESCRIPTION_BYTES:
         raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
 

@@ -21,7 +21,8 @@ from lxml import etree
 
 from cosim.errors import printable
 from cosim.fmu.alike import all_without_numbers
-from cosim.fmu.archive import DESCRIPTION
+from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
+from cosim.fmu.breaches import breaches
 from cosim.fmu.description_reader import description_of
 from cosim.fmu.model_description import ModelDescription
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
@@ -72,8 +73,11 @@ def read(directory: Path) -> Reading:
         It cannot be read: why.
     """
     with without_collection():
-        root = _root(directory / DESCRIPTION)
-        problems = list(_breaches(root))
+        path = directory / DESCRIPTION
+        data = path.read_bytes()
+        root = _root(path, data)
+        schema = _schema(root.get("fmiVersion", "")[:1])
+        problems = [] if schema is None else list(breaches(data, root, schema))
         try:
             description = description_of(root)
         except Exception as error:  # a breach of the schema is nearer to the cause
@@ -108,8 +112,10 @@ def without_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _root(path: Path) -> etree._Element:
-    """Return the root element; refuse one that is not of FMI."""
+def _root(path: Path, data: bytes) -> etree._Element:
+    """Return the root element; refuse one that is not of FMI, before a tree is made of more tags than any FMU has."""
+    if (tags := data.count(b"<")) > MAX_TAGS:
+        raise ValueError(f"it has {tags} beginnings and ends of elements; at most {MAX_TAGS} are read")
     root = etree.parse(path, PARSER).getroot()
     if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
         raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
@@ -141,14 +147,6 @@ def _dangling(root: etree._Element) -> Iterator[str]:
                         f"line {element.sourceline}: the attribute {attribute} of <{element.tag}> refers to the {what} "
                         f"{reference}, {there}"
                     )
-
-
-def _breaches(root: etree._Element) -> Iterator[str]:
-    """Return where a description breaks the schema of its version."""
-    schema = _schema(root.get("fmiVersion", "")[:1])
-    if schema is not None and not schema.validate(root):
-        for entry in schema.error_log:
-            yield f"line {entry.line}: {entry.message}"
 
 
 def _capabilities(root: etree._Element) -> dict[str, dict[str, str]]:

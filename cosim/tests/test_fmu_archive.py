@@ -157,3 +157,50 @@ def test_entities_are_not_expanded_in_an_encoding_that_few_parsers_know(stub: Pa
     build = b'<!DOCTYPE fmiBuildDescription><fmiBuildDescription fmiVersion="3.0"/>'
     path = zipped(tmp_path / "b.fmu", entries(stub) | {"sources/buildDescription.xml": build})
     assert "declares a document type in its sources/buildDescription.xml" in refused(path)
+
+
+def test_more_files_than_any_fmu_has(stub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is refused before anything is known about the files, whatever the archive says of their number."""
+    path = zipped(tmp_path / "a.fmu", entries(stub) | {f"resources/{i}": b"" for i in range(1000)})
+    usable(path)
+    monkeypatch.setattr("cosim.fmu.archive.MAX_FILES", 300)
+    monkeypatch.setattr("cosim.fmu.archive.zipfile.ZipInfo", None)
+    assert refused(path) == f"{path} is not an FMU: it has more than 300 files"
+
+
+def test_a_folder_with_more_files_than_any_fmu_has(stub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = unpacked(stub, tmp_path / "a")
+    monkeypatch.setattr("cosim.fmu.archive.MAX_FILES", 1)
+    assert "files; at most 1 are unpacked" in refused(folder)
+
+
+def test_a_table_of_contents_that_is_too_long(stub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = zipped(tmp_path / "a.fmu", entries(stub) | {f"resources/{'x' * 2000}/{i}": b"" for i in range(20)})
+    monkeypatch.setattr("cosim.fmu.archive.MAX_FILES", 25)
+    assert refused(path) == f"{path} is not an FMU: it has more than 25 files"
+
+
+HEAD = (
+    '<fmiModelDescription fmiVersion="2.0" modelName="a" guid="b"><CoSimulation modelIdentifier="a"/><ModelVariables>'
+)
+
+
+def test_a_description_of_more_elements_than_any_fmu_has(tmp_path: Path) -> None:
+    path = zipped(tmp_path / "a.fmu", {"modelDescription.xml": HEAD.encode() + b"<a/>" * 2_100_000})
+    assert "beginnings and ends of elements; at most 2000000 are read" in refused(path)
+
+
+def test_of_many_breaches_the_first_are_reported(tmp_path: Path) -> None:
+    bad = '<ScalarVariable name="v" valueReference="1"/>\n' * 30_000
+    text = f"{HEAD}\n\n{bad}</ModelVariables></fmiModelDescription>"
+    path = zipped(tmp_path / "a.fmu", {"modelDescription.xml": text.encode()})
+    assert "line 3: Element 'ScalarVariable': Missing child element(s)." in refused(path)
+    mark = {7: ' q="1"', 9_000: ' q="1"'}
+    good = "".join(
+        f'<ScalarVariable name="v{i}" valueReference="{i}"><Real{mark.get(i, "")}/></ScalarVariable>\n'
+        for i in range(10_000)
+    )
+    text = f"{HEAD}\n\n{good}</ModelVariables><ModelStructure/></fmiModelDescription>"
+    package = open_package(zipped(tmp_path / "b.fmu", {"modelDescription.xml": text.encode()}))
+    package.close()
+    assert [problem.partition(":")[0] for problem in package.problems] == ["line 10", "line 9003"]
