@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self, TypeVar
 
 from lxml import etree
@@ -34,16 +35,16 @@ class Element(Written):
     @classmethod
     def root(cls, document: Document) -> Self:
         """Return the root element of a document."""
-        return cls._of(document.root, document)
+        return cls._of(document.root, document, document.path.parent)
 
     @classmethod
-    def _of(cls, node: etree._Element, document: Document) -> Self:
+    def _of(cls, node: etree._Element, document: Document, folder: Path) -> Self:
         return cls(
             kind=node.tag.rpartition("}")[2],
             attributes=dict(node.attrib),
             where=document.where(node),
-            folder=document.path.parent,
-            inside=tuple(cls._of(child, document) for child in node.iterchildren("*")),
+            folder=folder,
+            inside=tuple(cls._of(child, document, folder) for child in node.iterchildren("*")),
             text=" ".join((node.text or "").split()),
         )
 
