@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import brief
+from cosim.fmu.package import open_package
 from cosim.pytest_plugin import is_scenario
 from cosim.tests.driving import SHORT
 
@@ -115,6 +116,26 @@ def test_an_fmu_with_bytes_missing(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_steps_without_number(capsys: pytest.CaptureFixture[str], options: list[str]) -> None:
     printed = failed(capsys, 2, "compare-plants", "car_like", "car_like", *options)
     assert "are not a whole number of steps" in printed
+
+
+def test_an_fmu_of_many_unused_plants_is_opened_once(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = Path(line).read_text(encoding="utf-8")
+    unused = "".join(f'<plant id="p{i}" model="car_like"><parameter name="a" value="2 m"/></plant>' for i in range(50))
+    path = tmp_path / "unused.xml"
+    path.write_text(text.replace("<controller ", f"{unused}<controller ", 1), encoding="utf-8")
+    opened: list[Path] = []
+
+    def counted(fmu: Path, *arguments: object) -> object:
+        opened.append(fmu)
+        return open_package(fmu, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("cosim.fmu.package.open_package", counted)
+    command(capsys, "check", path)
+    assert len(opened) == 2, "for the plant that is used, and for all others"
+    path.write_text(path.read_text(encoding="utf-8").replace('"2 m"', '"2 kg"'), encoding="utf-8")
+    assert "'2 kg'" in failed(capsys, 2, "check", str(path)), "each plant is checked"
 
 
 # Messages ---------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import fmpy
@@ -114,13 +114,21 @@ def open_fmu(
     """
     package = open_package(path, where)
     try:
-        chosen = choose_interface(package, interface, where)
-        check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
-        binding = bind(package.description, str(path), declared, where)
-        return Fmu(**vars(package), interface=chosen, binding=binding, brought_code=_brought_code(package))
+        return as_vehicle(package, where, declared, interface)
     except BaseException:
         package.close()
         raise
+
+
+def as_vehicle(
+    package: Package, where: Location | None = None, declared: BindingSource | None = None, interface: str = ""
+) -> Fmu:
+    """Return an opened FMU as a vehicle; it shares the unpacked files. See `open_fmu`."""
+    chosen = choose_interface(package, interface, where)
+    check_binary(package, interfaces(package.description)[chosen].modelIdentifier, where)
+    binding = bind(package.description, str(package.path), declared, where)
+    parts = {field.name: getattr(package, field.name) for field in fields(Package)}
+    return Fmu(**parts, interface=chosen, binding=binding, brought_code=_brought_code(package))
 
 
 def interfaces(description: ModelDescription) -> dict[str, Interface]:

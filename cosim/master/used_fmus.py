@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 import plants
 from cosim.errors import InputError
-from cosim.fmu.package import Fmu, open_fmu
+from cosim.fmu.package import Fmu, as_vehicle, open_fmu
 from cosim.fmu.parameters import ParameterValue, understand
 from cosim.fmu.solver import check_solver, check_step
 from cosim.master.timing import timed
@@ -38,14 +39,25 @@ def open_fmus(
         A model cannot be built, a file is no FMU that can be used, or parameters or solver do not fit the FMU.
     """
     fmus = {}
+    used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
+    checked: dict[Path, Fmu] = {}
+    """FMUs of unused plants by their file, each opened once: it is never run."""
+    built: dict[str | None, Path] = {}
+    sharing = Counter(fmu.directory for fmu in opened.values())
     for source in scenario.plants.values():
         fmu = opened.get(source.id)
-        if fmu is None:
+        if fmu is None or (source.id in used and sharing[fmu.directory] > 1):
             with timed(timing, "build"):
-                path = _fmu_path(source)
+                path = built[source.model] if source.model in built else _fmu_path(source)
+                built |= {source.model: path} if source.model else {}
             with timed(timing, "load"):
-                fmu = open_fmu(path, source.where, source.binding, source.interface)
-            cleanup.callback(fmu.close)
+                if path in checked and source.id not in used:
+                    fmu = as_vehicle(checked[path], source.where, source.binding, source.interface)
+                else:
+                    fmu = open_fmu(path, source.where, source.binding, source.interface)
+                    cleanup.callback(fmu.close)
+            if source.id not in used:
+                checked[path] = fmu
         fmus[source.id] = fmu
         understood(fmu, source, source.parameters)
         check_solver(fmu, source)
