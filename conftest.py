@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -17,8 +18,11 @@ ROOT = Path(__file__).parent
 
 @pytest.fixture(scope="session", autouse=True)
 def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what is built for these tests alone, each FMU once for all processes that share the tests."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FORMATION_CACHE", str(tmp_path_factory.mktemp("fmu-cache")))
+        patch.setenv("FORMATION_CACHE", str(folder / "fmu-cache"))
         patch.setenv("MPLBACKEND", "agg")
         patch.setattr("cosim.cli.console.PATIENCE", 3600.0)  # nothing is said because the machine is busy
         yield

@@ -62,17 +62,8 @@ class Instance:
         self.fmu.doStep(time, step)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache of the tests' own."""
-    folder = tmp_path_factory.mktemp("cache")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FORMATION_CACHE", str(folder))
-        yield folder
-
-
 @pytest.fixture(scope="session")
-def fmu(cache: Path) -> Path:
+def fmu(own_caches: None) -> Path:
     """The FMU of the car-like robot."""
     return plants.build("car_like")
 
@@ -100,7 +91,7 @@ def new_car(unzipped: Path) -> Iterator[Callable[..., Instance]]:
 
 
 @pytest.fixture(scope="session")
-def fmus(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Fmu]:
+def fmus(own_caches: None, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Fmu]:
     """Return an FMU by model and version, built once."""
     built: dict[tuple[str, str], Fmu] = {}
 

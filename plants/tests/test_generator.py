@@ -41,7 +41,7 @@ def model_of(*expressions: Any, **changes: Any) -> OdeModel:
 
 
 @pytest.fixture
-def load(cache: Path, tmp_path: Path) -> Callable[[OdeModel], Fmu]:
+def load(own_caches: None, tmp_path: Path) -> Callable[[OdeModel], Fmu]:
     def make(model: OdeModel) -> Fmu:
         path = plants.build(model)
         fmpy.extract(path, tmp_path)

@@ -102,7 +102,9 @@ class Plant:
 
 
 @pytest.fixture(scope="module", params=list(VEHICLES))
-def plant(request: pytest.FixtureRequest, cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plant]:
+def plant(
+    request: pytest.FixtureRequest, own_caches: None, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Plant]:
     plant = Plant(plants.build(request.param), tmp_path_factory.mktemp(request.param))
     yield plant
     plant.fmu.freeInstance()
