@@ -150,7 +150,7 @@ def _described(path: Path, directory: Path, where: Location | None) -> Reading:
     try:
         return read(directory)
     except Exception as error:  # FMPy raises exceptions of any kind; the text names the fault of the file
-        said = str(error).replace(f"{directory}{os.sep}", "")
+        said = " ".join(str(error).replace(f"{directory}{os.sep}", "").split())
         raise InputError(f"the FMU {path} has no valid model description: {said}", where) from None
 
 

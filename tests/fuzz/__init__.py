@@ -1,0 +1,1 @@
+"""Fuzzers: mutated scenarios and FMUs, of which nothing may come but results and proper refusals."""
