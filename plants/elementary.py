@@ -316,6 +316,14 @@ def near_tan(x: float) -> float:
     return select(abs(x) < TINY, x, slope(r, low, n))
 
 
+def near_sin_cos_tan(x: float) -> tuple[float, float, float]:
+    """Return sine, cosine and tangent for |x| <= FAR."""
+    r, low, n = near_turn(x)
+    sine, cosine = turned(r, low, n)
+    is_tiny = abs(x) < TINY
+    return select(is_tiny, x, sine), cosine, select(is_tiny, x, slope(r, low, n))
+
+
 def far_functions(x: float) -> tuple[float, float, float]:
     """Return sine, cosine and tangent for |x| > FAR, NaN for infinity and NaN."""
     if not abs(x) <= LARGEST:
@@ -331,6 +339,13 @@ def sin_cos(x: float) -> tuple[float, float]:
     if not abs(x) <= FAR:
         return far_functions(x)[0], far_functions(x)[1]
     return near_sin_cos(x)
+
+
+def sin_cos_tan(x: float) -> tuple[float, float, float]:
+    """Return sine, cosine and tangent of an angle [rad]: for less than the price of two."""
+    if not abs(x) <= FAR:
+        return far_functions(x)
+    return near_sin_cos_tan(x)
 
 
 def sin(x: float) -> float:

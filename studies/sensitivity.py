@@ -158,20 +158,20 @@ def _no_steering(
 _fill = neural_adaptive_pid.network_input
 
 
-def _never_scaled(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
-    c = _outward(W, s, sigma, W_m)
+def _never_scaled(W: Floats, trace: float, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
+    c = _outward(W, trace, s, sigma, W_m)
     for m in range(W.shape[0]):
         for k in range(W.shape[1]):
             W[m, k] += period * gamma_w * (s[m] * sigma[k] - c * W[m, k])
 
 
-def _only_scaled(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
+def _only_scaled(W: Floats, trace: float, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
     for m in range(W.shape[0]):
         for k in range(W.shape[1]):
             W[m, k] += period * gamma_w * s[m] * sigma[k]
-    trace = _norm_squared(W)
-    if trace > W_m:
-        W *= math.sqrt(W_m / trace)
+    scaled = _norm_squared(W)
+    if scaled > W_m:
+        W *= math.sqrt(W_m / scaled)
 
 
 _outward, _norm_squared = projection.outward, projection.norm_squared
@@ -204,9 +204,7 @@ LAW = {
     "weights beyond their bound: not scaled back, (29) alone (scaled)": weight_step(_never_scaled),
     "weights beyond their bound: scaled back, without (29)": weight_step(_only_scaled),
     "bearing within ±180° (unwrapped)": law(
-        robot_view=_with(
-            robot_view, view_of=_rebuilt(robot_view.view_of, kinematics=_with(kinematics, unwrapped=_wrapped))
-        )
+        robot_view=_with(robot_view, see=_rebuilt(robot_view.see, kinematics=_with(kinematics, unwrapped=_wrapped)))
     ),
     "observer: q̂(0) = 0 (q(0))": Reading(patches={(ObserverPid, "start_states"): _start_at_zero}),
 }

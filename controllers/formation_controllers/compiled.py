@@ -63,16 +63,29 @@ def compiled(function: F) -> F:
 
     With ``NUMBA_DISABLE_JIT=1`` the function stays the plain Python it is.
     """
+    return _compiled(function)
+
+
+def part(function: F) -> F:
+    """Compile a function as `compiled` does; compiled callers have its text in the place of a call.
+
+    A loop over robots can be vectorised only if there is no call in it.
+    """
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: F, **more: Any) -> F:
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
+    options = {**_OPTIONS, **more}
     try:
-        dispatcher: Any = numba.njit(cache=True, **_OPTIONS)(function)
+        dispatcher: Any = numba.njit(cache=True, **options)(function)
         file = dispatcher._cache._cache_file
         fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         fresh = False
     if not fresh:
-        dispatcher = numba.njit(**_OPTIONS)(function)
+        dispatcher = numba.njit(**options)(function)
         return dispatcher  # type: ignore[no-any-return]
     # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
     # inlined from another file. The version is looked at first: what is kept of other sources may not even be readable.

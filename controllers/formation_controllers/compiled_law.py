@@ -4,40 +4,23 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Generic, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formation_controllers.columns import columns
 from formation_controllers.compiled import compiled_for
 from formation_controllers.controller import Controller, G
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
 from formation_controllers.geometry import first_range_bearing
 from formation_controllers.interface import CompiledTick, Desired, Floats, Leader, Team, TickInputs
-from formation_controllers.kinematics import Geometry, geometry_of
+from formation_controllers.kinematics import geometry_of
+from formation_controllers.robot_view import SEEN
+from formation_controllers.team_records import TeamRecords
 from formation_controllers.vehicles import OTHERS, VEHICLES, states_all
 
-
-class TeamRecords(NamedTuple):
-    """The state of a law from one tick to the next; arrays of records have one a follower.
-
-    Attributes
-    ----------
-    vehicle : Geometry
-        The followers' vehicle.
-    period : float
-        Time between two ticks [s].
-    gains, state, telemetry : ndarray
-        Records with a field for each gain, state and signal.
-    """
-
-    vehicle: Geometry
-    period: float
-    gains: NDArray[np.void]
-    state: NDArray[np.void]
-    telemetry: NDArray[np.void]
-
+__all__ = ["CompiledLaw", "TeamRecords", "Tick"]
 
 Tick: TypeAlias = Callable[[TickInputs, TeamRecords, Floats], None]
 """A compiled law: fills the torques of a team and its telemetry, and advances its state by one period."""
@@ -62,7 +45,13 @@ class CompiledLaw(Controller[G], Generic[G]):
                 f"{team.vehicle.kind} does not"
             )
         self._records = TeamRecords(
-            geometry_of(team.vehicle), float(team.period), gain_records(self.robot_gains), self._state, self._telemetry
+            geometry_of(team.vehicle),
+            float(team.period),
+            gain_records(self.robot_gains),
+            self._state,
+            self._telemetry,
+            columns(SEEN),
+            columns(self.own_columns()),
         )
         self._call: Tick | None = None
 
@@ -73,6 +62,10 @@ class CompiledLaw(Controller[G], Generic[G]):
     @abstractmethod
     def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
         """Return name and shape, per robot, of every state but the bearing."""
+
+    def own_columns(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
+        return {}
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Choose the turn of the bearing; then `start_states`."""

@@ -29,10 +29,9 @@ from typing import Final
 
 import numpy as np
 
-from formation_controllers.compiled import compiled
-from formation_controllers.elementary import sin_cos
+from formation_controllers.compiled import part
 from formation_controllers.gains import Gains, gain
-from formation_controllers.kinematics import BY_ANGLE, Geometry, Matrix, Steering
+from formation_controllers.kinematics import BY_ANGLE, Direction, Geometry, Matrix, Steering
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +62,7 @@ DIFFERENTIAL_DRIVE_MODEL: Final[Mapping[str, float]] = MappingProxyType(
 wheels of 2 kg, radius 0.1 m and half track 0.25 m; m and I_2 contain what the wheels' spin adds."""
 
 
-@compiled
+@part
 def inertia(h: Steering, vehicle: Geometry, model: np.void) -> Matrix:
     """M2 of (3)."""
     k = h.tan / vehicle.length
@@ -71,7 +70,7 @@ def inertia(h: Steering, vehicle: Geometry, model: np.void) -> Matrix:
     return Matrix(model["m"] + model["I_1"] * k * k, coupling, coupling, model["I_2"])
 
 
-@compiled
+@part
 def coriolis(h: Steering, v: float, omega: float, vehicle: Geometry, model: np.void) -> Matrix:
     """C2 of (3) at the pseudo-velocities (v, omega); linear in them."""
     length, t = vehicle.length, h.tan
@@ -84,9 +83,9 @@ def coriolis(h: Steering, v: float, omega: float, vehicle: Geometry, model: np.v
     return Matrix(model["I_1"] * k * k_dot, -swing, swing, 0.0)
 
 
-@compiled
-def damping(heading: float, h: Steering, vehicle: Geometry, model: np.void) -> tuple[float, float]:
+@part
+def damping(heading: Direction, h: Steering, vehicle: Geometry, model: np.void) -> tuple[float, float]:
     """D2 of (3): its diagonal. The heading is the pose's third entry."""
-    s, c = sin_cos(heading)
+    s, c = heading
     k = h.tan / vehicle.length
     return model["d_x"] * c * c + model["d_y"] * s * s + model["d_1"] * k * k, model["d_2"]

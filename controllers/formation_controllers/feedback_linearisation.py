@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from formation_controllers import dynamics, kinematics, robot_view
+from formation_controllers.columns import BLOCK
 from formation_controllers.compiled import compiled
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
@@ -26,57 +27,60 @@ class FeedbackLinearisationGains(ModelGains, GuardGains):
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry."""
-    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
-    v_d_dot = inputs.leader_acceleration[0]
-    turn_d = kinematics.body_turn(
-        v_d, inputs.leader_velocity[1], kinematics.steering_of(kinematics.steering_angle(leader_pose, vehicle)), vehicle
-    )
-    for i in range(len(inputs.pose)):
-        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        v, omega = inputs.velocity[i, 0], inputs.velocity[i, 1]
-        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
-        rho = max(view.sight.rho, g["guard"] * vehicle.length)
+    size, vehicle = len(inputs.pose), team.vehicle
+    v_d, omega_d, v_d_dot = inputs.leader_velocity[0], inputs.leader_velocity[1], inputs.leader_acceleration[0]
+    steering_d = kinematics.steering_angle(kinematics.pose_of(inputs.leader_pose, vehicle), vehicle)
+    turn_d = kinematics.body_turn(v_d, omega_d, kinematics.steering_of(steering_d), vehicle)
+    for first in range(0, size, BLOCK):
+        count = min(BLOCK, size - first)
+        robot_view.see(inputs, team, first, count)
+        for r in range(count):
+            i = first + r
+            own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+            v, omega = inputs.velocity[i, 0], inputs.velocity[i, 1]
+            view = robot_view.view_of(team.seen[0], r)
+            rho = max(view.sight.rho, g["guard"] * vehicle.length)
 
-        # Rates, (8)
-        q_1_dot, q_2_dot = robot_view.rates_of(view, v, omega)
-        turn = kinematics.body_turn(v, omega, view.steering, vehicle)
-        steering_dot = kinematics.steering_rate(omega, turn, vehicle)
-        phi_dot = q_2_dot + steering_dot
-        r_11_dot, r_21_dot = kinematics.rate_matrix_dot(
-            rho, view.sight.phi, view.steering, q_1_dot, phi_dot, steering_dot, vehicle
-        )
-        delta_1_dot, delta_2_dot = kinematics.leader_rates_dot(
-            rho, view.sight.phi, view.error.e_3, v_d, q_1_dot, phi_dot, turn_d - turn, v_d_dot
-        )
+            # Rates, (8)
+            q_1_dot, q_2_dot = robot_view.rates_of(view, v, omega)
+            turn = kinematics.body_turn(v, omega, view.steering, vehicle)
+            steering_dot = kinematics.steering_rate(omega, turn, vehicle)
+            phi_dot = q_2_dot + steering_dot
+            r_11_dot, r_21_dot = kinematics.rate_matrix_dot(
+                rho, view.phi, view.steering, q_1_dot, phi_dot, steering_dot, vehicle
+            )
+            delta_1_dot, delta_2_dot = kinematics.leader_rates_dot(
+                rho, view.course, v_d, q_1_dot, turn_d - turn - phi_dot, v_d_dot
+            )
 
-        # Wanted q_ddot = R_dot (v, omega) + R (v_dot, omega_dot) + delta_dot, solved for (v_dot, omega_dot)
-        q_1_ddot = (
-            inputs.q_d_ddot[i, 0]
-            - g["K_1"][0] * (q_1_dot - inputs.q_d_dot[i, 0])
-            - g["K_0"][0] * (view.sight.rho - inputs.q_d[i, 0])
-        )
-        q_2_ddot = (
-            inputs.q_d_ddot[i, 1]
-            - g["K_1"][1] * (q_2_dot - inputs.q_d_dot[i, 1])
-            - g["K_0"][1] * (view.sight.bearing - inputs.q_d[i, 1])
-        )
-        v_dot, omega_dot = robot_view.from_rates(
-            view, q_1_ddot - r_11_dot * v - delta_1_dot, q_2_ddot - r_21_dot * v - delta_2_dot
-        )
+            # Wanted q_ddot = R_dot (v, omega) + R (v_dot, omega_dot) + delta_dot, solved for (v_dot, omega_dot)
+            q_1_ddot = (
+                inputs.q_d_ddot[i, 0]
+                - g["K_1"][0] * (q_1_dot - inputs.q_d_dot[i, 0])
+                - g["K_0"][0] * (view.sight.rho - inputs.q_d[i, 0])
+            )
+            q_2_ddot = (
+                inputs.q_d_ddot[i, 1]
+                - g["K_1"][1] * (q_2_dot - inputs.q_d_dot[i, 1])
+                - g["K_0"][1] * (view.sight.bearing - inputs.q_d[i, 1])
+            )
+            v_dot, omega_dot = robot_view.from_rates(
+                view, q_1_ddot - r_11_dot * v - delta_1_dot, q_2_ddot - r_21_dot * v - delta_2_dot
+            )
 
-        # (3)
-        M2 = dynamics.inertia(view.steering, vehicle, g)
-        C2 = dynamics.coriolis(view.steering, v, omega, vehicle, g)
-        d_1, d_2 = dynamics.damping(inputs.pose[i, 2], view.steering, vehicle, g)
-        tau_1, tau_2 = robot_view.torque_of(
-            view,
-            M2.m_11 * v_dot + M2.m_12 * omega_dot + C2.m_11 * v + C2.m_12 * omega + d_1 * v,
-            M2.m_21 * v_dot + M2.m_22 * omega_dot + C2.m_21 * v + C2.m_22 * omega + d_2 * omega,
-        )
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
-        out["range_rate"], out["bearing_rate"] = q_1_dot, q_2_dot
-        robot_view.report(view, tau_1, tau_2, out)
-        own["bearing"] = view.sight.bearing
+            # (3)
+            M2 = dynamics.inertia(view.steering, vehicle, g)
+            C2 = dynamics.coriolis(view.steering, v, omega, vehicle, g)
+            d_1, d_2 = dynamics.damping(view.heading, view.steering, vehicle, g)
+            tau_1, tau_2 = robot_view.torque_of(
+                view,
+                M2.m_11 * v_dot + M2.m_12 * omega_dot + C2.m_11 * v + C2.m_12 * omega + d_1 * v,
+                M2.m_21 * v_dot + M2.m_22 * omega_dot + C2.m_21 * v + C2.m_22 * omega + d_2 * omega,
+            )
+            torque[i, 0], torque[i, 1] = tau_1, tau_2
+            out["range_rate"], out["bearing_rate"] = q_1_dot, q_2_dot
+            robot_view.report(view, tau_1, tau_2, out)
+            own["bearing"] = view.sight.bearing
 
 
 class FeedbackLinearisation(CompiledLaw[FeedbackLinearisationGains]):

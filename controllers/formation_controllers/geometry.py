@@ -12,7 +12,7 @@ from formation_controllers import kinematics
 from formation_controllers.compiled import compiled
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.kinematics import UNKNOWN, Geometry, geometry_of
+from formation_controllers.kinematics import UNKNOWN, Geometry, Pose, PostureError, geometry_of
 from formation_controllers.vehicles import CarLike, Vehicle
 
 
@@ -243,9 +243,14 @@ def _pairs(pose: ArrayLike, leader_pose: ArrayLike, entries: int) -> tuple[Float
 
 
 @compiled
+def _error(own: Pose, leader: Pose) -> PostureError:
+    return kinematics.posture_error(own, kinematics.direction_of(own.heading), leader)
+
+
+@compiled
 def _posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry, e: Floats) -> None:
     for i in range(len(pose)):
-        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        error = _error(kinematics.pose_of(pose[i], vehicle), kinematics.pose_of(leader_pose[i], vehicle))
         e[i, 0], e[i, 1], e[i, 2] = error.e_1, error.e_2, error.e_3
         if e.shape[1] > 3:
             e[i, 3] = error.e_4
@@ -254,18 +259,19 @@ def _posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry, e: Floa
 @compiled
 def _posture_error_rates(pose: Floats, leader_pose: Floats, vehicle: Geometry, j: Floats, s: Floats) -> None:
     for i in range(len(pose)):
-        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
-        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
-        h_d = kinematics.steering_of(kinematics.steering_angle(leader_pose[i], vehicle))
-        kinematics.fill_posture_error_rates(error, h, h_d, vehicle, j[i], s[i])
+        own, leader = kinematics.pose_of(pose[i], vehicle), kinematics.pose_of(leader_pose[i], vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(own, vehicle))
+        h_d = kinematics.steering_of(kinematics.steering_angle(leader, vehicle))
+        kinematics.fill_posture_error_rates(_error(own, leader), h, h_d, vehicle, j[i], s[i])
 
 
 @compiled
 def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: Geometry, q: Floats) -> None:
     for i in range(len(pose)):
-        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        own = kinematics.pose_of(pose[i], vehicle)
+        error = _error(own, kinematics.pose_of(leader_pose[i], vehicle))
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
-        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(pose[i], vehicle)
+        q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(own, vehicle)
 
 
 @compiled
@@ -281,17 +287,19 @@ def _formation_rates(
     pose: Floats, leader_pose: Floats, v_d: Floats, vehicle: Geometry, r: Floats, delta: Floats
 ) -> None:
     for i in range(len(pose)):
-        error = kinematics.posture_error(pose[i], leader_pose[i], vehicle)
+        own = kinematics.pose_of(pose[i], vehicle)
+        error = _error(own, kinematics.pose_of(leader_pose[i], vehicle))
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
-        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
-        R = kinematics.rate_matrix(rho, phi, h, vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(own, vehicle))
+        R = kinematics.rate_matrix(rho, kinematics.direction_of(phi), h, vehicle)
         r[i, 0], r[i, 1], r[i, 2], r[i, 3] = R.m_11, R.m_12, R.m_21, R.m_22
-        delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, phi, error.e_3, v_d[i])
+        delta[i, 0], delta[i, 1] = kinematics.leader_rates(rho, kinematics.direction_of(error.e_3 - phi), v_d[i])
 
 
 @compiled
 def _input_matrix(pose: Floats, vehicle: Geometry, b: Floats) -> None:
     for i in range(len(pose)):
-        h = kinematics.steering_of(kinematics.steering_angle(pose[i], vehicle))
-        B2 = kinematics.input_matrix(pose[i, 2], h, vehicle)
+        own = kinematics.pose_of(pose[i], vehicle)
+        h = kinematics.steering_of(kinematics.steering_angle(own, vehicle))
+        B2 = kinematics.input_matrix(kinematics.direction_of(own.heading), h, vehicle)
         b[i, 0], b[i, 1], b[i, 2], b[i, 3] = B2.m_11, B2.m_12, B2.m_21, B2.m_22

@@ -28,8 +28,8 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from formation_controllers.compiled import compiled
-from formation_controllers.elementary import atan2, cos, sin, sin_cos, tan
+from formation_controllers.compiled import part
+from formation_controllers.elementary import atan2, floor, sin_cos, sin_cos_tan, sqrt
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
 from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, formation_of, torques_of
@@ -70,6 +70,22 @@ class Geometry(NamedTuple):
     half_track: float
 
 
+class Pose(NamedTuple):
+    """A pose; its fourth entry, gamma or theta_0, is zero where nothing steers."""
+
+    x: float
+    y: float
+    heading: float
+    other: float
+
+
+class Direction(NamedTuple):
+    """Sine and cosine of an angle: worked out once, as they cost more than the rest of a formula."""
+
+    sin: float
+    cos: float
+
+
 class PostureError(NamedTuple):
     """Posture error e in the robot's frame, (4); the fourth entry is zero where a pose has none."""
 
@@ -80,7 +96,7 @@ class PostureError(NamedTuple):
 
 
 class Steering(NamedTuple):
-    """A steering angle h, its tangent and its cosine: worked out once, as they cost more than the rest of a formula."""
+    """A steering angle h, its tangent and its cosine."""
 
     angle: float
     tan: float
@@ -112,23 +128,35 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
     )
 
 
-@compiled
-def steering_angle(pose: Floats, vehicle: Geometry) -> float:
+@part
+def pose_of(pose: Floats, vehicle: Geometry) -> Pose:
+    """Return a pose that is given as an array."""
+    return Pose(pose[0], pose[1], pose[2], 0.0 if vehicle.steering == STEERS_NOT else pose[3])
+
+
+@part
+def direction_of(angle: float) -> Direction:
+    """Return an angle's sine and cosine."""
+    s, c = sin_cos(angle)
+    return Direction(s, c)
+
+
+@part
+def steering_angle(pose: Pose, vehicle: Geometry) -> float:
     """Return h of a pose: gamma of a car-like robot, theta_0 - theta_1 of a tractor-trailer [rad]."""
     if vehicle.steering == BY_HEADING:
-        return pose[3] - pose[2]  # type: ignore[no-any-return]
-    if vehicle.steering == BY_ANGLE:
-        return pose[3]  # type: ignore[no-any-return]
-    return 0.0
+        return pose.other - pose.heading
+    return pose.other
 
 
-@compiled
+@part
 def steering_of(angle: float) -> Steering:
     """Return a steering angle with its tangent and cosine."""
-    return Steering(angle, tan(angle), cos(angle))
+    _, c, t = sin_cos_tan(angle)
+    return Steering(angle, t, c)
 
 
-@compiled
+@part
 def body_turn(v: float, omega: float, h: Steering, vehicle: Geometry) -> float:
     """Return the rate of the pose's third entry, the body's heading [rad/s]."""
     if vehicle.steering == STEERS_NOT:
@@ -136,7 +164,7 @@ def body_turn(v: float, omega: float, h: Steering, vehicle: Geometry) -> float:
     return v * h.tan / vehicle.length
 
 
-@compiled
+@part
 def steering_rate(omega: float, turn: float, vehicle: Geometry) -> float:
     """Return the rate of the steering angle h, given the body's turn [rad/s]."""
     if vehicle.steering == BY_ANGLE:
@@ -144,16 +172,15 @@ def steering_rate(omega: float, turn: float, vehicle: Geometry) -> float:
     return omega - turn
 
 
-@compiled
-def posture_error(pose: Floats, leader_pose: Floats, vehicle: Geometry) -> PostureError:
+@part
+def posture_error(pose: Pose, heading: Direction, leader: Pose) -> PostureError:
     """Posture error e in the robot's frame, (4)."""
-    s, c = sin_cos(pose[2])
-    dx, dy = leader_pose[0] - pose[0], leader_pose[1] - pose[1]
-    e_4 = 0.0 if vehicle.steering == STEERS_NOT else leader_pose[3] - pose[3]
-    return PostureError(c * dx + s * dy, c * dy - s * dx, leader_pose[2] - pose[2], e_4)
+    s, c = heading
+    dx, dy = leader.x - pose.x, leader.y - pose.y
+    return PostureError(c * dx + s * dy, c * dy - s * dx, leader.heading - pose.heading, leader.other - pose.other)
 
 
-@compiled
+@part
 def fill_posture_error_rates(
     error: PostureError, h: Steering, leader_h: Steering, vehicle: Geometry, J: Floats, S: Floats
 ) -> None:
@@ -169,21 +196,21 @@ def fill_posture_error_rates(
     S[2, 0], S[3, 1] = t_d, 1.0
 
 
-@compiled
+@part
 def line_of_sight(e_1: float, e_2: float, ahead: float) -> tuple[float, float]:
     """Range rho and polar angle phi of the leader, (7) and (54); the bearing is phi less the steering angle."""
     forward = e_1 - ahead
-    return math.sqrt(forward * forward + e_2 * e_2), atan2(e_2, forward)
+    return sqrt(forward * forward + e_2 * e_2), atan2(e_2, forward)
 
 
-@compiled
+@part
 def unwrapped(angle: float, previous: float) -> float:
     """Return the angle plus the multiple of 2 pi that brings it within pi of the previous one."""
-    return angle - 2 * math.pi * math.floor((angle - previous + math.pi) / (2 * math.pi))
+    return angle - 2 * math.pi * floor((angle - previous + math.pi) / (2 * math.pi))
 
 
-@compiled
-def rate_matrix(rho: float, phi: float, h: Steering, vehicle: Geometry) -> Matrix:
+@part
+def rate_matrix(rho: float, phi: Direction, h: Steering, vehicle: Geometry) -> Matrix:
     """R of (8) or (55): the effect of (v, omega) on range and bearing. NaN at range zero.
 
     The body turns with v tan(steering)/length, by which phi falls. The car-like robot's bearing falls with it:
@@ -194,20 +221,20 @@ def rate_matrix(rho: float, phi: float, h: Steering, vehicle: Geometry) -> Matri
     """
     if rho == 0.0:
         return Matrix(math.nan, math.nan, math.nan, math.nan)
-    s, c = sin_cos(phi)
+    s, c = phi
     t = h.tan
     turn = t / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
     return Matrix(-c - s * t, 0.0, (s - c * t) / rho - turn, -1.0)
 
 
-@compiled
+@part
 def rate_matrix_dot(
-    rho: float, phi: float, h: Steering, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: Geometry
+    rho: float, phi: Direction, h: Steering, rho_dot: float, phi_dot: float, steering_dot: float, vehicle: Geometry
 ) -> tuple[float, float]:
     """Time derivative of the first column of R, (8) or (55); the second column is constant. NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    s, c = sin_cos(phi)
+    s, c = phi
     t = h.tan
     t_dot = steering_dot * (1.0 + t * t)
     turn_dot = t_dot / vehicle.length if vehicle.steering == BY_ANGLE else 0.0
@@ -217,29 +244,34 @@ def rate_matrix_dot(
     )
 
 
-@compiled
-def leader_rates(rho: float, phi: float, e_3: float, v_d: float) -> tuple[float, float]:
-    """Delta of (8) and (55): the effect of the leader's motion on range and bearing. NaN at range zero."""
+@part
+def leader_rates(rho: float, course: Direction, v_d: float) -> tuple[float, float]:
+    """Delta of (8) and (55): the effect of the leader's motion on range and bearing. NaN at range zero.
+
+    The course is e_3 - phi, the leader's heading seen along the line of sight.
+    """
     if rho == 0.0:
         return math.nan, math.nan
-    s, c = sin_cos(e_3 - phi)
+    s, c = course
     return v_d * c, v_d * s / rho
 
 
-@compiled
+@part
 def leader_rates_dot(
-    rho: float, phi: float, e_3: float, v_d: float, rho_dot: float, phi_dot: float, e_3_dot: float, v_d_dot: float
+    rho: float, course: Direction, v_d: float, rho_dot: float, course_dot: float, v_d_dot: float
 ) -> tuple[float, float]:
     """Time derivative of delta, (8) and (55). NaN at range zero."""
     if rho == 0.0:
         return math.nan, math.nan
-    s, c = sin_cos(e_3 - phi)
-    turn = e_3_dot - phi_dot
-    return v_d_dot * c - v_d * s * turn, (v_d_dot * s + v_d * c * turn - v_d * s / rho * rho_dot) / rho
+    s, c = course
+    return (
+        v_d_dot * c - v_d * s * course_dot,
+        (v_d_dot * s + v_d * c * course_dot - v_d * s / rho * rho_dot) / rho,
+    )
 
 
-@compiled
-def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
+@part
+def input_matrix(heading: Direction, h: Steering, vehicle: Geometry) -> Matrix:
     """B2 = S' B1 of (3): torques on (v, omega). The heading is the pose's third entry. NaN if not stated.
 
     For the car-like robot, (56), it is diagonal, with 1 + tan(gamma) sin(psi) as printed, 1/cos(gamma) with
@@ -251,7 +283,7 @@ def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
         pull, turn = 1.0 / (r * h.cos), vehicle.half_track / r
         return Matrix(pull, pull, turn, -turn)
     if vehicle.torques == AS_PRINTED:
-        return Matrix(1.0 + h.tan * sin(heading), 0.0, 0.0, 1.0)
+        return Matrix(1.0 + h.tan * heading.sin, 0.0, 0.0, 1.0)
     if vehicle.torques == FRONT_WHEEL:
         return Matrix(1.0 / h.cos, 0.0, 0.0, 1.0)
     if vehicle.torques == REAR_WHEEL:
@@ -259,7 +291,7 @@ def input_matrix(heading: float, h: Steering, vehicle: Geometry) -> Matrix:
     return Matrix(math.nan, math.nan, math.nan, math.nan)
 
 
-@compiled
+@part
 def solve_2x2(a: Matrix, b_1: float, b_2: float) -> tuple[float, float]:
     """Solve A x = b by Cramer's rule; NaN if A is singular."""
     det = a.m_11 * a.m_22 - a.m_12 * a.m_21

@@ -19,6 +19,7 @@ import numpy as np
 from formation_controllers import dynamics, kinematics, robot_view, saturation
 from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.analysis.small_matrices import held, inverse, product, riccati, solve
+from formation_controllers.columns import BLOCK
 from formation_controllers.compiled import compiled
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
@@ -56,64 +57,68 @@ class LqgGains(ModelGains, LimitGains):
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
-    v_d_dot, straight = inputs.leader_acceleration[0], kinematics.steering_of(0.0)
-    x = np.empty(STATES + 2)
-    for i in range(len(inputs.pose)):
-        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        x_hat, Phi, Gamma, K, L, M = own["x_hat"], own["Phi"], own["Gamma"], own["K"], own["L"], own["M"]
-        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
-        epsilon_1, epsilon_2 = view.sight.rho - inputs.q_d[i, 0], view.sight.bearing - inputs.q_d[i, 1]
+    c, size, vehicle = team.columns[0], len(inputs.pose), team.vehicle
+    v_d, v_d_dot = inputs.leader_velocity[0], inputs.leader_acceleration[0]
+    straight = kinematics.steering_of(0.0)
+    for first in range(0, size, BLOCK):
+        count = min(BLOCK, size - first)
+        robot_view.see(inputs, team, first, count)
+        for r in range(count):
+            i = first + r
+            own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+            x_hat, Phi, Gamma, K, L, M = own["x_hat"], own["Phi"], own["Gamma"], own["K"], own["L"], own["M"]
+            view, x = robot_view.view_of(team.seen[0], r), c["x"][:, r]
+            epsilon_1, epsilon_2 = view.sight.rho - inputs.q_d[i, 0], view.sight.bearing - inputs.q_d[i, 1]
 
-        # Kalman filter
-        for j in range(STATES):
-            x[j] = x_hat[j] + L[j, 0] * (epsilon_1 - x_hat[0]) + L[j, 1] * (epsilon_2 - x_hat[1])
-        x[STATES], x[STATES + 1] = own["integral"][0], own["integral"][1]
+            # Kalman filter
+            for j in range(STATES):
+                x[j] = x_hat[j] + L[j, 0] * (epsilon_1 - x_hat[0]) + L[j, 1] * (epsilon_2 - x_hat[1])
+            x[STATES], x[STATES + 1] = own["integral"][0], own["integral"][1]
 
-        # Formation force: feedback, and what the wanted acceleration and the leader's pace take
-        u_1, u_2 = 0.0, 0.0
-        for k in range(STATES + 2):
-            u_1 -= K[0, k] * x[k]
-            u_2 -= K[1, k] * x[k]
-        w_1 = u_1 + M[0, 0] * inputs.q_d_ddot[i, 0] + M[0, 1] * inputs.q_d_ddot[i, 1]
-        w_2 = u_2 + M[1, 0] * inputs.q_d_ddot[i, 0] + M[1, 1] * inputs.q_d_ddot[i, 1]
-        d_1, _ = dynamics.damping(inputs.pose[i, 2], straight, vehicle, g)
-        pace = g["m"] * v_d_dot + d_1 * v_d
-        f_1, f_2 = robot_view.along_velocities(view, w_1, w_2)
-        tau_1, tau_2 = robot_view.torque_of(view, f_1 + pace, f_2)
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
+            # Formation force: feedback, and what the wanted acceleration and the leader's pace take
+            u_1, u_2 = 0.0, 0.0
+            for k in range(STATES + 2):
+                u_1 -= K[0, k] * x[k]
+                u_2 -= K[1, k] * x[k]
+            w_1 = u_1 + M[0, 0] * inputs.q_d_ddot[i, 0] + M[0, 1] * inputs.q_d_ddot[i, 1]
+            w_2 = u_2 + M[1, 0] * inputs.q_d_ddot[i, 0] + M[1, 1] * inputs.q_d_ddot[i, 1]
+            d_1, _ = dynamics.damping(view.heading, straight, vehicle, g)
+            pace = g["m"] * v_d_dot + d_1 * v_d
+            f_1, f_2 = robot_view.along_velocities(view, w_1, w_2)
+            tau_1, tau_2 = robot_view.torque_of(view, f_1 + pace, f_2)
+            torque[i, 0], torque[i, 1] = tau_1, tau_2
 
-        limit = g["torque_limit"]
-        held = saturation.beyond(tau_1, tau_2, limit)
-        out["range_estimate"], out["bearing_estimate"] = inputs.q_d[i, 0] + x[0], inputs.q_d[i, 1] + x[1]
-        out["range_rate_estimate"], out["bearing_rate_estimate"] = (
-            inputs.q_d_dot[i, 0] + x[2],
-            inputs.q_d_dot[i, 1] + x[3],
-        )
-        robot_view.report(view, tau_1, tau_2, out)
-        out["held"] = held
-
-        if not held:
-            own["integral"][0] += team.period * epsilon_1
-            own["integral"][1] += team.period * epsilon_2
-        else:
-            # The force that would change q_ddot by as much as the clipped part of the torque does
-            lost_1, lost_2 = saturation.clipped(tau_1, limit) - tau_1, saturation.clipped(tau_2, limit) - tau_2
-            B2, R = view.B2, view.rates.R
-            v_dot, omega_dot = kinematics.solve_2x2(
-                dynamics.inertia(view.steering, vehicle, g),
-                B2.m_11 * lost_1 + B2.m_12 * lost_2,
-                B2.m_21 * lost_1 + B2.m_22 * lost_2,
+            limit = g["torque_limit"]
+            held = saturation.beyond(tau_1, tau_2, limit)
+            out["range_estimate"], out["bearing_estimate"] = inputs.q_d[i, 0] + x[0], inputs.q_d[i, 1] + x[1]
+            out["range_rate_estimate"], out["bearing_rate_estimate"] = (
+                inputs.q_d_dot[i, 0] + x[2],
+                inputs.q_d_dot[i, 1] + x[3],
             )
-            q_1_ddot = R.m_11 * v_dot + R.m_12 * omega_dot
-            q_2_ddot = R.m_21 * v_dot + R.m_22 * omega_dot
-            u_1 += M[0, 0] * q_1_ddot + M[0, 1] * q_2_ddot
-            u_2 += M[1, 0] * q_1_ddot + M[1, 1] * q_2_ddot
-        for j in range(STATES):
-            x_hat[j] = Gamma[j, 0] * u_1 + Gamma[j, 1] * u_2
-            for k in range(STATES):
-                x_hat[j] += Phi[j, k] * x[k]
-        own["bearing"] = view.sight.bearing
+            robot_view.report(view, tau_1, tau_2, out)
+            out["held"] = held
+
+            if not held:
+                own["integral"][0] += team.period * epsilon_1
+                own["integral"][1] += team.period * epsilon_2
+            else:
+                # The force that would change q_ddot by as much as the clipped part of the torque does
+                lost_1, lost_2 = saturation.clipped(tau_1, limit) - tau_1, saturation.clipped(tau_2, limit) - tau_2
+                B2, R = view.B2, view.rates.R
+                v_dot, omega_dot = kinematics.solve_2x2(
+                    dynamics.inertia(view.steering, vehicle, g),
+                    B2.m_11 * lost_1 + B2.m_12 * lost_2,
+                    B2.m_21 * lost_1 + B2.m_22 * lost_2,
+                )
+                q_1_ddot = R.m_11 * v_dot + R.m_12 * omega_dot
+                q_2_ddot = R.m_21 * v_dot + R.m_22 * omega_dot
+                u_1 += M[0, 0] * q_1_ddot + M[0, 1] * q_2_ddot
+                u_2 += M[1, 0] * q_1_ddot + M[1, 1] * q_2_ddot
+            for j in range(STATES):
+                x_hat[j] = Gamma[j, 0] * u_1 + Gamma[j, 1] * u_2
+                for k in range(STATES):
+                    x_hat[j] += Phi[j, k] * x[k]
+            own["bearing"] = view.sight.bearing
 
 
 class Lqg(CompiledLaw[LqgGains]):
@@ -152,6 +157,10 @@ class Lqg(CompiledLaw[LqgGains]):
             "L": (STATES, 2),
             "M": (2, 2),
         }
+
+    def own_columns(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
+        return {"x": (STATES + 2,)}
 
     def start_states(self, q: Floats, desired: Desired) -> None:
         """Design for the desired range and bearing; the estimate starts at the measured error, its rate at zero."""

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import part
 from formation_controllers.elementary import exp
 from formation_controllers.errors import GainError
 from formation_controllers.gains import Gains, gain
@@ -39,18 +40,29 @@ class NetworkGains(Gains):
         object.__setattr__(self, "widths", tuple(np.broadcast_to(self.widths, n).tolist()))
 
 
-@compiled
-def basis(x: Floats, centres: Floats, widths: Floats, sigma: Floats) -> None:
-    """Fill sigma_k(x) = exp(-|x - mu_k|^2 / lambda_k^2), (11)."""
+def columns(inputs: int, centres: int) -> dict[str, tuple[int, ...]]:
+    """Return name and shape, per robot, of the columns of `basis`."""
+    return {"x": (inputs,), "centres": (centres,), "widths": (centres,), "sigma": (centres,)}
+
+
+@part
+def basis(c: np.void, gains: NDArray[np.void], first: int, count: int) -> None:
+    """Fill sigma_k(x) = exp(-|x - mu_k|^2 / lambda_k^2), (11), for a block of robots, given x."""
+    x, centres, widths, sigma = c["x"], c["centres"], c["widths"], c["sigma"]
+    for r in range(count):
+        own = gains[first + r]
+        for k in range(len(centres)):
+            centres[k, r], widths[k, r] = own["centres"][k], own["widths"][k]
     for k in range(len(centres)):
-        distance_squared = 0.0
-        for j in range(len(x)):
-            difference = x[j] - centres[k]
-            distance_squared += difference * difference
-        sigma[k] = exp(-distance_squared / (widths[k] * widths[k]))
+        for r in range(count):
+            distance_squared = 0.0
+            for j in range(len(x)):
+                difference = x[j, r] - centres[k, r]
+                distance_squared += difference * difference
+            sigma[k, r] = exp(-distance_squared / (widths[k, r] * widths[k, r]))
 
 
-@compiled
+@part
 def output(W: Floats, sigma: Floats, m: int) -> float:
     """Return entry m of W sigma, (11)."""
     total = 0.0

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from formation_controllers import network, observer_pid, projection, robot_view, saturation
-from formation_controllers.compiled import compiled
+from formation_controllers.columns import BLOCK
+from formation_controllers.compiled import compiled, part
 from formation_controllers.compiled_law import TeamRecords
 from formation_controllers.gains import gain
 from formation_controllers.interface import Floats, Signal, TickInputs
-from formation_controllers.kinematics import STEERS_NOT, Geometry, PostureError, steering_angle
+from formation_controllers.kinematics import STEERS_NOT, Geometry, PostureError, geometry_of, pose_of, steering_angle
 from formation_controllers.network import NetworkGains
 from formation_controllers.observer_pid import OBSERVER_SIGNALS, ObserverPid, ObserverPidGains
 from formation_controllers.saturation import HELD_SIGNAL
@@ -47,13 +46,13 @@ class NeuralAdaptivePidGains(NetworkGains, ObserverPidGains):
     W_m: float = gain(1000.0, "W_m", "N2", "bound of tr(W'W), (29)", above=0, reason="it is a squared norm")
 
 
-@compiled
+@part
 def network_inputs(vehicle: Geometry) -> int:
     """Return how many numbers the network sees: two less, e_4 and gamma_d, where nothing steers."""
     return 11 if vehicle.steering == STEERS_NOT else 13
 
 
-@compiled
+@part
 def network_input(
     x: Floats,
     error: PostureError,
@@ -81,44 +80,54 @@ def network_input(
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader_pose, v_d, vehicle = inputs.leader_pose, inputs.leader_velocity[0], team.vehicle
-    errors = observer_pid.no_errors()
-    x_w = np.empty(network_inputs(vehicle))
-    sigma = np.empty(len(team.gains[0]["centres"]))
-    u = np.empty(2)
-    steering_d = steering_angle(leader_pose, vehicle)
+    seen, c, size = team.seen[0], team.columns[0], len(inputs.pose)
+    steering_d = steering_angle(pose_of(inputs.leader_pose, team.vehicle), team.vehicle)
 
-    for i in range(len(inputs.pose)):
-        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        W, theta = own["W"], own["theta"]
-        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], vehicle, g["guard"])
-        observer_pid.estimate(view, own, g, inputs.q_d[i], inputs.q_d_dot[i], errors)
+    for first in range(0, size, BLOCK):
+        count = min(BLOCK, size - first)
+        robot_view.see(inputs, team, first, count)
+        for r in range(count):
+            i = first + r
+            q, own, g = seen["q"][:, r], team.state[i], team.gains[i]
+            observer_pid.estimate(q, c, r, own, g, inputs.q_d[i], inputs.q_d_dot[i])
+            network_input(
+                c["x"][:, r],
+                PostureError(seen["e_1"][r], seen["e_2"][r], seen["e_3"][r], seen["e_4"][r]),
+                steering_d,
+                inputs.leader_velocity,
+                c["q_hat_dot"][:, r],
+                inputs.q_d_dot[i],
+                inputs.q_d_ddot[i],
+            )
+        network.basis(c, team.gains, first, count)
 
-        # PID, network and robust term; torque, (24)
-        s = errors.s
-        s_norm = math.sqrt(s[0] * s[0] + s[1] * s[1])
-        network_input(
-            x_w, view.error, steering_d, inputs.leader_velocity, errors.q_hat_dot, inputs.q_d_dot[i], inputs.q_d_ddot[i]
-        )
-        network.basis(x_w, g["centres"], g["widths"], sigma)
-        robust = theta * theta / (theta * s_norm + g["epsilon_t"])
-        for j in range(2):
-            u[j] = -g["K_p"][j] * errors.pid[j] - network.output(W, sigma, j) - robust * s[j]
-        tau_1, tau_2 = robot_view.torque_of_formation_force(view, u[0], u[1])
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
+        for r in range(count):
+            i = first + r
+            own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+            W, theta, s, sigma = own["W"], own["theta"], c["s"][:, r], c["sigma"][:, r]
+            view = robot_view.view_of(seen, r)
 
-        held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
-        observer_pid.report_estimate(view, own, errors, out)
-        out["weight_norm"] = math.sqrt(projection.norm_squared(W))
-        out["gain_estimate"] = theta
-        robot_view.report(view, tau_1, tau_2, out)
-        out["held"] = held
+            # PID, network and robust term; torque, (24)
+            s_norm = math.sqrt(s[0] * s[0] + s[1] * s[1])
+            robust = theta * theta / (theta * s_norm + g["epsilon_t"])
+            u_1 = -g["K_p"][0] * c["pid"][0, r] - network.output(W, sigma, 0) - robust * s[0]
+            u_2 = -g["K_p"][1] * c["pid"][1, r] - network.output(W, sigma, 1) - robust * s[1]
+            tau_1, tau_2 = robot_view.torque_of_formation_force(view, u_1, u_2)
+            torque[i, 0], torque[i, 1] = tau_1, tau_2
 
-        # Adaptation (28) to (30), observer (33), (34), integrals: explicit Euler, values of this tick
-        if not held:
-            projection.step_weights(W, s, sigma, g["gamma_w"], g["W_m"], team.period)
-            own["theta"] = projection.step_gain(theta, s_norm, g["gamma_theta"], g["theta_m"], team.period)
-        observer_pid.advance(own, g, inputs.q_d[i], inputs.q_d_ddot[i], errors, held, team.period)
+            held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
+            trace = projection.norm_squared(W)
+            observer_pid.report_estimate(view, own, c["q_hat_dot"][:, r], out)
+            out["weight_norm"], out["gain_estimate"] = math.sqrt(trace), theta
+            robot_view.report(view, tau_1, tau_2, out)
+            out["held"] = held
+
+            # Adaptation (28) to (30), observer (33), (34), integrals: explicit Euler, values of this tick
+            if not held:
+                projection.step_weights(W, trace, s, sigma, g["gamma_w"], g["W_m"], team.period)
+                own["theta"] = projection.step_gain(theta, s_norm, g["gamma_theta"], g["theta_m"], team.period)
+            observer_pid.advance(c, r, own, g, inputs.q_d_ddot[i], held, team.period)
+            own["bearing"] = view.sight.bearing
 
 
 class NeuralAdaptivePid(ObserverPid):
@@ -143,3 +152,8 @@ class NeuralAdaptivePid(ObserverPid):
     def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
         """Return name and shape, per robot, of every state but the bearing."""
         return {**super().own_state_shapes(), "W": (2, len(self.robot_gains[0].centres)), "theta": ()}
+
+    def own_columns(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
+        inputs, centres = network_inputs(geometry_of(self.team.vehicle)), len(self.robot_gains[0].centres)
+        return {**super().own_columns(), **network.columns(inputs, centres)}

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-import numpy as np
-
 from formation_controllers import network, projection, robot_view, saturation
+from formation_controllers.columns import BLOCK
 from formation_controllers.compiled import compiled
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.errors import GainError
@@ -42,57 +41,60 @@ NETWORK_INPUTS: Final = 8
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader_pose, v_d = inputs.leader_pose, inputs.leader_velocity[0]
-    Z = np.empty(NETWORK_INPUTS)
-    S = np.empty(len(team.gains[0]["centres"]))
-    pairs = np.empty((6, 2))
-    q, z_1, z_2, alpha, v_hat, force = pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5]
+    c, size = team.columns[0], len(inputs.pose)
+    q, z_1, z_2, alpha, q_hat_dot, v_hat = team.seen[0]["q"], c["z_1"], c["z_2"], c["alpha"], c["q_hat_dot"], c["v_hat"]
+    for first in range(0, size, BLOCK):
+        count = min(BLOCK, size - first)
+        robot_view.see(inputs, team, first, count)
 
-    for i in range(len(inputs.pose)):
-        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        Theta = own["Theta"]
-        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], team.vehicle, g["guard"])
-        q[0], q[1] = view.sight.rho, view.sight.bearing
-        for j in range(2):
-            z_1[j] = q[j] - inputs.q_d[i, j]
+        # (58), with q_hat_dot of (59); the network's input Z
+        for r in range(count):
+            i = first + r
+            own, g, view, Z = team.state[i], team.gains[i], robot_view.view_of(team.seen[0], r), c["x"][:, r]
+            for j in range(2):
+                z_1[j, r] = q[j, r] - inputs.q_d[i, j]
+                q_hat_dot[j, r] = own["pi_2"][j] / g["epsilon"]
+            alpha[0, r], alpha[1, r] = robot_view.velocity(
+                view, inputs.q_d_dot[i, 0] - g["K_1"][0] * z_1[0, r], inputs.q_d_dot[i, 1] - g["K_1"][1] * z_1[1, r]
+            )
+            v_hat[0, r], v_hat[1, r] = robot_view.velocity(view, q_hat_dot[0, r], q_hat_dot[1, r])
+            for j in range(2):
+                z_2[j, r] = v_hat[j, r] - alpha[j, r]
+                Z[j], Z[2 + j], Z[4 + j] = q[j, r], v_hat[j, r], alpha[j, r]
+                Z[6 + j] = (alpha[j, r] - own["alpha_1"][j]) / team.period if own["ticks"] > 0 else 0.0
+        network.basis(c, team.gains, first, count)
 
-        # (58), with q_hat_dot of (59)
-        alpha[0], alpha[1] = robot_view.velocity(
-            view, inputs.q_d_dot[i, 0] - g["K_1"][0] * z_1[0], inputs.q_d_dot[i, 1] - g["K_1"][1] * z_1[1]
-        )
-        q_1_hat_dot, q_2_hat_dot = own["pi_2"][0] / g["epsilon"], own["pi_2"][1] / g["epsilon"]
-        v_hat[0], v_hat[1] = robot_view.velocity(view, q_1_hat_dot, q_2_hat_dot)
-        for j in range(2):
-            z_2[j] = v_hat[j] - alpha[j]
-            Z[j], Z[2 + j], Z[4 + j] = q[j], v_hat[j], alpha[j]
-            Z[6 + j] = (alpha[j] - own["alpha_1"][j]) / team.period if own["ticks"] > 0 else 0.0
-        network.basis(Z, g["centres"], g["widths"], S)
-        f_1, f_2 = robot_view.along_velocities(view, z_1[0], z_1[1])
-        force[0], force[1] = -f_1, -f_2
-        for j in range(2):
-            force[j] += network.output(Theta, S, j) - g["K_2"][j] * z_2[j]
-        tau_1, tau_2 = robot_view.torque_of(view, force[0], force[1])
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
+        for r in range(count):
+            i = first + r
+            own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+            view, Theta, S = robot_view.view_of(team.seen[0], r), own["Theta"], c["sigma"][:, r]
+            f_1, f_2 = robot_view.along_velocities(view, z_1[0, r], z_1[1, r])
+            tau_1, tau_2 = robot_view.torque_of(
+                view,
+                -f_1 + (network.output(Theta, S, 0) - g["K_2"][0] * z_2[0, r]),
+                -f_2 + (network.output(Theta, S, 1) - g["K_2"][1] * z_2[1, r]),
+            )
+            torque[i, 0], torque[i, 1] = tau_1, tau_2
 
-        held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
-        out["range_rate_estimate"], out["bearing_rate_estimate"] = q_1_hat_dot, q_2_hat_dot
-        out["speed_estimate"], out["steering_rate_estimate"] = v_hat[0], v_hat[1]
-        out["speed_wanted"], out["steering_rate_wanted"] = alpha[0], alpha[1]
-        out["weight_norm"] = math.sqrt(projection.norm_squared(Theta))
-        robot_view.report(view, tau_1, tau_2, out)
-        out["held"] = held
+            held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
+            out["range_rate_estimate"], out["bearing_rate_estimate"] = q_hat_dot[0, r], q_hat_dot[1, r]
+            out["speed_estimate"], out["steering_rate_estimate"] = v_hat[0, r], v_hat[1, r]
+            out["speed_wanted"], out["steering_rate_wanted"] = alpha[0, r], alpha[1, r]
+            out["weight_norm"] = math.sqrt(projection.norm_squared(Theta))
+            robot_view.report(view, tau_1, tau_2, out)
+            out["held"] = held
 
-        # Weights (58) and observer (59): explicit Euler, values of this tick
-        for j in range(2):
-            if not held:
-                for k in range(len(S)):
-                    Theta[j, k] -= team.period * g["Gamma"] * (S[k] * z_2[j] + g["sigma"] * Theta[j, k])
-            pi_2 = own["pi_2"][j]
-            own["pi_2"][j] += team.period / g["epsilon"] * (q[j] - own["pi_1"][j] - g["gamma_1"] * pi_2)
-            own["pi_1"][j] += team.period / g["epsilon"] * pi_2
-            own["alpha_1"][j] = alpha[j]
-        own["ticks"] += 1
-        own["bearing"] = view.sight.bearing
+            # Weights (58) and observer (59): explicit Euler, values of this tick
+            for j in range(2):
+                if not held:
+                    for k in range(len(S)):
+                        Theta[j, k] -= team.period * g["Gamma"] * (S[k] * z_2[j, r] + g["sigma"] * Theta[j, k])
+                pi_2 = own["pi_2"][j]
+                own["pi_2"][j] += team.period / g["epsilon"] * (q[j, r] - own["pi_1"][j] - g["gamma_1"] * pi_2)
+                own["pi_1"][j] += team.period / g["epsilon"] * pi_2
+                own["alpha_1"][j] = alpha[j, r]
+            own["ticks"] += 1
+            own["bearing"] = q[1, r]
 
 
 class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
@@ -140,6 +142,11 @@ class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
             "alpha_1": (2,),  # of the last tick
             "ticks": (),
         }
+
+    def own_columns(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
+        pairs = dict.fromkeys(("z_1", "z_2", "alpha", "q_hat_dot", "v_hat"), (2,))
+        return {**pairs, **network.columns(NETWORK_INPUTS, len(self.robot_gains[0].centres))}
 
     def start_states(self, q: Floats, desired: Desired) -> None:
         """Set pi_1(0) = q(0); everything else starts at zero."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 import numpy as np
 
 from formation_controllers import robot_view, saturation, velocity_observer
-from formation_controllers.compiled import compiled
+from formation_controllers.columns import BLOCK
+from formation_controllers.compiled import compiled, part
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.gains import gain
 from formation_controllers.interface import Desired, Floats, Signal, TickInputs
@@ -46,92 +47,80 @@ OBSERVER_SIGNALS: Final = (
 )
 
 
-class Errors(NamedTuple):
-    """Estimates and errors of one robot at a tick, each a vector of two."""
-
-    q: Floats
-    q_tilde: Floats
-    q_hat_dot: Floats
-    epsilon_hat: Floats
-    s: Floats  # s_c_hat + s_o_hat
-    pid: Floats  # the terms of (24) that K_p multiplies
+ERRORS: Final = dict.fromkeys(("q_tilde", "q_hat_dot", "epsilon_hat", "epsilon_q_tilde", "s", "pid"), (2,))
+"""Columns of estimates and errors; s is s_c_hat + s_o_hat, and pid what K_p multiplies in (24)."""
 
 
-@compiled
-def no_errors() -> Errors:
-    """Return a place for the errors of one robot."""
-    pairs = np.empty((6, 2))
-    return Errors(pairs[0], pairs[1], pairs[2], pairs[3], pairs[4], pairs[5])
-
-
-@compiled
-def estimate(view: RobotView, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats, errors: Errors) -> None:
-    """Fill in the observer's estimate (32), the filtered error (25) and the PID terms of (24)."""
-    errors.q[0], errors.q[1] = view.sight.rho, view.sight.bearing
+@part
+def estimate(q: Floats, c: np.void, r: int, own: np.void, g: np.void, q_d: Floats, q_d_dot: Floats) -> None:
+    """Fill in a robot's estimate (32), filtered error (25) and PID terms of (24), in the columns `ERRORS`."""
     for j in range(2):
-        q_tilde = errors.q[j] - own["q_hat"][j]
+        q_tilde = q[j] - own["q_hat"][j]
         q_hat_dot = velocity_observer.rate_estimate(own["p"][j], q_tilde, g["Lambda_0"][j], g["k_d"])
         epsilon_hat = own["q_hat"][j] - q_d[j]
-        errors.q_tilde[j], errors.q_hat_dot[j], errors.epsilon_hat[j] = q_tilde, q_hat_dot, epsilon_hat
-        errors.s[j] = (
+        epsilon_q_tilde = q[j] - q_d[j] + q_tilde
+        c["q_tilde"][j, r], c["q_hat_dot"][j, r] = q_tilde, q_hat_dot
+        c["epsilon_hat"][j, r], c["epsilon_q_tilde"][j, r] = epsilon_hat, epsilon_q_tilde
+        c["s"][j, r] = (
             q_hat_dot
             - q_d_dot[j]
-            + g["Lambda_0"][j] * (errors.q[j] - q_d[j] + q_tilde)
+            + g["Lambda_0"][j] * epsilon_q_tilde
             + g["Lambda_1"][j] * own["epsilon_q_tilde_integral"][j]
         )
-        errors.pid[j] = (
+        c["pid"][j, r] = (
             q_hat_dot - q_d_dot[j] + g["Lambda_0"][j] * epsilon_hat + g["Lambda_1"][j] * own["epsilon_hat_integral"][j]
         )
 
 
-@compiled
-def report_estimate(view: RobotView, own: np.void, errors: Errors, out: np.void) -> None:
+@part
+def report_estimate(view: RobotView, own: np.void, q_hat_dot: Floats, out: np.void) -> None:
     """Write the `OBSERVER_SIGNALS`."""
     out["range_estimate"], out["bearing_estimate"] = own["q_hat"][0], own["q_hat"][1]
-    out["range_rate_estimate"], out["bearing_rate_estimate"] = errors.q_hat_dot[0], errors.q_hat_dot[1]
-    out["speed_estimate"], out["steering_rate_estimate"] = robot_view.velocity(
-        view, errors.q_hat_dot[0], errors.q_hat_dot[1]
-    )
+    out["range_rate_estimate"], out["bearing_rate_estimate"] = q_hat_dot[0], q_hat_dot[1]
+    out["speed_estimate"], out["steering_rate_estimate"] = robot_view.velocity(view, q_hat_dot[0], q_hat_dot[1])
 
 
-@compiled
-def advance(own: np.void, g: np.void, q_d: Floats, q_d_ddot: Floats, errors: Errors, held: bool, period: float) -> None:
+@part
+def advance(c: np.void, r: int, own: np.void, g: np.void, q_d_ddot: Floats, held: bool, period: float) -> None:
     """Advance observer (33), (34) and the control's integrals: explicit Euler, values of this tick.
 
     Saturation holds the integrals of the control but not those of the observer, whose equations contain no torque.
     """
     for j in range(2):
-        q_tilde = errors.q_tilde[j]
+        q_tilde = c["q_tilde"][j, r]
         p_dot = velocity_observer.p_dot(
             own["zeta"][j], q_tilde, q_d_ddot[j], g["Lambda_0"][j], g["Lambda_1"][j], g["k_d"]
         )
         own["zeta"][j] += period * velocity_observer.zeta_dot(q_tilde, g["Lambda_1"][j], g["k_d"])
         own["p"][j] += period * p_dot
-        own["q_hat"][j] += period * errors.q_hat_dot[j]
+        own["q_hat"][j] += period * c["q_hat_dot"][j, r]
         if not held:
-            own["epsilon_hat_integral"][j] += period * errors.epsilon_hat[j]
-            own["epsilon_q_tilde_integral"][j] += period * (errors.q[j] - q_d[j] + q_tilde)
-    own["bearing"] = errors.q[1]
+            own["epsilon_hat_integral"][j] += period * c["epsilon_hat"][j, r]
+            own["epsilon_q_tilde_integral"][j] += period * c["epsilon_q_tilde"][j, r]
 
 
 @compiled
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
-    leader_pose, v_d = inputs.leader_pose, inputs.leader_velocity[0]
-    errors = no_errors()
-    for i in range(len(inputs.pose)):
-        own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-        view = robot_view.view_of(inputs.pose[i], leader_pose, v_d, own["bearing"], team.vehicle, g["guard"])
-        estimate(view, own, g, inputs.q_d[i], inputs.q_d_dot[i], errors)
-        tau_1, tau_2 = robot_view.torque_of_formation_force(
-            view, -g["K_p"][0] * errors.pid[0], -g["K_p"][1] * errors.pid[1]
-        )
-        torque[i, 0], torque[i, 1] = tau_1, tau_2
-        held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
-        report_estimate(view, own, errors, out)
-        robot_view.report(view, tau_1, tau_2, out)
-        out["held"] = held
-        advance(own, g, inputs.q_d[i], inputs.q_d_ddot[i], errors, held, team.period)
+    c, size = team.columns[0], len(inputs.pose)
+    for first in range(0, size, BLOCK):
+        count = min(BLOCK, size - first)
+        robot_view.see(inputs, team, first, count)
+        for r in range(count):
+            i = first + r
+            own, g, out = team.state[i], team.gains[i], team.telemetry[i]
+            view = robot_view.view_of(team.seen[0], r)
+            estimate(team.seen[0]["q"][:, r], c, r, own, g, inputs.q_d[i], inputs.q_d_dot[i])
+            tau_1, tau_2 = robot_view.torque_of_formation_force(
+                view, -g["K_p"][0] * c["pid"][0, r], -g["K_p"][1] * c["pid"][1, r]
+            )
+            torque[i, 0], torque[i, 1] = tau_1, tau_2
+            held = saturation.beyond(tau_1, tau_2, g["torque_limit"])
+            report_estimate(view, own, c["q_hat_dot"][:, r], out)
+            robot_view.report(view, tau_1, tau_2, out)
+            out["held"] = held
+            advance(c, r, own, g, inputs.q_d_ddot[i], held, team.period)
+            own["bearing"] = view.sight.bearing
 
 
 class ObserverPid(CompiledLaw[ObserverPidGains]):
@@ -150,6 +139,10 @@ class ObserverPid(CompiledLaw[ObserverPidGains]):
             "epsilon_hat_integral": (2,),  # of q_hat - q_d, in (24)
             "epsilon_q_tilde_integral": (2,),  # of (q - q_d) + q_tilde, in (25)
         }
+
+    def own_columns(self) -> dict[str, tuple[int, ...]]:
+        """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
+        return {**ERRORS}
 
     def start_states(self, q: Floats, desired: Desired) -> None:
         """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import part
 from formation_controllers.interface import Floats
 
 ON_BOUND = 1.0 - 1e-9
 
 
-@compiled
+@part
 def norm_squared(W: Floats) -> float:
     """Return tr(W'W), the squared Frobenius norm."""
     total = 0.0
@@ -25,10 +25,12 @@ def norm_squared(W: Floats) -> float:
     return total
 
 
-@compiled
-def outward(W: Floats, s: Floats, sigma: Floats, W_m: float) -> float:
-    """Return the factor c by which (29) takes the outward part away: W_dot = gamma_w (s sigma' - c W)."""
-    trace = norm_squared(W)
+@part
+def outward(W: Floats, trace: float, s: Floats, sigma: Floats, W_m: float) -> float:
+    """Return the factor c by which (29) takes the outward part away: W_dot = gamma_w (s sigma' - c W).
+
+    The trace is tr(W'W).
+    """
     if trace < W_m * ON_BOUND:
         return 0.0
     growth = 0.0  # sigma' W' s
@@ -38,25 +40,25 @@ def outward(W: Floats, s: Floats, sigma: Floats, W_m: float) -> float:
     return growth / trace if growth > 0.0 else 0.0
 
 
-@compiled
-def weight_rates(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float, W_dot: Floats) -> None:
+@part
+def weight_rates(W: Floats, trace: float, s: Floats, sigma: Floats, gamma_w: float, W_m: float, W_dot: Floats) -> None:
     """Fill the rates of the weights, (28) and (29): the continuous form of `step_weights`."""
-    c = outward(W, s, sigma, W_m)
+    c = outward(W, trace, s, sigma, W_m)
     for m in range(W.shape[0]):
         for k in range(W.shape[1]):
             W_dot[m, k] = gamma_w * (s[m] * sigma[k] - c * W[m, k])
 
 
-@compiled
+@part
 def gain_rate(theta: float, s_norm: float, gamma_theta: float, theta_m: float) -> float:
     """Return the rate of the robust gain, (28) and (30): the continuous form of `step_gain`."""
     return gamma_theta * s_norm if theta < theta_m else 0.0
 
 
-@compiled
-def step_weights(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
+@part
+def step_weights(W: Floats, trace: float, s: Floats, sigma: Floats, gamma_w: float, W_m: float, period: float) -> None:
     """Advance the weights by (28) and (29) over one period, in place, with tr(W'W) <= W_m afterwards."""
-    c = outward(W, s, sigma, W_m)
+    c = outward(W, trace, s, sigma, W_m)
     for m in range(W.shape[0]):
         for k in range(W.shape[1]):
             W[m, k] += period * gamma_w * (s[m] * sigma[k] - c * W[m, k])
@@ -68,7 +70,7 @@ def step_weights(W: Floats, s: Floats, sigma: Floats, gamma_w: float, W_m: float
                 W[m, k] *= shrink
 
 
-@compiled
+@part
 def step_gain(theta: float, s_norm: float, gamma_theta: float, theta_m: float, period: float) -> float:
     """Advance the robust gain by (28) and (30) over one period; it never exceeds theta_m."""
     return min(theta + period * gamma_theta * s_norm, theta_m)

@@ -1,18 +1,25 @@
-"""The formation as one robot sees it at a tick, with rates and forces there: shared by all laws."""
+"""The formation as robots see it at a tick, with rates and forces there: shared by all laws.
+
+`see` looks at a block of followers and leaves what it finds in columns. `view_of` takes one robot out of them.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from formation_controllers import kinematics
-from formation_controllers.compiled import compiled
-from formation_controllers.elementary import acos, cos, sin
-from formation_controllers.interface import Floats
-from formation_controllers.kinematics import Geometry, Matrix, PostureError, Steering
+from formation_controllers.columns import sin_cos_of, sin_cos_tan_of
+from formation_controllers.compiled import compiled, part
+from formation_controllers.elementary import acos
+from formation_controllers.interface import Floats, TickInputs
+from formation_controllers.kinematics import Direction, Geometry, Matrix, Pose, PostureError, Steering
 from formation_controllers.singularities import Guard, Margins, away_from_zero
+from formation_controllers.team_records import TeamRecords
 
 
 class LineOfSight(NamedTuple):
@@ -40,6 +47,8 @@ class RobotView(NamedTuple):
         Posture error, (4).
     sight : LineOfSight
         Range and bearing.
+    heading, phi, course : Direction
+        Directions of the pose's third entry, of the line of sight, and of the leader's heading seen along it.
     steering : Steering
         Steering angle h; it keeps its guarded distance.
     rates : FormationRates
@@ -54,6 +63,9 @@ class RobotView(NamedTuple):
 
     error: PostureError
     sight: LineOfSight
+    heading: Direction
+    phi: Direction
+    course: Direction
     steering: Steering
     rates: FormationRates
     B2: Matrix
@@ -61,54 +73,120 @@ class RobotView(NamedTuple):
     guard: Guard
 
 
+SEEN: Final[Mapping[str, tuple[int, ...]]] = MappingProxyType(
+    {"pose": (4,), "q": (2,)}
+    | dict.fromkeys(
+        (
+            *("sin_heading", "cos_heading"),
+            *("e_1", "e_2", "e_3", "e_4", "phi", "course", "last_bearing"),
+            *("sin_phi", "cos_phi", "sin_course", "cos_course", "sin_bearing", "cos_bearing"),
+            *("angle", "sin_angle", "cos_angle", "tan_angle", "steering", "tan_steering", "cos_steering"),
+            *("R_11", "R_12", "R_21", "R_22", "delta_1", "delta_2", "B2_11", "B2_12", "B2_21", "B2_22"),
+            *("relative_range", "drive_gain", "least", "bounds"),
+        ),
+        (),
+    )
+)
+"""The columns in which `see` leaves what it finds, with their shapes for one robot."""
+
+
+@part
+def see(inputs: TickInputs, team: TeamRecords, first: int, count: int) -> None:
+    """Measure the formation of a block of followers; range and steering angle are guarded in R, delta and B2."""
+    c = team.seen[0]
+    for r in range(count):
+        i = first + r
+        pose = kinematics.pose_of(inputs.pose[i], team.vehicle)
+        c["pose"][0, r], c["pose"][1, r], c["pose"][2, r], c["pose"][3, r] = pose
+        c["last_bearing"][r], c["least"][r] = team.state[i]["bearing"], team.gains[i]["guard"]
+    _see(c, inputs.leader_pose, inputs.leader_velocity[0], team.vehicle, count)
+
+
 @compiled
-def view_of(
-    pose: Floats, leader_pose: Floats, v_d: float, last_bearing: float, vehicle: Geometry, guard: float
-) -> RobotView:
-    """Measure the formation from poses; range and steering angle keep their guarded distance in R, delta and B2."""
-    error = kinematics.posture_error(pose, leader_pose, vehicle)
-    rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
-    measured = kinematics.steering_of(kinematics.steering_angle(pose, vehicle))
-    bearing = kinematics.unwrapped(phi - measured.angle, last_bearing)
-    far, steering = rho, measured
-    guarded = 0.0
-    if rho < guard * vehicle.length:
-        far, guarded = guard * vehicle.length, 1.0
-    if abs(measured.cos) < guard:
-        kept = math.copysign(acos(math.copysign(guard, measured.cos)), sin(measured.angle))
-        steering = kinematics.steering_of(kept)
-        guarded = 1.0
-    R = kinematics.rate_matrix(far, phi, steering, vehicle)
-    delta_1, delta_2 = kinematics.leader_rates(far, phi, error.e_3, v_d)
-    B2 = kinematics.input_matrix(pose[2], steering, vehicle)
-    drive_gain = B2.m_11 * vehicle.wheel_radius if vehicle.torques == kinematics.WHEELS else B2.m_11
-    if abs(R.m_11) < guard or abs(drive_gain) < guard:
-        guarded = 1.0
+def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: int) -> None:
+    """Measure the formation of a block, given pose, last bearing and guard: the same code for every law."""
+    for r in range(count):
+        pose = Pose(c["pose"][0, r], c["pose"][1, r], c["pose"][2, r], c["pose"][3, r])
+        c["angle"][r] = kinematics.steering_angle(pose, vehicle)
+    sin_cos_of(c["pose"][2], c["sin_heading"], c["cos_heading"], count)
+    sin_cos_tan_of(c["angle"], c["sin_angle"], c["cos_angle"], c["tan_angle"], count)
+
+    # Range and bearing, (4), (7), (54)
+    leader = kinematics.pose_of(leader_pose, vehicle)
+    for r in range(count):
+        pose = Pose(c["pose"][0, r], c["pose"][1, r], c["pose"][2, r], c["pose"][3, r])
+        error = kinematics.posture_error(pose, Direction(c["sin_heading"][r], c["cos_heading"][r]), leader)
+        rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
+        c["e_1"][r], c["e_2"][r], c["e_3"][r], c["e_4"][r] = error
+        c["phi"][r], c["course"][r] = phi, error.e_3 - phi
+        c["q"][0, r], c["q"][1, r] = rho, kinematics.unwrapped(phi - c["angle"][r], c["last_bearing"][r])
+    sin_cos_of(c["phi"], c["sin_phi"], c["cos_phi"], count)
+    sin_cos_of(c["course"], c["sin_course"], c["cos_course"], count)
+    sin_cos_of(c["q"][1], c["sin_bearing"], c["cos_bearing"], count)
+
+    # The steering angle at its guarded distance
+    for r in range(count):
+        angle = Steering(c["angle"][r], c["tan_angle"][r], c["cos_angle"][r])
+        c["steering"][r], c["tan_steering"][r], c["cos_steering"][r] = angle
+        c["bounds"][r] = 0.0
+    for r in range(count):
+        least, cosine = c["least"][r], c["cos_angle"][r]
+        if abs(cosine) < least:
+            kept = kinematics.steering_of(math.copysign(acos(math.copysign(least, cosine)), c["sin_angle"][r]))
+            c["steering"][r], c["tan_steering"][r], c["cos_steering"][r] = kept
+            c["bounds"][r] = 1.0
+
+    # R and delta, (8), (55); B2, (3)
+    for r in range(count):
+        rho, least = c["q"][0, r], c["least"][r]
+        is_near = rho < least * vehicle.length
+        far = least * vehicle.length if is_near else rho
+        steering = Steering(c["steering"][r], c["tan_steering"][r], c["cos_steering"][r])
+        R = kinematics.rate_matrix(far, Direction(c["sin_phi"][r], c["cos_phi"][r]), steering, vehicle)
+        delta_1, delta_2 = kinematics.leader_rates(far, Direction(c["sin_course"][r], c["cos_course"][r]), v_d)
+        B2 = kinematics.input_matrix(Direction(c["sin_heading"][r], c["cos_heading"][r]), steering, vehicle)
+        drive_gain = B2.m_11 * vehicle.wheel_radius if vehicle.torques == kinematics.WHEELS else B2.m_11
+        if is_near or abs(R.m_11) < least or abs(drive_gain) < least:
+            c["bounds"][r] = 1.0
+        c["R_11"][r], c["R_12"][r], c["R_21"][r], c["R_22"][r] = R
+        c["B2_11"][r], c["B2_12"][r], c["B2_21"][r], c["B2_22"][r] = B2
+        c["delta_1"][r], c["delta_2"][r], c["drive_gain"][r] = delta_1, delta_2, drive_gain
+        c["relative_range"][r] = rho / vehicle.length
+
+
+@part
+def view_of(c: np.void, r: int) -> RobotView:
+    """Return one robot of the block."""
     return RobotView(
-        error,
-        LineOfSight(rho, phi, bearing),
-        steering,
-        FormationRates(R, delta_1, delta_2),
-        B2,
-        Margins(rho / vehicle.length, cos(bearing), measured.cos, drive_gain),
-        Guard(guard, guarded),
+        PostureError(c["e_1"][r], c["e_2"][r], c["e_3"][r], c["e_4"][r]),
+        LineOfSight(c["q"][0, r], c["phi"][r], c["q"][1, r]),
+        Direction(c["sin_heading"][r], c["cos_heading"][r]),
+        Direction(c["sin_phi"][r], c["cos_phi"][r]),
+        Direction(c["sin_course"][r], c["cos_course"][r]),
+        Steering(c["steering"][r], c["tan_steering"][r], c["cos_steering"][r]),
+        FormationRates(
+            Matrix(c["R_11"][r], c["R_12"][r], c["R_21"][r], c["R_22"][r]), c["delta_1"][r], c["delta_2"][r]
+        ),
+        Matrix(c["B2_11"][r], c["B2_12"][r], c["B2_21"][r], c["B2_22"][r]),
+        Margins(c["relative_range"][r], c["cos_bearing"][r], c["cos_angle"][r], c["drive_gain"][r]),
+        Guard(c["least"][r], c["bounds"][r]),
     )
 
 
-@compiled
+@part
 def rates_of(view: RobotView, v: float, omega: float) -> tuple[float, float]:
     """Return q_dot = R (v, omega) + delta, (8)."""
     R, delta_1, delta_2 = view.rates
     return R.m_11 * v + R.m_12 * omega + delta_1, R.m_21 * v + R.m_22 * omega + delta_2
 
 
-@compiled
+@part
 def velocity(view: RobotView, q_1_dot: float, q_2_dot: float) -> tuple[float, float]:
     """Return (v, omega) = R^-1 (q_dot - delta), (8). NaN where R is singular and not guarded."""
     return from_rates(view, q_1_dot - view.rates.delta_1, q_2_dot - view.rates.delta_2)
 
 
-@compiled
+@part
 def from_rates(view: RobotView, y_1: float, y_2: float) -> tuple[float, float]:
     """Return R^-1 y. R has only its (1, 1) entry to divide by, -det R."""
     R = view.rates.R
@@ -116,14 +194,14 @@ def from_rates(view: RobotView, y_1: float, y_2: float) -> tuple[float, float]:
     return kinematics.solve_2x2(guarded, y_1, y_2)
 
 
-@compiled
+@part
 def along_velocities(view: RobotView, u_1: float, u_2: float) -> tuple[float, float]:
     """Return R' u: the force along (v, omega) that a force u along q is."""
     R = view.rates.R
     return R.m_11 * u_1 + R.m_21 * u_2, R.m_12 * u_1 + R.m_22 * u_2
 
 
-@compiled
+@part
 def torque_of(view: RobotView, f_1: float, f_2: float) -> tuple[float, float]:
     """Return the torques B2^-1 f that make a force f along (v, omega). NaN where B2 is singular and not guarded."""
     B2, least = view.B2, view.guard.least
@@ -131,14 +209,14 @@ def torque_of(view: RobotView, f_1: float, f_2: float) -> tuple[float, float]:
     return kinematics.solve_2x2(Matrix(b_11, B2.m_12, B2.m_21, B2.m_22), f_1, f_2)
 
 
-@compiled
+@part
 def torque_of_formation_force(view: RobotView, u_1: float, u_2: float) -> tuple[float, float]:
     """Return the torques B2^-1 R' u that make a force u along q, (24)."""
     f_1, f_2 = along_velocities(view, u_1, u_2)
     return torque_of(view, f_1, f_2)
 
 
-@compiled
+@part
 def report(view: RobotView, tau_1: float, tau_2: float, out: np.void) -> None:
     """Write the `TORQUE_SIGNALS`."""
     R, margins = view.rates.R, view.margins

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import part
 from formation_controllers.gains import gain
 from formation_controllers.interface import Signal
 from formation_controllers.singularities import GuardGains
@@ -30,13 +30,13 @@ HELD_SIGNAL: Final = Signal("held", "1", "1 where the gain `torque_limit` held i
 """Telemetry of every law that has a `torque_limit`."""
 
 
-@compiled
+@part
 def beyond(tau_1: float, tau_2: float, limit: float) -> bool:
     """Tell whether a torque is beyond the limit of the actuators."""
     return abs(tau_1) > limit or abs(tau_2) > limit
 
 
-@compiled
+@part
 def clipped(torque: float, limit: float) -> float:
     """Return the torque that an actuator with this limit applies."""
     return min(max(torque, -limit), limit)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import part
 from formation_controllers.gains import Gains, gain
 from formation_controllers.interface import Signal
 
@@ -86,7 +86,7 @@ TORQUE_SIGNALS: Final = (
 """Telemetry of every law."""
 
 
-@compiled
+@part
 def away_from_zero(number: float, least: float) -> float:
     """Return the number, or the least magnitude with its sign."""
     return math.copysign(least, number) if abs(number) < least else number

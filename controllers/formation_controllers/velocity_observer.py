@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import part
 
 
-@compiled
+@part
 def rate_estimate(p: float, q_tilde: float, Lambda_0: float, k_d: float) -> float:
     """Estimated rate q_hat_dot = R v_hat + delta, (32) multiplied by R."""
     return p + (Lambda_0 + k_d) * q_tilde
 
 
-@compiled
+@part
 def p_dot(zeta: float, q_tilde: float, q_d_ddot: float, Lambda_0: float, Lambda_1: float, k_d: float) -> float:
     """Rate of the observer's state p, (33)."""
     return q_d_ddot + k_d * Lambda_0 * q_tilde + Lambda_1 * q_tilde + zeta
 
 
-@compiled
+@part
 def zeta_dot(q_tilde: float, Lambda_1: float, k_d: float) -> float:
     """Rate of the observer's integral zeta, (34)."""
     return k_d * Lambda_1 * q_tilde

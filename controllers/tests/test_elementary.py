@@ -32,6 +32,7 @@ def of_all(x, y, out):
         out[i, 3], out[i, 4] = elementary.sin_cos(x[i])
         out[i, 5], out[i, 6] = elementary.atan2(y[i], x[i]), elementary.exp(x[i])
         out[i, 7] = elementary.acos(y[i])
+        out[i, 8], out[i, 9], out[i, 10] = elementary.sin_cos_tan(x[i])
 
 
 def test_compiled_functions_give_the_bits_of_plain_python():
@@ -45,17 +46,19 @@ def test_compiled_functions_give_the_bits_of_plain_python():
         ]
     )
     y = np.clip(random.permutation(x), -1.5, 1.5)
-    found, expected = np.empty((2, len(x), 8))
-    of_all(x, y, found)
+    found, expected = np.empty((2, len(x), 11))
+    with np.errstate(all="ignore"):  # of NumPy's numbers, where nothing is compiled
+        of_all(x, y, found)
     getattr(of_all, "py_func", of_all)(x.tolist(), y.tolist(), expected)
     np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(found[:, [0, 1, 3, 4, 2]], found[:, [8, 9, 8, 9, 10]])  # together as one by one
     np.testing.assert_array_equal(np.signbit(found), np.signbit(np.where(np.isnan(expected), found, expected)))
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_compiled_functions_call_no_library_and_contract_nothing():
     fresh = numba.njit(error_model="numpy")(of_all.py_func)  # of kept code Numba shows nothing
-    fresh(*np.ones((2, 1)), np.empty((1, 8)))
+    fresh(*np.ones((2, 1)), np.empty((1, 11)))
     (text,) = fresh.inspect_llvm().values()
     assert "of_all" in text
     called = {line.split("@")[1].split("(")[0] for line in text.splitlines() if " call " in line and "@" in line}

@@ -228,7 +228,8 @@ def test_rates_of_r_and_delta_are_their_time_derivatives(vehicle):
     R, delta = formation_rates(pose, leader, v_d, vehicle)
     car = kinematics.geometry_of(vehicle)
     for i in range(100):
-        error = kinematics.posture_error(pose[i], leader[i], car)
+        own, other = kinematics.pose_of(pose[i], car), kinematics.pose_of(leader[i], car)
+        error = kinematics.posture_error(own, kinematics.direction_of(own.heading), other)
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, car.ahead)
         steers, steers_d = (kinematics.steering_of(float(steering(at[i], vehicle))) for at in (pose, leader))
         rho_dot, bearing_dot = R[i] @ [v[i], omega[i]] + delta[i]
@@ -237,8 +238,9 @@ def test_rates_of_r_and_delta_are_their_time_derivatives(vehicle):
         assert turn == pytest.approx(own_rate[i, 2], rel=1e-12)
         h_dot = kinematics.steering_rate(omega[i], turn, car)
         moved = rho_dot, bearing_dot + h_dot
-        column = kinematics.rate_matrix_dot(rho, phi, steers, *moved, h_dot, car)
-        shift = kinematics.leader_rates_dot(rho, phi, error.e_3, v_d[i], *moved, turn_d - turn, 0.3)
+        sight, course = kinematics.direction_of(phi), kinematics.direction_of(error.e_3 - phi)
+        column = kinematics.rate_matrix_dot(rho, sight, steers, *moved, h_dot, car)
+        shift = kinematics.leader_rates_dot(rho, course, v_d[i], rho_dot, turn_d - turn - moved[1], 0.3)
         np.testing.assert_allclose(column, (ahead[0][i, :, 0] - behind[0][i, :, 0]) / (2 * h), rtol=1e-5, atol=1e-6)
         np.testing.assert_allclose(shift, (ahead[1][i] - behind[1][i]) / (2 * h), rtol=1e-5, atol=1e-6)
 

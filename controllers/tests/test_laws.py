@@ -28,15 +28,19 @@ from formation_controllers import (
 from formation_controllers import load as find
 from formation_controllers.analysis.formation_model import ReducedDynamics, formation_model
 from formation_controllers.analysis.linearisation import linearised
+from formation_controllers.columns import BLOCK
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import DIFFERENTIAL_DRIVE_MODEL, TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
 from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
+from formation_controllers.interface import TickInputs
 from formation_controllers.lqg import Lqg, LqgGains
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
 from formation_controllers.neural_high_gain import NeuralHighGain, NeuralHighGainGains
 from formation_controllers.observer_pid import ObserverPid, ObserverPidGains
 from formation_controllers.testing import check_controller
+from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import memsys_disable_stats, memsys_enable_stats
 
 PACKAGE = "formation_controllers"
 SECOND = 50  # ticks
@@ -67,6 +71,68 @@ SETTLING = {
 def test_every_law_keeps_what_controllers_promise(name):
     pytest.importorskip("control") if name == "lqg" else None
     check_controller(load(name))
+
+
+@ALL
+def test_a_follower_beside_fifteen_others_or_alone_moves_to_the_same_bit(name):
+    """Laws take followers in blocks; here are a full one and one that is not."""
+    pytest.importorskip("control") if name == "lqg" else None
+    check_controller(load(name), size=BLOCK + 5)
+
+
+def turned_far(angle):
+    """Return a direction alike, as near as numbers there allow, beyond all angles for which a block is quick."""
+    return angle + 2 * math.pi * 2e5
+
+
+@ALL
+def test_one_angle_that_is_far_away_leaves_the_rest_of_its_block_alone(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    random, n = np.random.default_rng(6), 5
+    pose = random.uniform([-6, -3, -0.4, -0.3], [-4, 3, 0.4, 0.3], (n, 4))
+    leader, nothing = Leader(np.array([0.0, 0.0, 0.02, 0.01]), np.array([0.3, 0.01])), np.zeros((n, 2))
+    q = range_bearing(pose, leader.pose, CarLike(1.2)) + 0.1
+    far = pose.copy()
+    far[2, 2] = turned_far(far[2, 2])
+    torques = []
+    for poses in (pose, far):
+        controller = load(name)(Team(CarLike(1.2), n, 0.02))
+        desired = Desired(q.copy(), nothing, nothing)
+        controller.start(poses, leader, desired)
+        torques.append([controller.step(poses, leader, desired, nothing + 0.1) for _ in range(3)])
+    near, beyond = map(np.array, torques)
+    others = [0, 1, 3, 4]
+    np.testing.assert_array_equal(beyond[:, others], near[:, others])
+    if name not in ("neural-adaptive-pid", "lqg"):  # the one feels e_3 itself, the others its sine alone
+        np.testing.assert_allclose(beyond[:, 2], near[:, 2], rtol=1e-6)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@ALL
+def test_a_tick_asks_for_no_memory(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    controller, pose = load(name)(Team(CarLike(1.2), 2, 0.02)), np.array([[-5.0, 0, 0, 0], [-5.0, 2, 0, 0]])
+    leader = Leader(np.zeros(4), np.array([0.3, 0.0]), np.zeros(2))
+    desired = Desired(np.full((2, 2), 4.0), np.zeros((2, 2)), np.zeros((2, 2)))
+    controller.start(pose, leader, desired)
+    tick, own = controller.compiled_tick()
+
+    @numba.njit(error_model="numpy")
+    def often(inputs, own, torque, times):
+        for _ in range(times):
+            tick(inputs, own, torque)
+
+    def allocations(times):
+        before = rtsys.get_allocation_stats().alloc
+        often(TickInputs(pose, np.zeros((2, 2)), *leader, *desired), own, np.zeros((2, 2)), times)
+        return rtsys.get_allocation_stats().alloc - before
+
+    memsys_enable_stats()
+    try:
+        allocations(1)
+        assert allocations(100) == allocations(1)
+    finally:
+        memsys_disable_stats()
 
 
 @ALL

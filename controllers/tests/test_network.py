@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from formation_controllers import network, projection
+from formation_controllers.columns import columns
+from formation_controllers.gains import gain_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -12,20 +14,29 @@ from hypothesis.extra.numpy import arrays
 HIDDEN = 9
 
 
+def basis(x, gains):
+    """Return sigma (robots, neurons) of inputs (robots, inputs)."""
+    of_block = columns(network.columns(x.shape[1], HIDDEN))
+    of_block["x"][0, :, : len(x)] = x.T
+    network.basis(of_block[0], gain_records(gains), 0, len(x))
+    assert not of_block["sigma"][0, :, len(x) :].any()
+    return of_block["sigma"][0, :, : len(x)].T
+
+
 def test_basis_and_output_are_the_formula():
     random = np.random.default_rng(0)
-    x, centres, widths = random.normal(size=13), np.arange(-4.0, 5.0), random.uniform(1, 10, HIDDEN)
-    sigma = np.empty(HIDDEN)
-    network.basis(x, centres, widths, sigma)
-    expected = np.exp(-((x - centres[:, None]) ** 2).sum(axis=1) / widths**2)
-    np.testing.assert_allclose(sigma, expected, rtol=1e-13)
-    W = random.normal(size=(2, HIDDEN))
+    x, widths = random.normal(size=(5, 13)), random.uniform(1, 10, (5, HIDDEN))
+    centres = np.arange(-4.0, 5.0) + random.normal(size=(5, 1))
+    gains = [network.NetworkGains(centres=c, widths=w) for c, w in zip(centres, widths, strict=True)]
+    of_all = basis(x, gains)
+    expected = np.exp(-((x[:, None] - centres[..., None]) ** 2).sum(axis=2) / widths**2)
+    np.testing.assert_allclose(of_all, expected, rtol=1e-13)
+    W, sigma = random.normal(size=(2, HIDDEN)), of_all[0].copy()
     np.testing.assert_allclose([network.output(W, sigma, m) for m in range(2)], W @ sigma, rtol=1e-13)
 
 
 def test_a_basis_function_is_one_at_its_centre():
-    sigma = np.empty(HIDDEN)
-    network.basis(np.full(13, 2.0), np.arange(-4.0, 5.0), np.full(HIDDEN, 10.0), sigma)
+    (sigma,) = basis(np.full((1, 13), 2.0), [network.NetworkGains()])
     assert sigma[6] == 1.0
     assert np.argmax(sigma) == 6
 
@@ -44,7 +55,7 @@ few = settings(max_examples=50)  # an example has some thirty numbers
 @given(W=weights, steps=st.lists(st.tuples(errors, bases), max_size=20), W_m=bounds, gamma_w=st.floats(0, 1e3))
 def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
     for s, sigma in steps:
-        projection.step_weights(W, s, sigma, gamma_w, W_m, 0.02)
+        projection.step_weights(W, projection.norm_squared(W), s, sigma, gamma_w, W_m, 0.02)
         assert np.trace(W.T @ W) <= W_m * (1 + 1e-12)
 
 
@@ -53,7 +64,7 @@ def test_weights_never_leave_their_bound(W, steps, W_m, gamma_w):
 def test_inside_the_bound_weights_follow_the_gradient(W, s, sigma):
     W_m = 4 * np.trace(W.T @ W) + 1e6
     expected = W + 0.02 * 0.01 * np.outer(s, sigma)
-    projection.step_weights(W, s, sigma, 0.01, W_m, 0.02)
+    projection.step_weights(W, projection.norm_squared(W), s, sigma, 0.01, W_m, 0.02)
     np.testing.assert_allclose(W, expected, rtol=1e-13, atol=1e-13)
 
 
@@ -64,7 +75,7 @@ def test_on_the_bound_the_rate_has_no_outward_part(W, s, sigma, W_m):
         W = np.ones_like(W)
     W = W * np.sqrt(W_m / np.trace(W.T @ W))
     rate = np.empty_like(W)
-    projection.weight_rates(W, s, sigma, 1.0, W_m, rate)
+    projection.weight_rates(W, projection.norm_squared(W), s, sigma, 1.0, W_m, rate)
     scale = np.linalg.norm(W) * np.linalg.norm(np.outer(s, sigma))
     assert np.sum(W * rate) <= 1e-9 * max(scale, 1.0)
     if s @ W @ sigma <= 0:
@@ -80,7 +91,7 @@ def test_projection_does_not_hurt_the_lyapunov_function(W, ideal, s, sigma, W_m)
         return V * np.sqrt(W_m / max(np.trace(V.T @ V), W_m))
 
     W, ideal = within(W), within(ideal)
-    rate = np.outer(s, sigma) - projection.outward(W, s, sigma, W_m) * W
+    rate = np.outer(s, sigma) - projection.outward(W, projection.norm_squared(W), s, sigma, W_m) * W
     wrong = ideal - W
     scale = np.linalg.norm(wrong) * np.linalg.norm(np.outer(s, sigma))
     assert s @ wrong @ sigma - np.sum(wrong * rate) <= 1e-8 * max(scale, 1.0)
@@ -102,8 +113,8 @@ def test_steps_follow_the_rates(W, s, sigma, W_m, theta, theta_m):
     """Where a short step does not meet the bound it is the rate times the period."""
     period, rate = 1e-6, np.empty_like(W)
     stepped = W.copy()
-    projection.weight_rates(W, s, sigma, 0.7, W_m, rate)
-    projection.step_weights(stepped, s, sigma, 0.7, W_m, period)
+    projection.weight_rates(W, projection.norm_squared(W), s, sigma, 0.7, W_m, rate)
+    projection.step_weights(stepped, projection.norm_squared(W), s, sigma, 0.7, W_m, period)
     if np.trace((W + period * rate).T @ (W + period * rate)) <= W_m:
         np.testing.assert_allclose(stepped, W + period * rate, rtol=1e-12, atol=1e-12)
     theta = min(theta, theta_m)

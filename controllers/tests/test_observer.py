@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from formation_controllers import CarLike, Desired, Leader, Team, robot_view
 from formation_controllers import velocity_observer as observer
-from formation_controllers.observer_pid import ObserverPid, ObserverPidGains, estimate, no_errors
+from formation_controllers.interface import TickInputs
+from formation_controllers.observer_pid import ObserverPid, ObserverPidGains, estimate
 
 
 def test_observer_is_equivalent_to_its_error_equation():
@@ -29,26 +30,27 @@ def test_observer_is_equivalent_to_its_error_equation():
 
 def test_the_approximation_25_and_its_error_26_add_up_to_17_and_18():
     """(25) as the law computes it, for a robot that moves at rates that it does not know."""
-    random, n = np.random.default_rng(1), 20
+    random, n = np.random.default_rng(1), 15
     gains = ObserverPidGains(Lambda_0=(2, 3), Lambda_1=(0.05, 0.1), k_d=8)
     controller = ObserverPid(Team(CarLike(1.2), n, 0.02), gains)
     pose, leader = random.uniform([-6, -3, -1, -1], [-4, 3, 1, 1], (n, 4)), Leader(np.zeros(4), np.array([0.4, 0.1]))
     desired = Desired(*random.normal(size=(3, n, 2)))
     controller.start(pose, leader, desired)
     controller.set_state({name: random.normal(size=value.shape) for name, value in controller.get_state().items()})
-    errors = no_errors()
+    records, nothing = controller._records, np.zeros((n, 2))
+    robot_view.see(TickInputs(pose, nothing, *leader[:2], np.zeros(2), *desired), records, 0, n)
+    view, c = records.seen[0], records.columns[0]
     for i, own in enumerate(controller._state):
-        records = controller._records
-        view = robot_view.view_of(pose[i], leader.pose, leader.velocity[0], own["bearing"], records.vehicle, 0.0)
-        estimate(view, own, records.gains[i], desired.q[i], desired.q_dot[i], errors)
+        estimate(view["q"][:, i], c, i, own, records.gains[i], desired.q[i], desired.q_dot[i])
+        q, q_tilde, q_hat_dot, s = view["q"][:, i], *(c[name][:, i] for name in ("q_tilde", "q_hat_dot", "s"))
         q_dot, integral_of_tilde = random.normal(size=(2, 2))
         integral_of_epsilon = own["epsilon_q_tilde_integral"] - integral_of_tilde
-        epsilon, tilde_dot = errors.q - desired.q[i], q_dot - errors.q_hat_dot
+        epsilon, tilde_dot = q - desired.q[i], q_dot - q_hat_dot
         s_c = q_dot - desired.q_dot[i] + np.multiply(gains.Lambda_0, epsilon)
         s_c += np.multiply(gains.Lambda_1, integral_of_epsilon)  # (17)
-        pull = np.multiply(gains.Lambda_0, errors.q_tilde) + np.multiply(gains.Lambda_1, integral_of_tilde)
+        pull = np.multiply(gains.Lambda_0, q_tilde) + np.multiply(gains.Lambda_1, integral_of_tilde)
         s_o = tilde_dot + pull  # (18)
-        np.testing.assert_allclose(errors.s + 2 * (s_o - pull), s_c + s_o, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(s + 2 * (s_o - pull), s_c + s_o, rtol=1e-12, atol=1e-12)
 
 
 def test_the_estimated_rate_converges_to_that_of_a_moving_range():

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from formation_controllers import dynamics, kinematics
 from formation_controllers.analysis.small_matrices import inverse, product, solve
 from formation_controllers.dynamics import ModelGains
-from formation_controllers.elementary import cos, sin_cos
+from formation_controllers.elementary import cos
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
 from formation_controllers.geometry import posture_error_rates
@@ -69,7 +69,7 @@ class ReducedDynamics:
         own = gain_records([ModelGains() if model is None else model])[0]
 
         def steering(pose: Floats) -> Steering:
-            return kinematics.steering_of(kinematics.steering_angle(pose, car))
+            return kinematics.steering_of(kinematics.steering_angle(kinematics.pose_of(pose, car), car))
 
         def inertia(pose: Floats) -> Floats:
             return np.reshape(dynamics.inertia(steering(pose), car, own), (2, 2))
@@ -78,10 +78,11 @@ class ReducedDynamics:
             return np.reshape(dynamics.coriolis(steering(pose), velocity[0], velocity[1], car, own), (2, 2))
 
         def damping(pose: Floats) -> Floats:
-            return np.diag(dynamics.damping(pose[2], steering(pose), car, own))
+            return np.diag(dynamics.damping(kinematics.direction_of(pose[2]), steering(pose), car, own))
 
         def inputs(pose: Floats) -> Floats:
-            return np.reshape(kinematics.input_matrix(pose[2], steering(pose), car), (2, 2))
+            heading = kinematics.direction_of(pose[2])
+            return np.reshape(kinematics.input_matrix(heading, steering(pose), car), (2, 2))
 
         return cls(inertia, coriolis, damping, inputs)
 
@@ -186,13 +187,14 @@ def formation_model(
     v_d_dot = 0.0 if leader_acceleration is None else float(leader_acceleration[0])
 
     # Geometry, (4), (7), (8)
-    error = kinematics.posture_error(own, told, car)
-    e_3 = error.e_3
+    here, there = kinematics.pose_of(own, car), kinematics.pose_of(told, car)
+    error = kinematics.posture_error(here, kinematics.direction_of(here.heading), there)
     rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, car.ahead)
-    h = kinematics.steering_of(kinematics.steering_angle(own, car))
-    h_d = kinematics.steering_of(kinematics.steering_angle(told, car))
-    R = np.reshape(kinematics.rate_matrix(rho, phi, h, car), (2, 2))
-    delta = np.array(kinematics.leader_rates(rho, phi, e_3, v_d))
+    sight, course = kinematics.direction_of(phi), kinematics.direction_of(error.e_3 - phi)
+    h = kinematics.steering_of(kinematics.steering_angle(here, car))
+    h_d = kinematics.steering_of(kinematics.steering_angle(there, car))
+    R = np.reshape(kinematics.rate_matrix(rho, sight, h, car), (2, 2))
+    delta = np.array(kinematics.leader_rates(rho, course, v_d))
     if not (np.isfinite(R).all() and abs(cos(phi - h.angle)) >= COSINE_MIN):
         raise ControllerError(f"the formation model is singular at range {rho:g} m and bearing {phi - h.angle:g} rad")
     R_inverse = inverse(R)
@@ -205,12 +207,12 @@ def formation_model(
 
     def b_rate(rho_: float, phi_: float, e_3_: float, h_: float, v_d_: float) -> Floats:
         """Rate of R^-1 delta where these five change at these rates."""
-        column = kinematics.rate_matrix_dot(rho, phi, h, rho_, phi_, h_, car)
-        shift = kinematics.leader_rates_dot(rho, phi, e_3, v_d, rho_, phi_, e_3_, v_d_)
+        column = kinematics.rate_matrix_dot(rho, sight, h, rho_, phi_, h_, car)
+        shift = kinematics.leader_rates_dot(rho, course, v_d, rho_, e_3_ - phi_, v_d_)
         return product(R_inverse, np.array(shift) - np.array(column) * b[0])
 
     # d(R^-1 delta)/de, with h = h_d - e_4, + e_3 if it is between two headings; there is no e_4 where nothing steers
-    s, c = sin_cos(phi)
+    s, c = sight
     turning = 1 if car.steering == kinematics.BY_HEADING else 0
     columns = [b_rate(c, -s / rho, 0, 0, 0), b_rate(s, c / rho, 0, 0, 0), b_rate(0, 0, 1, turning, 0)]
     if car.steering != kinematics.STEERS_NOT:
@@ -221,7 +223,7 @@ def formation_model(
     turn = kinematics.body_turn(velocity[0], velocity[1], h, car)
     h_dot = kinematics.steering_rate(velocity[1], turn, car)
     R_dot = np.zeros((2, 2))
-    R_dot[:, 0] = kinematics.rate_matrix_dot(rho, phi, h, rates[0], rates[1] + h_dot, h_dot, car)
+    R_dot[:, 0] = kinematics.rate_matrix_dot(rho, sight, h, rates[0], rates[1] + h_dot, h_dot, car)
 
     M2, D2, B2 = reduced.at(own)
     a = product(R_inverse, rates)
