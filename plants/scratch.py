@@ -100,7 +100,10 @@ def _lives(process: int) -> bool:
         return False
     except OSError:
         pass
-    return True
+    try:  # where there is such a file: an ended one that nobody has waited for is no longer alive
+        return Path(f"/proc/{process}/stat").read_text("utf-8", "replace").rpartition(") ")[2][:1] != "Z"
+    except OSError:
+        return True
 
 
 def _lock(folder: Path) -> int | None:

@@ -77,6 +77,18 @@ def test_only_those_of_killed_processes_are_removed(
     assert set(tmp_path.iterdir()) == {mine, used, *stays}
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_an_ended_process_that_nobody_has_waited_for(
+    tmp_path: Path, other: Callable[..., "subprocess.Popen[str]"]
+) -> None:
+    killed = other()
+    left = folder_of(killed)
+    killed.kill()
+    os.waitid(os.P_PID, killed.pid, os.WEXITED | os.WNOWAIT)
+    scratch.make(tmp_path, "test-")
+    assert not left.exists()
+
+
 def test_a_living_process_may_have_lost_its_lock(tmp_path: Path, other: Callable[..., "subprocess.Popen[str]"]) -> None:
     """As an FMU can close all descriptors of its process; another file may then have the number."""
     used = folder_of(other("os.closerange(3, 100)"))
