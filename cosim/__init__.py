@@ -95,15 +95,15 @@ def run(
     RunInterrupted
         The user pressed Ctrl-C; its ``result`` holds everything up to then.
     """
-    from cosim.master.simulation import Simulation
+    from cosim.master.supervised import whole_run
     from cosim.scenario.edits import as_changes
     from cosim.scenario.reader import read_scenario
     from cosim.scenario.scenario import Scenario
 
     made = as_changes(changes, horizon, expectations)
     read = scenario.edited(made) if isinstance(scenario, Scenario) else read_scenario(scenario, made)
-    with Simulation(read) as simulation:
-        return simulation.run()
+    with whole_run(read) as whole:
+        return whole.run_to_end().dataset
 
 
 _HOMES = {

@@ -58,12 +58,12 @@ class ScenarioItem(pytest.Item):
         from functools import partial
 
         from cosim.master.other_runs import run_other
-        from cosim.master.simulation import Simulation
+        from cosim.master.supervised import whole_run
         from cosim.results.summary import summarise
         from cosim.scenario.reader import read_scenario
 
         scenario = read_scenario(self._shown_path())
-        with Simulation(scenario) as simulation:
+        with whole_run(scenario) as simulation:
             run = partial(run_other, simulation.setup)
             self._judge(summarise(scenario, simulation.run_to_end(), run))  # before the plants end
 

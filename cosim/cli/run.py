@@ -24,7 +24,7 @@ from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
 from cosim.master.setup import Setup, set_up
-from cosim.master.simulation import Simulation
+from cosim.master.supervised import whole_run
 from cosim.master.timing import timed
 from cosim.results.figure_process import FigureProcess
 from cosim.results.files import annotate, save, writable_folder, write
@@ -108,7 +108,7 @@ def _run_one(
     with timed(timing, "total"):
         with taking_a_while("building and loading plants, which is slow the first time"):
             prepared = [_set_up_by_the_rules(scenario, ending, timing)] if options.strict else []
-            simulation = ending.enter_context(Simulation(scenario, *prepared))
+            simulation = ending.enter_context(whole_run(scenario, *prepared))
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from cosim.errors import FormationError
 from cosim.master.setup import Setup
-from cosim.master.simulation import Simulation
+from cosim.master.supervised import whole_run
 from cosim.results.result import Result
 
 _Key: TypeAlias = tuple[Path, tuple[Path, ...], str]
@@ -36,7 +36,7 @@ def run_other(setup: Setup, path: Path) -> Result:
     key = other.path, other.untrusted, other.text
     if key not in _results:
         try:
-            with Simulation(other, prepared) as simulation:
+            with whole_run(other, prepared) as simulation:
                 result: Result | FormationError = simulation.run_to_end()
         except FormationError as error:
             result = error

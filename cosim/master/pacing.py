@@ -86,6 +86,16 @@ class Pacer:
         self._ticks = self._overruns = 0
         self._worst = self._worst_time = self._jitter = 0.0
 
+    @property
+    def factor(self) -> float:
+        """Simulated time over real time."""
+        return self._factor
+
+    def take(self, report: PaceReport) -> None:
+        """Take over the report of a pacer that has held the run back in its place."""
+        self._ticks, self._overruns, self._jitter = report.ticks, report.overruns, report.jitter
+        self._worst, self._worst_time = report.worst, report.worst_time
+
     def wait(self, tick: int, given_up: Callable[[], bool] = lambda: False) -> None:
         """Return when a tick is due, or waiting is given up; the first that is waited for is due at once."""
         now = self._clock()

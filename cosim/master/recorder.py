@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ class Recorder:
         Names of the signals that somebody will read, those computed from recorded ones among them; None for all.
     memory
         Arrays of an earlier run, whose records are overwritten; gets those of this one.
+    allocate
+        Returns a new array of a shape and a type.
 
     Attributes
     ----------
@@ -37,11 +39,13 @@ class Recorder:
         variables: Sequence[ResultVariable],
         wanted: Collection[str] | None = None,
         memory: list[NDArray[Any]] | None = None,
+        allocate: Callable[[tuple[int, ...], np.dtype[Any]], NDArray[Any]] = np.empty,
     ) -> None:
         self.variables = {variable.name: variable for variable in variables}
         self.wanted = wanted
         self.recorded = 0
         self._samples = samples
+        self._allocate = allocate
         self._memory: list[NDArray[Any]] = [] if memory is None else memory
         self._used = 0
         self._arrays: dict[str, NDArray[np.float64]] = {}
@@ -81,7 +85,7 @@ class Recorder:
         shape, used = (self._samples, *shape), self._used
         self._used += 1
         if used == len(self._memory) or (self._memory[used].shape, self._memory[used].dtype) != (shape, dtype):
-            self._memory[used:] = [np.empty(shape, dtype)]
+            self._memory[used:] = [self._allocate(shape, dtype)]
         return self._memory[used]
 
     def arrays(self, wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:

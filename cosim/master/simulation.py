@@ -141,7 +141,7 @@ class Simulation:
 
     def _fail(self, error: SimulationError) -> None:
         self._ended, self._failure = str(error), error.failure
-        error.recorded = self._recorded(error.failure)
+        error.recorded = self.recorded(error.failure)
         self._end(error.failure)
 
     def _understood(self, torques: Mapping[str, Sequence[float]]) -> dict[int, NDArray[np.float64]]:
@@ -232,17 +232,23 @@ class Simulation:
         RunInterrupted
             The user pressed Ctrl-C.
         """
-        watching: list[Observer] = [Progress(progress)] if progress else []
-        watching += [pacer] if pacer else []
         with HeldSignals() as signals, timed(self.timing, "loop"), returning():
-            self._signals = signals
-            signals.breakable(lambda: self._run_ticks(watching))
-            stopped = interruption(self.time) if signals.received and not self.finished else None
-            signals.breakable(lambda: self._end(stopped, watching))
-            result = self._recorded(stopped)
+            result = self.recorded(self.record(signals, progress, pacer))
         if signals.received:
             raise RunInterrupted(self.time, result)
         return result
+
+    def record(
+        self, signals: HeldSignals, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None
+    ) -> Failure | None:
+        """Do what `run_to_end` does, but return the interruption by a signal, if any, and make no result."""
+        watching: list[Observer] = [Progress(progress)] if progress else []
+        watching += [pacer] if pacer else []
+        self._signals = signals
+        signals.breakable(lambda: self._run_ticks(watching))
+        stopped = interruption(self.time) if signals.received and not self.finished else None
+        signals.breakable(lambda: self._end(stopped, watching))
+        return stopped
 
     def _run_ticks(self, watching: Sequence[Observer]) -> None:
         """Run ticks up to the horizon, or to a signal."""
@@ -265,9 +271,10 @@ class Simulation:
 
     def result(self) -> xr.Dataset:
         """Return everything recorded so far; see `cosim.master.recorded_result`."""
-        return self._recorded(self._failure).dataset
+        return self.recorded(self._failure).dataset
 
-    def _recorded(self, failure: Failure | None) -> Result:
+    def recorded(self, failure: Failure | None) -> Result:
+        """Return everything recorded so far, of a run that has not reached its end for some reason."""
         fleet = self._fleet
         recorder = self._ticks.recorder
         return recorded_result(self.scenario, self.setup, recorder, self._teams, fleet.messages, fleet.logged, failure)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cosim.compiled import entry_of
 from cosim.errors import InputError, SimulationError
 from cosim.frames import Bound
+from cosim.plant.activity import Activity
+from cosim.plant.activity import activity as new_activity
 from cosim.plant.constant_step import misfit
 from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
 from cosim.plant.fleet_step import (
@@ -54,6 +56,8 @@ class Fleet:
     state
         Gets pose and pseudo-velocities (plants, entries) of every plant in its roles' units at the last communication
         point, from the start on. Its rows are contiguous.
+    activity
+        Shows what the fleet is about.
 
     Attributes
     ----------
@@ -71,9 +75,10 @@ class Fleet:
         A plant returns outputs at the start that are not finite.
     """
 
-    def __init__(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
+    def __init__(self, members: Sequence[Member], state: NDArray[np.float64], activity: Activity | None = None) -> None:
         load_libraries()
-        self._clock, self._found = np.zeros(2), np.zeros(1, dtype=np.int64)
+        self._activity = activity or new_activity()
+        self._clock, self._found = self._activity.clock, np.zeros(1, dtype=np.int64)
         with ExitStack() as cleanup:
             self._external: dict[int, StepwisePlant] = {}
             self._instances: dict[int, Instance] = {}
@@ -125,6 +130,7 @@ class Fleet:
                 _links([member.inputs for member in members], rows.first_input, inputs),
                 _links([member.outputs for member in members], rows.first_output, self._columns),
                 state,
+                self._activity.current,
                 other_address(rows),
             )
             for index, plant in self._external.items():
@@ -188,13 +194,15 @@ class Fleet:
         """Step the plants here and those that are stepped elsewhere side by side."""
         rows = self._rows
         give_inputs(self._arrays, given)
+        self._activity.clock[:] = time, step
         for index, plant in self._external.items():
             plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
         failed = advance_all(self._arrays, time, step)
         failures = {}
         for index, plant in self._external.items():
             try:
-                plant.finish(self._slice(rows.outputs, rows.first_output, index))
+                with self._activity.of(-1 if isinstance(plant, ProcessPlant) else index):
+                    plant.finish(self._slice(rows.outputs, rows.first_output, index))
             except PlantError as error:
                 failures[index] = str(error)
         found = Found.FAILED if failed or failures else take_outputs(self._arrays)
@@ -236,7 +244,8 @@ class Fleet:
         """
         plant = self._external.get(index) or self._instances[index]
         try:
-            plant.change(values)
+            with self._activity.of(-1 if isinstance(plant, ProcessPlant) else index):
+                plant.change(values)
         except PlantError as error:
             raise SimulationError(*self._failures({index: str(error)}, time)) from None
         if isinstance(plant, Instance):
@@ -267,7 +276,8 @@ class Fleet:
             make = None if member.isolated else stepper(member.spec)
             if make is not None:
                 try:
-                    self._external[index] = make(member.spec)
+                    with self._activity.of(index):
+                        self._external[index] = make(member.spec)
                 except PlantError as error:
                     raise self._not_started(index, error) from None
 
@@ -275,30 +285,35 @@ class Fleet:
         for index, member in enumerate(self.members):
             if index not in self._external:
                 try:
-                    before = self._instances.pop(index, None)  # back once it is restarted
-                    if before is None or not before.restart(member.spec):
-                        if before is not None:
-                            before.close()
-                        before = Instance(member.spec)
-                    self._instances[index] = before
+                    with self._activity.of(index):
+                        before = self._instances.pop(index, None)  # back once it is restarted
+                        if before is None or not before.restart(member.spec):
+                            if before is not None:
+                                before.close()
+                            before = Instance(member.spec)
+                        self._instances[index] = before
                 except PlantError as error:
                     raise self._not_started(index, error) from None
 
     def _end(self) -> None:
         with ExitStack() as closing:  # whatever happens to one of them
             closing.callback(self._end_external)
-            for instance in self._instances.values():
-                closing.callback(instance.close)
+            for index, instance in self._instances.items():
+                closing.callback(self._end_one, index, instance)
             self._instances = {}
 
     def _end_external(self) -> None:
         processes = [plant for plant in self._external.values() if isinstance(plant, ProcessPlant)]
         with ExitStack() as closing:
             closing.callback(end, processes)
-            for plant in self._external.values():
+            for index, plant in self._external.items():
                 if not isinstance(plant, ProcessPlant):
-                    closing.callback(plant.close)
+                    closing.callback(self._end_one, index, plant)
             self._external = {}
+
+    def _end_one(self, index: int, plant: Instance | StepwisePlant) -> None:
+        with self._activity.of(index):
+            plant.close()
 
     def _not_started(self, index: int, error: PlantError) -> InputError:
         return not_started(self.members, index, error)

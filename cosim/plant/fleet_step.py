@@ -37,8 +37,9 @@ _FINE, _FAILED, _DIVERGED = map(int, Found)
 class FleetArrays(NamedTuple):
     """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state.
 
-    ``other`` is the address of the function for plants that are not Co-Simulation of FMI 1.0 or 2.0, zero without any:
-    it is a large function, which most runs need not compile.
+    ``current`` gets the number of the plant that is called, -1 in between. ``other`` is the address of the function for
+    plants that are not Co-Simulation of FMI 1.0 or 2.0, zero without any: it is a large function, which most runs need
+    not compile.
     """
 
     rows: NDArray[np.void]
@@ -49,6 +50,7 @@ class FleetArrays(NamedTuple):
     in_links: NDArray[np.void]
     out_links: NDArray[np.void]
     state: NDArray[np.float64]
+    current: NDArray[np.int64]
     other: int
 
 
@@ -126,6 +128,7 @@ def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
     failed = False
     for i in range(len(plants.rows)):
         row = plants.rows[i]
+        plants.current[0] = i
         if row["kind"] == SLAVE:
             row["what"], row["status"] = advance_slave(row, time, step) if step > 0.0 else read_at_start(row)
         elif row["kind"] != EXTERNAL:
@@ -133,6 +136,7 @@ def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
         else:
             continue
         failed = failed or row["what"] != FINE
+    plants.current[0] = -1
     return failed
 
 

@@ -205,12 +205,25 @@ class ProcessPlant:
             status = self._process.wait(_EXIT_LIMIT)
         except subprocess.TimeoutExpired:
             return ": its process has closed the pipe to the harness"
-        if self._watchdog.expired and status == -signal.SIGKILL:  # and not by itself a moment before
-            return f" within {self._limit:g} s; its process was ended"
-        if status < 0:
-            name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
-            return f": its process crashed ({name})"
-        return f": its process exited with status {status}"
+        return how_it_ended(status, self._limit if self._watchdog.expired else None)
+
+
+def how_it_ended(status: int, limit: float | None = None) -> str:
+    """Return how a process ended, in words that follow what it did not do.
+
+    Parameters
+    ----------
+    status
+        Its exit status; of a signal, the negative number.
+    limit
+        The time [s] after which it was to be ended; None if it was within its limit.
+    """
+    if limit is not None and status == -signal.SIGKILL:  # and not by itself a moment before
+        return f" within {limit:g} s; its process was ended"
+    if status < 0:
+        name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
+        return f": its process crashed ({name})"
+    return f": its process exited with status {status}"
 
 
 def end(plants: Iterable[ProcessPlant]) -> None:

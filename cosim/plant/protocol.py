@@ -32,7 +32,7 @@ class Reply(IntEnum):
     DONE, FAILED, SAID = range(3)
 
 
-def send(pipe: int, kind: Request | Reply, body: bytes) -> None:
+def send(pipe: int, kind: IntEnum, body: bytes) -> None:
     """Write a frame."""
     data = HEADER.pack(kind, len(body)) + body
     while data:

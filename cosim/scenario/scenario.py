@@ -106,6 +106,8 @@ class PlantSource:
         Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
+    trusted : bool
+        Whether it runs in the process that judges and writes.
     logging : bool
         Whether the FMU is asked to log everything.
     time_limit : float or None
@@ -123,6 +125,7 @@ class PlantSource:
     tolerance: float | None = None
     late_outputs: bool = False
     isolated: bool = False
+    trusted: bool = False
     time_limit: float | None = None
     logging: bool = False
     parameters: tuple[Setting, ...] = ()

@@ -1,0 +1,356 @@
+"""A run in a process that this one supervises: whatever an FMU does there, what was recorded is kept.
+
+The process is forked before the plants are started, and runs the whole loop. The records are in memory that both
+share. A crash, an exit or a hang of an FMU ends that process and no other. It is no sandbox: the process has the
+user's rights.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
+from cosim.master.fleets import AnyFleet, members_of
+from cosim.master.interrupt import HeldSignals
+from cosim.master.pacing import Pacer, PaceReport
+from cosim.master.recorder import Recorder
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import Setup, set_up
+from cosim.master.simulation import Simulation
+from cosim.master.supervised_child import Order, Told, child
+from cosim.master.ticks import driven_robots
+from cosim.master.timing import timed
+from cosim.plant.activity import activity
+from cosim.plant.failures import PlantError
+from cosim.plant.member import Member
+from cosim.plant.message import Message, RobotMessage
+from cosim.plant.process import how_it_ended
+from cosim.plant.protocol import HEADER, send
+from cosim.plant.spec import Value
+from cosim.plant.start_check import not_started
+from cosim.results.result import Result
+from cosim.scenario.scenario import TIME_LIMIT, Scenario
+from cosim.shared_memory import shared
+
+_LOOK = 0.05
+"""Time [s] between two looks at the process."""
+_MOST = 64 * 1024**2
+"""Bytes of a message from the process."""
+
+
+def whole_run(scenario: Scenario, setup: Setup | None = None) -> Simulation | SupervisedRun:
+    """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants."""
+    used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
+    plants = [scenario.plants[name] for name in used]
+    foreign = any(plant.fmu is not None and not plant.trusted and not plant.isolated for plant in plants)
+    return SupervisedRun(scenario, setup) if foreign and sys.platform == "linux" else Simulation(scenario, setup)
+
+
+class SupervisedRun:
+    """A run in a process of its own, which is started here.
+
+    Legal call order: `run_to_end` once; `close` at the end (or use ``with``).
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    setup
+        With which set-up; without one, the scenario is set up here.
+
+    Raises
+    ------
+    InputError
+        The scenario asks for something that does not exist or does not fit, or a plant cannot be started.
+    SimulationError
+        A plant returns no finite pose at the start.
+    """
+
+    def __init__(self, scenario: Scenario, setup: Setup | None = None) -> None:
+        self.scenario = scenario
+        self.timing: dict[str, float] = {}
+        self._status: int | None = None
+        self._expired: float | None = None
+        self._buffer = b""
+        self._forwarded = 0
+        with ExitStack() as cleanup:
+            self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
+            memory: list[NDArray[Any]] = []
+            self._recorder = Recorder(scenario.ticks + 1, self.setup.result_variables, None, memory, shared)
+            self._fleet = _Elsewhere()
+            self._records = Simulation(scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder)
+            limits = [robot.source.time_limit for robot in driven_robots(self.setup)]
+            self._limits = [TIME_LIMIT if limit is None else limit for limit in limits]
+            self._activity = activity()
+            self._seen, self._since = (-1, 0.0), time.monotonic()
+            cleanup.callback(self._kill)
+            with timed(self.timing, "load"):
+                self._fork(partial(child, scenario, self.setup, memory, self._activity))
+                self._begin()
+            self._cleanup = cleanup.pop_all()
+
+    def run_to_end(self, progress: Callable[[int], None] | None = None, pacer: Pacer | None = None) -> Result:
+        """Run to the horizon and return the result; see `Simulation.run_to_end`."""
+        with HeldSignals() as signals, timed(self.timing, "loop"):
+            self._send(Order.RUN, {"pace": None if pacer is None else pacer.factor})
+            last = -1
+
+            def look() -> None:
+                nonlocal last
+                if progress is not None and self._tick > last:
+                    progress(last := self._tick)
+                self._heed(signals)
+
+            told = self._receive(look)
+            failure = self._settle(told, signals)
+            if progress is not None and failure is None:
+                progress(self.scenario.ticks)
+            if told is not None and pacer is not None and told[1].get("pace"):
+                pacer.take(PaceReport(**told[1]["pace"]))
+            result = self._records.recorded(failure)
+        if failure is not None and failure.interrupted:
+            raise RunInterrupted(failure.time, result)
+        if failure is not None:
+            error = SimulationError(failure.robot, failure.time, failure.message, failure.variable)
+            error.recorded = result
+            raise error
+        return result
+
+    @property
+    def time(self) -> float:
+        """The communication point [s] that the run has reached."""
+        return self._recorder.recorded * self.scenario.step
+
+    def close(self) -> None:
+        """End all plants with the process, within their time limits."""
+        with suppress(OSError):
+            self._send(Order.CLOSE, {})
+            while self._receive(lambda: None) is not None:
+                pass
+        self._cleanup.close()
+
+    def __enter__(self) -> Self:
+        """Return the run; it is closed at the end of the block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # What the process tells ---------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Wait until the plants are started."""
+        told = self._receive(lambda: None)
+        if told is None:
+            index = int(self._activity.current[0])
+            if index < 0:
+                raise InputError(f"the plants of {self.scenario.name!r} did not start{self._how()}{self._last_words()}")
+            raise not_started(
+                self._fleet.members, index, PlantError(f"it did not start{self._how()}{self._last_words()}")
+            )
+        kind, body = told
+        if kind == Told.REFUSED:
+            where = body.get("where")
+            raise InputError(str(body["message"]), None if where is None else Location(*where))
+        if kind == Told.FAILED:
+            failure = Failure(**body["failure"])
+            error = SimulationError(failure.robot, failure.time, failure.message, failure.variable)
+            self._fleet.take(body)
+            error.recorded = self._records.recorded(failure)
+            raise error
+        self._check_known(kind, body)
+
+    def _settle(self, told: tuple[Told, dict[str, Any]] | None, signals: HeldSignals) -> Failure | None:
+        """Take over what the process has told of the run; return why it has not reached its end."""
+        if told is not None:
+            kind, body = told
+            self._check_known(kind, body)
+            self._recorder.recorded = int(body["recorded"])
+            self._fleet.take(body)
+            for part, seconds in body["timing"].items():
+                self.timing.setdefault(part, seconds)
+            return None if body["failure"] is None else Failure(**body["failure"])
+        self._recorder.recorded = min(self._tick + 1, self.scenario.ticks + 1)
+        if signals.received:
+            return interruption(self._tick * self.scenario.step)
+        index = int(self._activity.current[0])
+        if 0 <= index < len(self._fleet.members):
+            spec = self._fleet.members[index].spec
+            robot, what = spec.robot, f"the plant {spec.file} did not complete the step"
+        else:
+            robot, what = "a plant", "the process of the run has ended"
+        return Failure(robot, self._tick * self.scenario.step, "", f"{what}{self._how()}{self._last_words()}")
+
+    def _check_known(self, kind: Told, body: dict[str, Any]) -> None:
+        """Raise what nobody foresaw in the process."""
+        if kind == Told.UNFORESEEN:
+            error = RuntimeError(str(body["message"]))
+            error.add_note(str(body["traceback"]))
+            raise error
+
+    @property
+    def _tick(self) -> int:
+        """The tick at which the plants were stepped last; it is recorded if they were stepped."""
+        now, step = self._activity.clock.tolist()
+        return round(now / self.scenario.step) if step > 0.0 else -1
+
+    def _how(self) -> str:
+        return how_it_ended(self._status or 0, self._expired)
+
+    def _last_words(self) -> str:
+        said = self._activity.last_words
+        return f"; it had logged: {'; '.join(said)}" if said else ""
+
+    # The process --------------------------------------------------------------------------------------------
+
+    def _fork(self, run: Callable[[int, int], None]) -> None:
+        orders, tells = os.pipe(), os.pipe()
+        self._parent = os.getpid()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._pid = os.fork()
+        if self._pid == 0:
+            try:
+                os.close(orders[1])
+                os.close(tells[0])
+                run(orders[0], tells[1])
+            finally:
+                os._exit(70)
+        os.close(orders[0])
+        os.close(tells[1])
+        self._orders, self._tells = orders[1], tells[0]
+
+    def _send(self, order: Order, body: dict[str, Any]) -> None:
+        with suppress(BrokenPipeError):  # the process has ended: what it has told shows how
+            send(self._orders, order, json.dumps(body).encode())
+
+    def _receive(self, look: Callable[[], None]) -> tuple[Told, dict[str, Any]] | None:
+        """Return what the process tells next, which is not trusted; None once it has ended."""
+        while True:
+            if (frame := self._frame()) is not None:
+                return frame
+            look()
+            self._watch()
+            if select.select([self._tells], [], [], _LOOK)[0]:
+                part = os.read(self._tells, 65536)
+                self._buffer += part
+                if not part or len(self._buffer) > _MOST:
+                    self._kill()
+                    return None
+            elif self._has_ended():  # and a process that it has left behind keeps the pipe open
+                self._kill()
+                return None
+
+    def _frame(self) -> tuple[Told, dict[str, Any]] | None:
+        if len(self._buffer) < HEADER.size:
+            return None
+        kind, length = HEADER.unpack_from(self._buffer)
+        if len(self._buffer) < HEADER.size + length:
+            return None
+        body = self._buffer[HEADER.size : HEADER.size + length]
+        self._buffer = self._buffer[HEADER.size + length :]
+        return Told(kind), json.loads(body)
+
+    def _watch(self) -> None:
+        """End the process if a call of an FMU takes longer than its time limit."""
+        current = int(self._activity.current[0])
+        seen, now = (current, float(self._activity.clock[0])), time.monotonic()
+        if seen != self._seen or current < 0:
+            self._seen, self._since = seen, now
+        elif current < len(self._limits) and now - self._since > self._limits[current]:
+            self._expired = self._limits[current]
+            self._signal(signal.SIGKILL)
+
+    def _heed(self, signals: HeldSignals) -> None:
+        """Hand the first signal on, so that the run ends after a tick; end the process with the second one."""
+        if signals.received > self._forwarded:
+            self._forwarded = signals.received
+            self._signal(signal.SIGINT if signals.received == 1 else signal.SIGKILL)
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._status is None:
+            with suppress(ProcessLookupError, PermissionError):
+                if number == signal.SIGKILL:
+                    os.killpg(self._pid, number)  # its session is its own
+                os.kill(self._pid, number)
+
+    def _has_ended(self, options: int = os.WNOHANG) -> bool:
+        if self._status is None:
+            pid, status = os.waitpid(self._pid, options)
+            if pid:
+                self._status = os.waitstatus_to_exitcode(status)
+        return self._status is not None
+
+    def _kill(self) -> None:
+        """End the process, if it has been started, and all that it has started."""
+        if getattr(self, "_pid", 0) and self._pid_is_open:
+            if not self._has_ended():
+                give_up = time.monotonic() + 1.0  # its pipe may close a little before it ends
+                while not self._has_ended() and time.monotonic() < give_up and self._expired is None:
+                    time.sleep(0.001)
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._pid, signal.SIGKILL)
+            self._signal(signal.SIGKILL)
+            self._has_ended(0)
+            os.close(self._orders)
+            os.close(self._tells)
+            self._pid_is_open = False
+
+    _pid_is_open = True
+
+
+class _Elsewhere:
+    """The plants of a run as the process that supervises it sees them: only what their FMUs have logged."""
+
+    def __init__(self) -> None:
+        self.members: list[Member] = []
+        self.messages: list[str] = []
+        self.logged: list[RobotMessage] = []
+
+    def lend(
+        self,
+        robots: Sequence[RobotSetup],
+        horizon: float,
+        state: NDArray[np.float64],
+        columns: Sequence[tuple[int, ...]],
+    ) -> AbstractContextManager[AnyFleet]:
+        self.members = members_of(robots, horizon, columns)
+        return nullcontext(self)
+
+    def take(self, body: dict[str, Any]) -> None:
+        """Take over what the FMUs have logged."""
+        self.messages = [str(text) for text in body["messages"]]
+        self.logged = [
+            RobotMessage(float(entry["time"]), str(entry["robot"]), Message(**entry["message"]))
+            for entry in body["logged"]
+        ]
+
+    def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
+        raise NotImplementedError("the plants are in another process")
+
+    def compiled(self, given: NDArray[np.float64]) -> None:
+        return None
+
+    def settle(self, tick: int, step: float, found: int) -> None:
+        raise NotImplementedError("the plants are in another process")
+
+    def change(self, index: int, values: Sequence[Value], time: float) -> None:
+        raise NotImplementedError("the plants are in another process")

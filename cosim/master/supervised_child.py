@@ -1,0 +1,148 @@
+"""The process in which a supervised run happens: forked, it starts the plants, runs the loop and tells how it went.
+
+Messages are frames of `cosim.plant.protocol`, each with an object as JSON.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import traceback
+from contextlib import AbstractContextManager, closing
+from dataclasses import asdict
+from enum import IntEnum
+from functools import partial
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cosim.errors import InputError, SimulationError
+from cosim.master.fleets import members_of
+from cosim.master.interrupt import HeldSignals
+from cosim.master.pacing import Pacer
+from cosim.master.recorder import Recorder
+from cosim.master.setup import Setup
+from cosim.master.simulation import Simulation
+from cosim.plant.activity import Activity
+from cosim.plant.fleet import Fleet
+from cosim.plant.protocol import HEADER, exactly, send
+from cosim.scenario.scenario import Scenario
+
+_PR_SET_PDEATHSIG = 1
+
+
+class Order(IntEnum):
+    """Kinds of orders: run, with the pace or none; end the plants."""
+
+    RUN, CLOSE = range(2)
+
+
+class Told(IntEnum):
+    """Kinds of answers: started; refused, with message and place; failed at the start; ended; closed; unforeseen."""
+
+    STARTED, REFUSED, FAILED, ENDED, CLOSED, UNFORESEEN = range(6)
+
+
+def child(
+    scenario: Scenario, setup: Setup, memory: list[NDArray[Any]], activity: Activity, orders: int, tells: int
+) -> None:
+    """Do everything, and end this process.
+
+    Parameters
+    ----------
+    scenario, setup
+        The scenario with its set-up.
+    memory
+        Where it is recorded, see `Recorder`.
+    activity
+        Shows what the plants are about.
+    orders, tells
+        Pipes from and to the process that supervises this one.
+    """
+    _leave()
+    orders, tells = (_out_of_reach(pipe) for pipe in (orders, tells))
+    os.dup2(2, 1)  # what FMUs print is no output of the command
+    tell = partial(_tell, tells)
+    activity.listen()
+    try:
+        recorder = Recorder(scenario.ticks + 1, setup.result_variables, None, memory)
+        started: list[Fleet] = []
+
+        def start(robots: Any, horizon: float, state: Any, columns: Any) -> AbstractContextManager[Fleet]:
+            started.append(Fleet(members_of(robots, horizon, columns), state, activity))
+            return closing(started[0])
+
+        try:
+            simulation = Simulation(scenario, setup, fleet=start, recorder=recorder)
+        except InputError as error:
+            where = None if error.where is None else [error.where.file, error.where.line, error.where.column]
+            tell(Told.REFUSED, message=error.message, where=where)
+            os._exit(0)
+        except SimulationError as error:
+            tell(Told.FAILED, failure=asdict(error.failure), messages=[], logged=[])
+            os._exit(0)
+        tell(Told.STARTED)
+        while (order := _order(orders)) is not None:
+            kind, body = order
+            if kind == Order.RUN:
+                tell(Told.ENDED, **_run(simulation, started[0], recorder, body["pace"]))
+            else:
+                simulation.close()
+                tell(Told.CLOSED)
+                break
+    except BaseException as error:
+        tell(Told.UNFORESEEN, message=f"{type(error).__name__}: {error}", traceback=traceback.format_exc())
+    os._exit(0)  # without the FMU's exit handlers
+
+
+def _run(simulation: Simulation, fleet: Fleet, recorder: Recorder, pace: float | None) -> dict[str, Any]:
+    """Run to the end; return what there is to be told."""
+    pacer = None if pace is None else Pacer(simulation.scenario.step, pace)
+    try:
+        with HeldSignals() as signals:
+            failure = simulation.record(signals, pacer=pacer)
+    except SimulationError as error:
+        failure = error.failure
+    return {
+        "failure": None if failure is None else asdict(failure),
+        "recorded": recorder.recorded,
+        "messages": fleet.messages,
+        "logged": [asdict(entry) for entry in fleet.logged],
+        "timing": {part: seconds for part, seconds in simulation.timing.items() if part == "first tick"},
+        "pace": None if pacer is None else asdict(pacer.report),
+    }
+
+
+def _leave() -> None:
+    """Leave the terminal, whose signals are not for this process, and end with the process that supervises it."""
+    parent = os.getppid()
+    os.setsid()
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _out_of_reach(pipe: int) -> int:
+    import fcntl
+
+    other = fcntl.fcntl(pipe, fcntl.F_DUPFD_CLOEXEC, 10)
+    os.close(pipe)
+    return other
+
+
+def _tell(pipe: int, kind: Told, **body: Any) -> None:
+    send(pipe, kind, json.dumps(body).encode())
+
+
+def _order(pipe: int) -> tuple[Order, dict[str, Any]] | None:
+    header = exactly(pipe, HEADER.size)
+    if header is None:
+        return None
+    kind, length = HEADER.unpack(header)
+    body = exactly(pipe, length)
+    return None if body is None else (Order(kind), json.loads(body))

@@ -1,0 +1,84 @@
+"""What a fleet is about at the moment: in shared memory, another process sees it whatever happens to this one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.log import Log
+from cosim.plant.message import KEPT_AT_ONCE, MAX_CATEGORY, MAX_LENGTH, Message
+from cosim.shared_memory import shared
+
+_SLOT = 4 + MAX_LENGTH + MAX_CATEGORY + 32
+"""Bytes of a message and its length."""
+
+
+class Activity(NamedTuple):
+    """What a fleet is about.
+
+    Attributes
+    ----------
+    clock : ndarray
+        Communication point and step [s]; the step is zero at the start.
+    current : ndarray of int
+        The plant whose FMU is called here at the moment; -1 for none.
+    pending : ndarray of int
+        Number of messages that its FMUs have logged since they were last asked; see `Log.pending`.
+    said : ndarray of uint8
+        The last messages (messages, bytes), of which each number of messages modulo their number is the place.
+    logged : ndarray of int
+        Number of messages that its FMUs have logged.
+    """
+
+    clock: NDArray[np.float64]
+    current: NDArray[np.int64]
+    pending: NDArray[np.int64]
+    said: NDArray[np.uint8]
+    logged: NDArray[np.int64]
+
+    @contextmanager
+    def of(self, plant: int) -> Iterator[None]:
+        """State that a plant's FMU is called in the block."""
+        self.current[0] = plant
+        try:
+            yield
+        finally:
+            self.current[0] = -1
+
+    @property
+    def last_words(self) -> list[str]:
+        """The messages that nobody has asked for yet, the last ones; none of it is trusted."""
+        count = int(self.logged[0])
+        found = []
+        for number in range(max(count - min(int(self.pending[0]), KEPT_AT_ONCE), 0), count):
+            slot = self.said[number % KEPT_AT_ONCE].tobytes()
+            found.append(Message.from_bytes(slot[4 : 4 + int.from_bytes(slot[:4], "little")]).text)
+        return found
+
+    def listen(self) -> None:
+        """Write the messages of all FMUs of this process from now on."""
+        Log.pending = self.pending
+        Log.listener = self._write
+
+    def _write(self, message: Message) -> None:
+        data = message.to_bytes()[: _SLOT - 4]
+        slot = len(data).to_bytes(4, "little") + data
+        self.said[int(self.logged[0]) % KEPT_AT_ONCE, : len(slot)] = np.frombuffer(slot, np.uint8)
+        self.logged[0] += 1
+
+
+def activity() -> Activity:
+    """Return that of a fleet that has not begun."""
+    made = Activity(
+        shared((2,), np.float64),
+        shared((1,), np.int64),
+        shared((1,), np.int64),
+        shared((KEPT_AT_ONCE, _SLOT), np.uint8),
+        shared((1,), np.int64),
+    )
+    made.current[0] = -1
+    return made
