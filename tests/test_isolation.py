@@ -1,6 +1,6 @@
-"""No plant ends the harness: every fault of an FMU has a clear outcome, here or in a process of its own.
+"""No plant ends the harness: every fault of an FMU has a clear outcome, in the supervised process or in one of its own.
 
-In the harness an FMU that crashes, exits or hangs does so to the harness, as is documented.
+With isolate="no" an FMU that crashes, exits or hangs does so to the harness, as is documented.
 """
 
 import json
@@ -33,6 +33,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes
 
 FMI = ("1.0", "2.0", "3.0")
 MODES = ["", 'isolate="process"']
+"""In the process that the harness supervises, with the whole loop; in a process of its own."""
 WHEN = 0.5
 """When the stubs do what they are made to [s]."""
 BEFORE = 26
@@ -124,7 +125,7 @@ FAILS = {
 """Behaviours, and how the status is told."""
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize(
     ("behaviour", "fmi"),
     [(b, "2.0") for b in FAILS] + [(b, fmi) for b in ("error", "fatal_strict") for fmi in ("1.0", "3.0")],
@@ -138,7 +139,7 @@ def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour:
     assert recorded(result, reference, BEFORE)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("fmi", FMI)
 def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="terminate", fmi=fmi)
@@ -148,7 +149,7 @@ def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode
     assert recorded(result, reference, BEFORE)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("behaviour", ["error", "discard", "terminate", "nan"])
 def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
@@ -164,7 +165,7 @@ def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
     assert result.sizes["time"] == (BEFORE if behaviour != "nan" else BEFORE - 1)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize(("behaviour", "what"), [("nan", "x = nan m"), ("infinity", "v = inf m/s")])
 def test_numbers_that_are_none(run: Run, reference: xr.Dataset, behaviour: str, what: str, fmi: str, mode: str) -> None:
@@ -175,7 +176,7 @@ def test_numbers_that_are_none(run: Run, reference: xr.Dataset, behaviour: str, 
     assert recorded(result, reference, BEFORE - 1)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("place", ["set", "get"])
 def test_inputs_and_outputs(run: Run, place: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="error", place=place, fmi="3.0")
@@ -237,12 +238,13 @@ DEADLY = {
 """Behaviours, and how the end of the process is told."""
 
 
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize(
     ("behaviour", "fmi"), [(b, "2.0") for b in DEADLY] + [("segfault", "1.0"), ("segfault", "3.0")]
 )
-def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, fmi: str) -> None:
+def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
     limit = LIMIT if "within" in DEADLY[behaviour] else 30.0
-    status, printed, result = run(MODES[1], limit, behaviour=behaviour, fmi=fmi)
+    status, printed, result = run(mode, limit, behaviour=behaviour, fmi=fmi)
     assert status == 3
     said = f"it had logged: step goes into {behaviour} at t = 0.5 s, as it was made to"
     sentence = f"the plant bad.fmu did not complete the step{DEADLY[behaviour]}; {said}"
@@ -250,29 +252,28 @@ def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, f
     assert recorded(result, reference, BEFORE)
 
 
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("place", ["instantiate", "step", "terminate", "free"])
-def test_what_an_fmu_leaves_behind_ends_with_it(run: Run, reference: xr.Dataset, place: str) -> None:
+def test_what_an_fmu_leaves_behind_ends_with_it(run: Run, reference: xr.Dataset, place: str, mode: str) -> None:
     """Though it is in a session of its own, its parent has ended, and it holds the pipe to the harness."""
     begin = time.monotonic()
-    status, printed, result = run(MODES[1], behaviour="daemon", place=place)
+    status, printed, result = run(mode, behaviour="daemon", place=place)
     assert (status, printed) == (0, "")
     assert recorded(result, reference, ALL)
     assert time.monotonic() - begin < 20.0, "the time limit is not waited for"
 
 
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("place", ["set", "get"])
-def test_it_survives_wherever_that_happens(run: Run, place: str) -> None:
-    status, printed, _ = run(MODES[1], behaviour="segfault", place=place)
+def test_it_survives_wherever_that_happens(run: Run, place: str, mode: str) -> None:
+    status, printed, _ = run(mode, behaviour="segfault", place=place)
     assert status == 3
     assert f"its process crashed (SIGSEGV); it had logged: {place} goes into segfault" in printed
 
 
 @pytest.mark.parametrize("place", ["instantiate", "initialization"])
-@pytest.mark.parametrize(
-    ("mode", "behaviour"),
-    [(MODES[1], behaviour) for behaviour in ("segfault", "exit", "hang", "daemon_hang", "error", "fatal")]
-    + [(MODES[0], behaviour) for behaviour in ("error", "fatal")],
-)
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
+@pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang", "daemon_hang", "error", "fatal"])
 def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str) -> None:
     status, printed, result = run(
         mode, LIMIT if behaviour in ("hang", "daemon_hang") else 30.0, behaviour=behaviour, place=place, fmi="3.0"
@@ -290,22 +291,21 @@ def test_what_cannot_be_started(run: Run, behaviour: str, place: str, mode: str)
     assert result is None
 
 
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("place", ["terminate", "free"])
 @pytest.mark.parametrize("behaviour", ["segfault", "exit", "hang", "daemon_hang"])
 def test_what_does_not_end_well_has_run_all_the_same(
-    run: Run, reference: xr.Dataset, behaviour: str, place: str
+    run: Run, reference: xr.Dataset, behaviour: str, place: str, mode: str
 ) -> None:
     begin = time.monotonic()
-    status, printed, result = run(
-        MODES[1], LIMIT, behaviour=behaviour, place=place, fmi="3.0", followers=("bad", "bad")
-    )
+    status, printed, result = run(mode, LIMIT, behaviour=behaviour, place=place, fmi="3.0", followers=("bad", "bad"))
     assert (status, printed) == (0, "")
     assert result is not None
     assert result.sizes["time"] == ALL
     assert time.monotonic() - begin < 20.0
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("behaviour", ["error", "fatal_strict"])
 def test_a_status_on_terminating(run: Run, reference: xr.Dataset, behaviour: str, mode: str) -> None:
     """After Fatal nothing is called any more: this one would abort."""
@@ -319,8 +319,8 @@ def test_other_scenarios_go_on(
 ) -> None:
     good = scenario(tmp_path / "good.xml", f'<plant id="car" fmu="{make(name="good")}"/>', horizon="0.6 s")
     one, two = (
-        write(tmp_path / f"{behaviour}.xml", make, MODES[1], 30.0, ("bad",), behaviour=behaviour)
-        for behaviour in ("exit", "segfault")
+        write(tmp_path / f"{behaviour}.xml", make, mode, 30.0, ("bad",), behaviour=behaviour)
+        for behaviour, mode in zip(("exit", "segfault"), MODES, strict=True)
     )
     assert main(["run", str(one), str(good), str(two), "--out", str(tmp_path), "--no-figure"]) == 3
     printed = capsys.readouterr().err
@@ -337,8 +337,8 @@ def command(path: Path, out: Path) -> list[str]:
 
 @pytest.mark.parametrize(("behaviour", "ends"), [("segfault", -11), ("exit", 7), ("abort", -6), ("hang", None)])
 def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, behaviour: str, ends: int | None) -> None:
-    """As documented: a crash or an exit ends the harness and nothing is saved; a hang hangs the harness."""
-    path = write(tmp_path / "bad.xml", make, "", 30.0, ("bad",), behaviour=behaviour)
+    """As documented of isolate="no": a crash or an exit ends the harness and nothing is saved; a hang hangs it."""
+    path = write(tmp_path / "bad.xml", make, 'isolate="no"', 30.0, ("bad",), behaviour=behaviour)
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     harness = subprocess.Popen(
         command(path, tmp_path), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -358,7 +358,7 @@ def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, be
 # What can be borne ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("fmi", FMI)
 def test_a_flood_of_messages(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="log_million", lines=50_000, fmi=fmi)
@@ -369,7 +369,7 @@ def test_a_flood_of_messages(run: Run, reference: xr.Dataset, fmi: str, mode: st
     assert message == f"follower_1, t = 0.5 s: 50000 messages, the last of them: {last}"
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("behaviour", ["log_odd", "log_percent", "log_long"])
 def test_odd_messages(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
@@ -385,19 +385,17 @@ def test_odd_messages(run: Run, reference: xr.Dataset, behaviour: str, fmi: str,
         )
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 def test_what_is_printed(run: Run, reference: xr.Dataset, mode: str) -> None:
-    """In a process of its own it goes to standard error, as the pipe to the harness is out of reach."""
+    """It goes to standard error: the output is the command's own."""
     status, printed, result = run(mode, behaviour="print")
     assert status == 0
     assert recorded(result, reference, ALL)
-    assert printed == (
-        "" if not mode else " ".join(f"follower_1 prints at t = {t} s" for t in (0.5, 0.52, 0.54, 0.56, 0.58))
-    )
+    assert printed == " ".join(f"follower_1 prints at t = {t} s" for t in (0.5, 0.52, 0.54, 0.56, 0.58))
 
 
 @pytest.mark.parametrize("behaviour", ["rounding", "trap", "chdir", "signals"])
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 def test_what_changes_the_process(make: Make, run: Run, reference: xr.Dataset, behaviour: str, mode: str) -> None:
     """The harness goes on unchanged: changes that an FMU makes at its start are undone."""
     status, printed, result = run(mode, behaviour=behaviour)
@@ -408,7 +406,7 @@ def test_what_changes_the_process(make: Make, run: Run, reference: xr.Dataset, b
         assert math.isnan((np.ones(1) / np.zeros(1) - np.ones(1) / np.zeros(1))[0])
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["in_process", "isolated"])
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 def test_a_change_of_the_directory_in_a_step(
     make: Make, tmp_path: Path, nothing_left: None, monkeypatch: pytest.MonkeyPatch, mode: str
 ) -> None:
@@ -426,9 +424,10 @@ def test_a_change_of_the_directory_in_a_step(
     monkeypatch.undo()
 
 
-def test_descriptors_that_are_closed(make: Make, tmp_path: Path) -> None:
-    """In a process of its own the FMU can close its standard streams and nothing else."""
-    path = write(tmp_path / "bad.xml", make, MODES[1], 30.0, ("bad",), behaviour="close_descriptors")
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
+def test_descriptors_that_are_closed(make: Make, tmp_path: Path, mode: str) -> None:
+    """The FMU can close its standard streams and nothing else."""
+    path = write(tmp_path / "bad.xml", make, mode, 30.0, ("bad",), behaviour="close_descriptors")
     done = subprocess.run(command(path, tmp_path), capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0
     assert load(tmp_path / "bad" / "result.nc").sizes["time"] == ALL

@@ -108,7 +108,8 @@ def _run_one(
     with timed(timing, "total"):
         with taking_a_while("building and loading plants, which is slow the first time"):
             prepared = [_set_up_by_the_rules(scenario, ending, timing)] if options.strict else []
-            simulation = ending.enter_context(whole_run(scenario, *prepared))
+            simulation = whole_run(scenario, *prepared)
+            ending.callback(simulation.close)
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
