@@ -1,8 +1,9 @@
 """The end of a process with everything that it has started, wherever that has gone in the meantime.
 
 On Linux a process may adopt what its descendants leave behind, so that all of them stay its descendants for as long as
-it lives. What outlives it is known by a mark in its environment. Elsewhere the process group alone is ended: what has
-left it goes on. No sandbox: a process that clears its environment, and whose ancestors end by themselves, escapes.
+it lives. What outlives it is known by a mark: a variable in the environment with which it has begun, or a pipe that it
+holds. Elsewhere the process group alone is ended: what has left it goes on. No sandbox: a process that gets rid of its
+mark, and whose ancestors end by themselves, escapes.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def adopt() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
-def end(root: int, mark: str) -> None:
+def end(root: int, mark: str, pipe: int | None = None) -> None:
     """End a child of this process, its process group, and everything that it has started.
 
     The child itself remains to be waited for.
@@ -48,6 +49,8 @@ def end(root: int, mark: str) -> None:
         The child, which has begun with `adopt` and leads a process group.
     mark
         Its mark; see `new_mark`.
+    pipe
+        A descriptor of a pipe of which nobody but it and what it has started hold the other end.
     """
     if os.name != "posix":
         return
@@ -58,7 +61,7 @@ def end(root: int, mark: str) -> None:
         os.killpg(root, signal.SIGKILL)  # the group outlives its leader
     _signal(root, signal.SIGKILL)
     if some or not lived:
-        _end_marked(mark)
+        _end_marked(mark, pipe)
 
 
 def end_descendants(root: int) -> bool:
@@ -75,9 +78,10 @@ def end_descendants(root: int) -> bool:
     return some
 
 
-def _end_marked(mark: str) -> None:
+def _end_marked(mark: str, pipe: int | None) -> None:
+    held = "" if pipe is None or not _LINUX else os.readlink(f"/proc/self/fd/{pipe}")
     for _ in range(_ROUNDS if _LINUX else 0):
-        living = _marked(mark)
+        living = _marked(mark, held)
         if not living:
             break
         for process in living:
@@ -94,15 +98,26 @@ def _descendants(root: int) -> list[int]:
     return found[1:]
 
 
-def _marked(mark: str) -> list[int]:
-    """Return the living processes with a mark; the environment of others than this user's cannot be read."""
-    sought = f"\0{mark}=".encode()
+def _marked(mark: str, held: str) -> list[int]:
+    """Return the living processes, but for this one, with a mark or a pipe; those of other users cannot be read."""
+    sought, own = f"\0{mark}=".encode(), os.getpid()
     found = []
     for folder in _PROC.iterdir():
+        if not folder.name.isdecimal() or int(folder.name) == own:
+            continue
         with suppress(OSError):
-            if folder.name.isdecimal() and sought in b"\0" + (folder / "environ").read_bytes():
+            if sought in b"\0" + (folder / "environ").read_bytes() or (held and _holds(folder, held)):
                 found.append(int(folder.name))
     return found
+
+
+def _holds(process: Path, file: str) -> bool:
+    """Return whether a process has a file open."""
+    for descriptor in (process / "fd").iterdir():
+        with suppress(OSError):
+            if os.readlink(descriptor) == file:
+                return True
+    return False
 
 
 def _state(process: int) -> str:

@@ -229,6 +229,7 @@ DEADLY = {
     "segfault": ": its process crashed (SIGSEGV)",
     "abort": ": its process crashed (SIGABRT)",
     "exit": ": its process exited with status 7",
+    "exit_0": ": its process exited with status 0",
     "hang": " within 0.5 s; its process was ended",
     "hang_stubborn": " within 0.5 s; its process was ended",
     "spin": " within 0.5 s; its process was ended",
@@ -242,10 +243,13 @@ DEADLY = {
 @pytest.mark.parametrize(
     ("behaviour", "fmi"), [(b, "2.0") for b in DEADLY] + [("segfault", "1.0"), ("segfault", "3.0")]
 )
-def test_the_harness_survives(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
+def test_the_harness_survives(
+    run: Run, reference: xr.Dataset, tmp_path: Path, behaviour: str, fmi: str, mode: str
+) -> None:
     limit = LIMIT if "within" in DEADLY[behaviour] else 30.0
     status, printed, result = run(mode, limit, behaviour=behaviour, fmi=fmi)
     assert status == 3
+    assert json.loads((tmp_path / "bad" / "summary.json").read_text("utf-8"))["passed"] is False
     said = f"it had logged: step goes into {behaviour} at t = 0.5 s, as it was made to"
     sentence = f"the plant bad.fmu did not complete the step{DEADLY[behaviour]}; {said}"
     assert f"error: follower_1 at t = 0.5 s: {sentence}" in printed

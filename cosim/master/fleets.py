@@ -19,8 +19,12 @@ from cosim.plant.spec import Value
 
 
 class AnyFleet(Protocol):
-    """Plants that the master steps together; see `cosim.plant.fleet.Fleet`."""
+    """Plants that the master steps together; see `cosim.plant.fleet.Fleet`.
 
+    ``process`` names the process in which FMUs run that have none of their own: the harness, or a supervised one.
+    """
+
+    process: str
     messages: list[str]
     logged: list[RobotMessage]
 

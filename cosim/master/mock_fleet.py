@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.master.robot import RobotSetup
+from cosim.plant.fleet import HARNESS
 from cosim.plant.message import RobotMessage
 from cosim.plant.spec import Value
 
@@ -42,6 +43,7 @@ class MockFleet:
         state: NDArray[np.float64],
         columns: Sequence[tuple[int, ...]],
     ) -> None:
+        self.process = HARNESS
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []
         self.changes: list[tuple[float, str, Sequence[Value]]] = []

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.errors import Failure
 from cosim.fmu.package import Fmu
+from cosim.master.fleets import AnyFleet
 from cosim.master.recorder import Recorder
 from cosim.master.robot_plants import in_own_process, tolerance_of
 from cosim.master.setup import Setup
 from cosim.master.who_is_who import texts, who_is_who
-from cosim.plant.message import RobotMessage
 from cosim.results import provenance
 from cosim.results.expectations.recorded import DERIVED, units_by_component
 from cosim.results.result import Result, Variable
@@ -40,8 +40,7 @@ def recorded_result(
     setup: Setup,
     recorder: Recorder,
     teams: Sequence[Team],
-    messages: Sequence[str],
-    logged: Sequence[RobotMessage],
+    fleet: AnyFleet,
     failure: Failure | None = None,
 ) -> Result:
     """Return the records of a run that are wanted, with the variables that are computed from them.
@@ -72,7 +71,7 @@ def recorded_result(
                 parts = list(units_by_component(signal.components, signal.unit).values())
                 coordinates[f"{dim}_units"] = texts(dim, parts, f"unit of each component of {signal.name}")
     robots = (setup.leader, *setup.followers)
-    coordinates |= who_is_who(scenario, robots, setup.fmus, logged)
+    coordinates |= who_is_who(scenario, robots, setup.fmus, fleet.logged)
     variables = {
         name: Variable(("time", *variable.dims), arrays[name], variable.attributes)
         for name, variable in recorder.variables.items()
@@ -82,7 +81,7 @@ def recorded_result(
     for name in computed:
         units, long_name = DERIVED[name]
         variables[name] = Variable(("time", "robot"), values[name], {"units": units, "long_name": long_name})
-    attributes = _provenance(scenario, samples, teams, setup.fmus, messages)
+    attributes = _provenance(scenario, samples, teams, setup.fmus, fleet)
     return Result(variables, coordinates, attributes | provenance.attributes(scenario.path, scenario.changes, failure))
 
 
@@ -129,7 +128,7 @@ def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:
 
 
 def _provenance(
-    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu], messages: Sequence[str]
+    scenario: Scenario, samples: int, teams: Sequence[Team], fmus: Mapping[str, Fmu], fleet: AnyFleet
 ) -> dict[str, str | int | float]:
     return {
         "title": scenario.title,
@@ -146,7 +145,7 @@ def _provenance(
                     "sha256": fmu.sha256,
                     "fmi_version": fmu.description.fmiVersion,
                     "interface": fmu.interface,
-                    "process": "its own" if in_own_process(fmu, scenario.plants[name]) else "the harness",
+                    "process": "its own" if in_own_process(fmu, scenario.plants[name]) else fleet.process,
                     "tolerance": tolerance_of(fmu, scenario.plants[name]),
                     "generation_tool": fmu.description.generationTool,
                     "binding": fmu.binding.described(),
@@ -165,7 +164,7 @@ def _provenance(
                 for team in teams
             ]
         ),
-        "plant_messages": json.dumps(messages),
+        "plant_messages": json.dumps(fleet.messages),
         "versions": _versions(),
     }
 

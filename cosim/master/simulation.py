@@ -275,9 +275,8 @@ class Simulation:
 
     def recorded(self, failure: Failure | None) -> Result:
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
-        fleet = self._fleet
         recorder = self._ticks.recorder
-        return recorded_result(self.scenario, self.setup, recorder, self._teams, fleet.messages, fleet.logged, failure)
+        return recorded_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

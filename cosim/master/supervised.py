@@ -86,6 +86,7 @@ class SupervisedRun:
         self._status: int | None = None
         self._expired: float | None = None
         self._buffer = b""
+        self._nonsense = False  # whether the process has answered with something that makes no sense
         self._forwarded = 0
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
@@ -122,8 +123,8 @@ class SupervisedRun:
             if told is not None and pacer is not None and told[1].get("pace"):
                 pacer.take(PaceReport(**told[1]["pace"]))
             result = self._records.recorded(failure)
-        if failure is not None and failure.interrupted:
-            raise RunInterrupted(failure.time, result)
+        if signals.received or (failure is not None and failure.interrupted):
+            raise RunInterrupted(self.time if failure is None else failure.time, result)
         if failure is not None:
             error = SimulationError(failure.robot, failure.time, failure.message, failure.variable)
             error.recorded = result
@@ -158,12 +159,10 @@ class SupervisedRun:
         """Wait until the plants are started."""
         told = self._receive(lambda: None)
         if told is None:
-            index = int(self._activity.current[0])
-            if index < 0:
-                raise InputError(f"the plants of {self.scenario.name!r} did not start{self._how()}{self._last_words()}")
-            raise not_started(
-                self._fleet.members, index, PlantError(f"it did not start{self._how()}{self._last_words()}")
-            )
+            index, how = int(self._activity.current[0]), f"did not start{self._how()}{self._last_words()}"
+            if not 0 <= index < len(self._fleet.members):
+                raise InputError(f"the process for the plants of {self.scenario.name!r} {how}")
+            raise not_started(self._fleet.members, index, PlantError(f"it {how}"))
         kind, body = told
         if kind == Told.REFUSED:
             where = body.get("where")
@@ -181,11 +180,15 @@ class SupervisedRun:
         if told is not None:
             kind, body = told
             self._check_known(kind, body)
-            self._recorder.recorded = int(body["recorded"])
-            self._fleet.take(body)
-            for part, seconds in body["timing"].items():
-                self.timing.setdefault(part, seconds)
-            return None if body["failure"] is None else Failure(**body["failure"])
+            try:
+                failure = None if body["failure"] is None else Failure(**body["failure"])
+                self._fleet.take(body)
+                self._recorder.recorded = int(body["recorded"])
+                self.timing |= {part: float(seconds) for part, seconds in body["timing"].items()}
+                return failure
+            except (KeyError, TypeError, ValueError):
+                self._nonsense = True
+                self._kill()
         self._recorder.recorded = min(self._tick + 1, self.scenario.ticks + 1)
         if signals.received:
             return interruption(self._tick * self.scenario.step)
@@ -211,6 +214,8 @@ class SupervisedRun:
         return round(now / self.scenario.step) if step > 0.0 else -1
 
     def _how(self) -> str:
+        if self._nonsense:
+            return ": its process answers with bytes that are no reply"
         return how_it_ended(self._status or 0, self._expired)
 
     def _last_words(self) -> str:
@@ -245,14 +250,19 @@ class SupervisedRun:
     def _receive(self, look: Callable[[], None]) -> tuple[Told, dict[str, Any]] | None:
         """Return what the process tells next, which is not trusted; None once it has ended."""
         while True:
-            if (frame := self._frame()) is not None:
-                return frame
+            try:
+                if (frame := self._frame()) is not None:
+                    return frame
+            except ValueError:
+                self._nonsense = True
+                self._kill()
+                return None
             look()
             self._watch()
             if select.select([self._tells], [], [], _LOOK)[0]:
                 part = os.read(self._tells, 65536)
                 self._buffer += part
-                if not part or len(self._buffer) > _MOST:
+                if not part:
                     self._kill()
                     return None
             elif self._has_ended():  # and a process that it has left behind keeps the pipe open
@@ -260,14 +270,20 @@ class SupervisedRun:
                 return None
 
     def _frame(self) -> tuple[Told, dict[str, Any]] | None:
+        """Return the next message, None if there is none yet; ValueError if it makes no sense."""
         if len(self._buffer) < HEADER.size:
             return None
         kind, length = HEADER.unpack_from(self._buffer)
+        if length > _MOST:
+            raise ValueError
         if len(self._buffer) < HEADER.size + length:
             return None
         body = self._buffer[HEADER.size : HEADER.size + length]
         self._buffer = self._buffer[HEADER.size + length :]
-        return Told(kind), json.loads(body)
+        told = json.loads(body)
+        if not isinstance(told, dict):
+            raise ValueError
+        return Told(kind), told
 
     def _watch(self) -> None:
         """End the process if a call of an FMU takes longer than its time limit."""
@@ -321,6 +337,7 @@ class _Elsewhere:
     """The plants of a run as the process that supervises it sees them: only what their FMUs have logged."""
 
     def __init__(self) -> None:
+        self.process = "supervised"
         self.members: list[Member] = []
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []

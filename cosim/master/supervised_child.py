@@ -6,6 +6,7 @@ Messages are frames of `cosim.plant.protocol`, each with an object as JSON.
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import json
 import os
 import signal
@@ -61,6 +62,7 @@ def child(
     orders, tells
         Pipes from and to the process that supervises this one.
     """
+    faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
     orders, tells = (_out_of_reach(pipe) for pipe in (orders, tells))
     os.dup2(2, 1)  # what FMUs print is no output of the command

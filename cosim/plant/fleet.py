@@ -39,6 +39,9 @@ from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_s
 from cosim.plant.stepping import Rows
 from cosim.plant.stepwise import StepwisePlant, stepper
 
+HARNESS = "the harness"
+"""The process of plants that run where the harness does."""
+
 KEPT_MESSAGES = 20
 """Number of messages of a plant that are kept, the first ones."""
 
@@ -77,6 +80,7 @@ class Fleet:
 
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64], activity: Activity | None = None) -> None:
         load_libraries()
+        self.process = HARNESS
         self._activity = activity or new_activity()
         self._clock, self._found = self._activity.clock, np.zeros(1, dtype=np.int64)
         with ExitStack() as cleanup:

@@ -24,6 +24,7 @@ BEHAVIOURS = {
     "nothing": "every call returns OK, a step does nothing, the outputs stay",
     "segfault": "writes to an address that is not its own",
     "exit": "calls exit(7)",
+    "exit_0": "calls exit(0)",
     "abort": "calls abort()",
     "hang": "sleeps for ever",
     "hang_stubborn": "sleeps for ever, and ignores SIGTERM and SIGINT",

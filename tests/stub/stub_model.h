@@ -174,8 +174,8 @@ static inline Status act(Stub *s, const char *place)
     if (s->nothing || strcmp(s->place, place) != 0) return OK;
     const bool timed = strcmp(place, "step") == 0 || strcmp(place, "set") == 0 || strcmp(place, "get") == 0;
     if (timed && car->time < car->when - EPSILON) return OK;
-    static const char *const deadly[] = {"segfault", "exit", "abort", "hang", "hang_stubborn", "spin", "daemon_exit",
-                                         "daemon_hang"};
+    static const char *const deadly[] = {"segfault", "exit", "exit_0", "abort", "hang", "hang_stubborn", "spin",
+                                         "daemon_exit", "daemon_hang"};
     for (size_t i = 0; i < sizeof deadly / sizeof deadly[0]; i++) {
         if (is(s, deadly[i])) say(s, OK, "%s goes into %s at t = %g s, as it was made to", place, s->behaviour, car->time);
     }
@@ -184,6 +184,7 @@ static inline Status act(Stub *s, const char *place)
     if (is(s, "daemon_hang")) hang();
     if (is(s, "segfault")) segfault();
     if (is(s, "exit")) exit(7);
+    if (is(s, "exit_0")) exit(0);
     if (is(s, "abort")) abort();
     if (is(s, "hang")) hang();
     if (is(s, "hang_stubborn")) {
