@@ -23,6 +23,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import process_tree
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.interrupt import HeldSignals
@@ -48,6 +49,8 @@ from cosim.shared_memory import shared
 
 _LOOK = 0.05
 """Time [s] between two looks at the process."""
+_LAST_MOMENT = 1.0
+"""Time [s] for a process whose pipe is closed to end."""
 _MOST = 64 * 1024**2
 """Bytes of a message from the process."""
 
@@ -88,6 +91,8 @@ class SupervisedRun:
         self._buffer = b""
         self._nonsense = False  # whether the process has answered with something that makes no sense
         self._forwarded = 0
+        self._pipes: tuple[int, ...] = ()
+        self._left = False  # whether the process has ended all that it has started, and leaves
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
             memory: list[NDArray[Any]] = []
@@ -139,9 +144,10 @@ class SupervisedRun:
     def close(self) -> None:
         """End all plants with the process, within their time limits."""
         with suppress(OSError):
-            self._send(Order.CLOSE, {})
-            while self._receive(lambda: None) is not None:
-                pass
+            if self._pipes:
+                self._send(Order.CLOSE, {})
+                while (told := self._receive(lambda: None)) is not None:
+                    self._left |= told[0] == Told.CLOSED
         self._cleanup.close()
 
     def __enter__(self) -> Self:
@@ -226,7 +232,7 @@ class SupervisedRun:
 
     def _fork(self, run: Callable[[int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
-        self._parent = os.getpid()
+        self._mark = process_tree.new_mark()
         sys.stdout.flush()
         sys.stderr.flush()
         with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
@@ -234,14 +240,13 @@ class SupervisedRun:
             self._pid = os.fork()
         if self._pid == 0:
             try:
-                os.close(orders[1])
-                os.close(tells[0])
+                os.environ[self._mark] = ""  # for what it starts
                 run(orders[0], tells[1])
             finally:
                 os._exit(70)
         os.close(orders[0])
         os.close(tells[1])
-        self._orders, self._tells = orders[1], tells[0]
+        self._orders, self._tells = self._pipes = orders[1], tells[0]
 
     def _send(self, order: Order, body: dict[str, Any]) -> None:
         with suppress(BrokenPipeError):  # the process has ended: what it has told shows how
@@ -293,20 +298,17 @@ class SupervisedRun:
             self._seen, self._since = seen, now
         elif current < len(self._limits) and now - self._since > self._limits[current]:
             self._expired = self._limits[current]
-            self._signal(signal.SIGKILL)
+            self._end_tree()
 
     def _heed(self, signals: HeldSignals) -> None:
         """Hand the first signal on, so that the run ends after a tick; end the process with the second one."""
         if signals.received > self._forwarded:
             self._forwarded = signals.received
-            self._signal(signal.SIGINT if signals.received == 1 else signal.SIGKILL)
-
-    def _signal(self, number: signal.Signals) -> None:
-        if self._status is None:
-            with suppress(ProcessLookupError, PermissionError):
-                if number == signal.SIGKILL:
-                    os.killpg(self._pid, number)  # its session is its own
-                os.kill(self._pid, number)
+            if signals.received > 1:
+                self._end_tree()
+            elif not self._has_ended():
+                with suppress(ProcessLookupError):
+                    os.kill(self._pid, signal.SIGINT)
 
     def _has_ended(self, options: int = os.WNOHANG) -> bool:
         if self._status is None:
@@ -315,22 +317,29 @@ class SupervisedRun:
                 self._status = os.waitstatus_to_exitcode(status)
         return self._status is not None
 
-    def _kill(self) -> None:
-        """End the process, if it has been started, and all that it has started."""
-        if getattr(self, "_pid", 0) and self._pid_is_open:
-            if not self._has_ended():
-                give_up = time.monotonic() + 1.0  # its pipe may close a little before it ends
-                while not self._has_ended() and time.monotonic() < give_up and self._expired is None:
-                    time.sleep(0.001)
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._pid, signal.SIGKILL)
-            self._signal(signal.SIGKILL)
+    def _end_tree(self) -> None:
+        """End the process and all that it has started."""
+        if self._status is None:
+            process_tree.end(self._pid, self._mark, self._tells)
             self._has_ended(0)
-            os.close(self._orders)
-            os.close(self._tells)
-            self._pid_is_open = False
 
-    _pid_is_open = True
+    def _kill(self) -> None:
+        """See that the process has ended, with all that it has started, and close the pipes."""
+        if self._pipes:
+            give_up = time.monotonic() + _LAST_MOMENT  # its pipe closes a little before it ends
+            while not self._left and _lives(self._pid) and time.monotonic() < give_up:
+                time.sleep(0.001)
+            if self._left and not _lives(self._pid):
+                self._has_ended(0)
+            self._end_tree()
+            for pipe in self._pipes:
+                os.close(pipe)
+            self._pipes = ()
+
+
+def _lives(pid: int) -> bool:
+    """Return whether a child of this process has not ended; it remains to be waited for."""
+    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
 
 
 class _Elsewhere:

@@ -15,10 +15,12 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import asdict
 from enum import IntEnum
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 from numpy.typing import NDArray
 
+from cosim import process_tree
 from cosim.errors import InputError, SimulationError
 from cosim.master.fleets import members_of
 from cosim.master.interrupt import HeldSignals
@@ -64,7 +66,7 @@ def child(
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
-    orders, tells = (_out_of_reach(pipe) for pipe in (orders, tells))
+    orders, tells = _out_of_reach(orders, tells)
     os.dup2(2, 1)  # what FMUs print is no output of the command
     tell = partial(_tell, tells)
     activity.listen()
@@ -92,6 +94,7 @@ def child(
                 tell(Told.ENDED, **_run(simulation, started[0], recorder, body["pace"]))
             else:
                 simulation.close()
+                process_tree.end_descendants(os.getpid())
                 tell(Told.CLOSED)
                 break
     except BaseException as error:
@@ -124,17 +127,22 @@ def _leave() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(0)
+    process_tree.adopt()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
 
-def _out_of_reach(pipe: int) -> int:
+def _out_of_reach(*pipes: int) -> list[int]:
+    """Return other descriptors of pipes, which are closed with all that is open but the standard streams."""
     import fcntl
 
-    other = fcntl.fcntl(pipe, fcntl.F_DUPFD_CLOEXEC, 10)
-    os.close(pipe)
-    return other
+    first = 100
+    found = [fcntl.fcntl(pipe, fcntl.F_DUPFD_CLOEXEC, first) for pipe in pipes]
+    os.closerange(3, first)
+    for one, other in pairwise([*sorted(found), os.sysconf("SC_OPEN_MAX")]):
+        os.closerange(one + 1, other)
+    return found
 
 
 def _tell(pipe: int, kind: Told, **body: Any) -> None:
