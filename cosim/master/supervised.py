@@ -327,10 +327,10 @@ class SupervisedRun:
         """See that the process has ended, with all that it has started, and close the pipes."""
         if self._pipes:
             give_up = time.monotonic() + _LAST_MOMENT  # its pipe closes a little before it ends
-            while not self._left and _lives(self._pid) and time.monotonic() < give_up:
+            while self._status is None and _lives(self._pid) and time.monotonic() < give_up:
                 time.sleep(0.001)
-            if self._left and not _lives(self._pid):
-                self._has_ended(0)
+            if self._left:  # and nothing that it has started is left
+                self._has_ended()
             self._end_tree()
             for pipe in self._pipes:
                 os.close(pipe)

@@ -10,8 +10,9 @@ import faulthandler
 import json
 import os
 import signal
+import sys
 import traceback
-from contextlib import AbstractContextManager, closing
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import asdict
 from enum import IntEnum
 from functools import partial
@@ -67,7 +68,7 @@ def child(
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
     orders, tells = _out_of_reach(orders, tells)
-    os.dup2(2, 1)  # what FMUs print is no output of the command
+    _print_to_standard_error()
     tell = partial(_tell, tells)
     activity.listen()
     try:
@@ -131,6 +132,14 @@ def _leave() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
+
+
+def _print_to_standard_error() -> None:
+    """Let everything that is printed go there: it is no output of the command."""
+    with suppress(OSError):  # the harness has none
+        os.fstat(2)
+        os.dup2(2, 1)
+        sys.stdout = sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
 
 
 def _out_of_reach(*pipes: int) -> list[int]:

@@ -105,7 +105,7 @@ def test_what_starts_more_and_more(start: Start) -> None:
     process_tree.end(process.pid, mark)
     assert process.wait(30) == -signal.SIGKILL
     time.sleep(0.1)
-    assert process_tree._marked(mark) == []
+    assert process_tree._marked(mark, "") == []
 
 
 def test_nothing_else_is_touched() -> None:
