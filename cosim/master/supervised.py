@@ -44,7 +44,7 @@ from cosim.plant.protocol import HEADER, send
 from cosim.plant.spec import Value
 from cosim.plant.start_check import not_started
 from cosim.results.result import Result
-from cosim.scenario.scenario import TIME_LIMIT, Scenario
+from cosim.scenario.scenario import SUPERVISED_TIME_LIMIT, Scenario
 from cosim.shared_memory import shared
 
 _LOOK = 0.05
@@ -100,7 +100,7 @@ class SupervisedRun:
             self._fleet = _Elsewhere()
             self._records = Simulation(scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder)
             limits = [robot.source.time_limit for robot in driven_robots(self.setup)]
-            self._limits = [TIME_LIMIT if limit is None else limit for limit in limits]
+            self._limits = [SUPERVISED_TIME_LIMIT if limit is None else limit for limit in limits]
             self._activity = activity()
             self._seen, self._since = (-1, 0.0), time.monotonic()
             cleanup.callback(self._kill)

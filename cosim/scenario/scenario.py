@@ -23,6 +23,8 @@ DEFAULT_TOLERANCE = 1e-6
 """Relative tolerance of solvers with variable steps."""
 TIME_LIMIT = 10.0
 """Default time limit [s] of a plant in a process of its own, for the start, for a step and for the end."""
+SUPERVISED_TIME_LIMIT = 60.0
+"""The same in the supervised process, where nobody has asked for a limit."""
 
 OPEN = "..."
 """Stands in a binding for text that the user must fill in."""
@@ -107,11 +109,11 @@ class PlantSource:
     isolated : bool
         Whether each robot's FMU runs in a process of its own.
     trusted : bool
-        Whether it runs in the process that judges and writes.
+        Whether it may run in the process that judges and writes.
     logging : bool
         Whether the FMU is asked to log everything.
     time_limit : float or None
-        Of such a process [s], for the start, a step and the end; None if not stated.
+        What it may take [s] for its start, a step and its end; None if not stated.
     """
 
     id: str
