@@ -24,7 +24,9 @@ def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FORMATION_CACHE", str(folder / "fmu-cache"))
         patch.setenv("MPLBACKEND", "agg")
-        patch.setattr("cosim.cli.console.PATIENCE", 3600.0)  # nothing is said because the machine is busy
+        patch.setenv("FORMATION_PATIENCE", "3600")  # nothing is said because the machine is busy
+        patch.setattr("cosim.cli.console.PATIENCE", 3600.0)
+        patch.setattr("cosim.compiling.LONG", 3600.0)
         yield
 
 

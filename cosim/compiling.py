@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-LONG = 1.0
+
+def patience(usual: float) -> float:
+    """Return after how many seconds something is told to take long: a usual number, or FORMATION_PATIENCE."""
+    try:
+        return float(os.environ["FORMATION_PATIENCE"])
+    except (KeyError, ValueError):
+        return usual
+
+
+LONG = patience(1.0)
 """Seconds of compilation after which it is told."""
 
 _tellers: list[Callable[[], None]] = []

@@ -163,7 +163,7 @@ def ignored() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("number", POSIX_SIGNALS[::2])
-@pytest.mark.parametrize("name", ["Simulation", "summarise"])
+@pytest.mark.parametrize("name", ["whole_run", "summarise"])
 def test_a_signal_that_was_ignored_before(
     line: str,
     tmp_path: Path,
@@ -183,7 +183,7 @@ def test_a_signal_that_was_ignored_before(
     monkeypatch.setattr(cosim.cli.run, name, interrupted)
     failed(capsys, 1 if number == signal.SIGHUP else 130, "run", line, "--out", str(tmp_path), *SHORT)
     assert [signal.getsignal(number) for number in POSIX_SIGNALS] == [signal.SIG_IGN] * 3
-    assert (tmp_path / "clmr_line" / "result.nc").exists() == (number == signal.SIGHUP or name != "Simulation")
+    assert (tmp_path / "clmr_line" / "result.nc").exists() == (number == signal.SIGHUP or name != "whole_run")
 
 
 def test_a_signal_before_the_first_tick(

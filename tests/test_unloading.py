@@ -27,7 +27,7 @@ FMI = ("1.0", "2.0", "3.0")
 def written(folder: Path, name: str, below: str, fmi: str = "2.0", more: str = "") -> Path:
     fmu = make_fmu(folder, fmi=fmi, behaviour="thread", name=f"thread_{fmi[0]}")
     expect = f'<expect><final signal="range_error" below="{below}"/>{more}</expect>'
-    return scenario(folder / f"{name}.xml", f'<plant id="car" fmu="{fmu}"/>', more=expect)
+    return scenario(folder / f"{name}.xml", f'<plant id="car" fmu="{fmu}" isolate="no"/>', more=expect)
 
 
 def python(folder: Path, *arguments: str) -> tuple[int, str, str]:
@@ -86,7 +86,9 @@ def test_isolated(tmp_path: Path) -> None:
 @pytest.mark.parametrize("behaviour", ["good", "thread"])
 def test_what_is_unloaded(tmp_path: Path, behaviour: str) -> None:
     """A library without threads is unloaded: many runs in one session do not fill the memory."""
-    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make_fmu(tmp_path, behaviour=behaviour)}"/>')
+    path = scenario(
+        tmp_path / "s.xml", f'<plant id="car" fmu="{make_fmu(tmp_path, behaviour=behaviour)}" isolate="no"/>'
+    )
     program = (
         f"import cosim\nfor _ in range(3): cosim.run({str(path)!r})\n"
         "print(len({l.split()[5] for l in open('/proc/self/maps') if '/stub.so' in l}))"

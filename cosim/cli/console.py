@@ -17,10 +17,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from cosim.cli.remedies import advice
+from cosim.compiling import patience
 from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
-PATIENCE = 3.0
+PATIENCE = patience(3.0)
 """Seconds of silence, without a terminal, before a slow step is named."""
 
 

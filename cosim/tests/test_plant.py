@@ -461,7 +461,7 @@ def test_a_tolerance_of_fixed_steps_is_refused(make: Make, tmp_path: Path, solve
 
 def test_a_time_limit_may_be_there_for_nothing(make: Make, tmp_path: Path) -> None:
     """Whether the plant is isolated may depend on --untrusted."""
-    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" time_limit="5 s"/>')
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" isolate="no" time_limit="5 s"/>')
     result = cosim.run(path)
     assert json.loads(result.attrs["plants"])["car"]["process"] == "the harness"
 
