@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain, count
+from operator import itemgetter
 from typing import NamedTuple
 
-from cosim.fmu.alike import all_without_numbers, without_numbers
+from cosim.fmu.alike import KEPT, all_without_numbers, without_numbers
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
-from cosim.fmu.model_description import ModelDescription, Variable
+from cosim.fmu.model_description import ModelDescription, SimpleType, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
 from cosim.scenario.scenario import OPEN
 from cosim.swap.naming import in_english, parts_of, words_of
@@ -26,21 +29,24 @@ ALLOWED: Mapping[str, tuple[str, ...]] = {
 """Causalities of variables that can play a role, the better ones first."""
 
 
-class Number(NamedTuple):
+@dataclass(eq=False)
+class Number:
     """A number of an FMU that could play a role.
 
     Attributes
     ----------
+    description : ModelDescription
+        That of the FMU.
+    at : int
+        Numbers have the order of this.
     variable : Variable
         The variable that holds it.
     element : int
         Which of its elements it is, from 0; 0 of a scalar.
     name : str
         As a binding writes it.
-    words : tuple of str
-        Those of its variable's name, without a unit at the end.
-    hint : str
-        This unit; empty if there is none.
+    stem : str
+        The name without its index.
     array : str
         The name of its array; empty for a scalar.
     place : int
@@ -49,24 +55,8 @@ class Number(NamedTuple):
         Of this array.
     """
 
-    variable: Variable
-    element: int
-    name: str
-    words: tuple[str, ...]
-    hint: str = ""
-    array: str = ""
-    place: int = -1
-    size: int = 1
-
-
-_INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
-_DIGITS = re.compile("[0-9]+")
-_LARGEST_ARRAY = 16
-
-
-class _Place(NamedTuple):
-    """A number before its name has been looked at: as the attributes of `Number`, and the name without an index."""
-
+    description: ModelDescription
+    at: int
     variable: Variable
     element: int
     name: str
@@ -75,33 +65,33 @@ class _Place(NamedTuple):
     place: int = -1
     size: int = 1
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words of its variable's name, without a unit at the end."""
+        return self._named[0]
 
-def _places(description: ModelDescription) -> Iterator[_Place]:
-    """Return the real numbers that could play a role: all scalars, and the elements of small arrays."""
-    wanted = {causality for causalities in ALLOWED.values() for causality in causalities}
-    types = frozenset(NUMBER_TYPES)
-    known = description.by_name
-    arrays: dict[str, list[tuple[int, Variable]]] = {}  # those whose elements are variables of their own
-    for variable in description.modelVariables:
-        name = variable.name
-        if variable.type not in types or variable.causality not in wanted or known[name] is None:
-            continue
-        if name[:1] in "d_" and name.startswith(("der(", "__")):
-            continue
-        try:
-            shape = shape_of(variable) if variable.dimensions else ()
-        except ValueError:
-            continue
-        if name.endswith("]") and (indexed := _INDEXED.fullmatch(name)):
-            arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
-        elif not shape:
-            yield _Place(variable, 0, name, name)
-        elif len(shape) == 1 and shape[0] <= _LARGEST_ARRAY:
-            size = shape[0]
-            yield from (_Place(variable, i, f"{name}[{i + 1}]", name, name, i, size) for i in range(size))
-    for name, elements in arrays.items():
-        for place, (_, variable) in enumerate(sorted(elements, key=lambda item: item[0])):
-            yield _Place(variable, 0, variable.name, name, name, place, len(elements))
+    @property
+    def hint(self) -> str:
+        """The unit at the end of the name; empty if there is none."""
+        return self._named[1]
+
+    @cached_property
+    def _named(self) -> tuple[tuple[str, ...], str]:
+        return _named(self.description, self.variable, self.stem)
+
+
+class Alike(NamedTuple):
+    """Numbers of which all that tells of a role is the same: the first one, and where all of them are."""
+
+    first: Number
+    places: Sequence[int]
+
+
+_INDEXED = re.compile(r"(.+)\[([0-9]+)\]")
+_DIGITS = re.compile("[0-9]+")
+_LARGEST_ARRAY = 16
+_Key = tuple[str, str, str, str | None, SimpleType | None, bool]
+"""What variables have in common that are alike: name without numbers, causality, type, unit, whether an array."""
 
 
 def _named(description: ModelDescription, variable: Variable, name: str) -> tuple[tuple[str, ...], str]:
@@ -120,78 +110,164 @@ def _named(description: ModelDescription, variable: Variable, name: str) -> tupl
 class Numbers:
     """The numbers of an FMU that could play a role, found by their causality and by the words of their names.
 
-    An FMU may have a hundred thousand of them. Those are *alike* that have the same unit and causality, and names that
-    differ by digits other than 0 only; of such a group, one name is taken apart. Each role looks only at those whose
-    names have a word that tells of it.
+    They are the real scalars, and the elements of small arrays. An FMU may have a hundred thousand of them. Those are
+    *alike* that have the same unit and causality, and names without an index that differ by numbers only, other than
+    those that are kept; of such a group, one name is taken apart. Each role looks only at those whose names have a
+    word that tells of it.
     """
 
     def __init__(self, description: ModelDescription) -> None:
         self._description = description
-        self._places = list(_places(description))
-        self._number_at: dict[int, Number] = {}
-        self._of_name = {place.name: at for at, place in enumerate(self._places)}
-        self._of_array: dict[str, list[int]] = defaultdict(list)
-        groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
-        stems = all_without_numbers(place.stem for place in self._places)
-        for at, (place, stem) in enumerate(zip(self._places, stems, strict=False)):
-            groups[stem, unit_name(place.variable), place.variable.causality].append(at)
-            if place.array:
-                self._of_array[place.array].append(at)
+        self._known: dict[int, Number] = {}  # those that were made; scalars are made when they are asked for
+        self._of_name: dict[str, int] = {}
+        self._of_array: dict[str, list[Number]] = defaultdict(list)
         self._of_causality: dict[str, list[list[int]]] = defaultdict(list)
         self._of_word: dict[str, list[list[int]]] = defaultdict(list)
+        indexed: list[int] = []
+        for (stem, causality, _, _, _, has_dimensions), places in self._groups():
+            if _INDEXED.fullmatch(stem):
+                indexed += places
+            elif has_dimensions:
+                self._add_arrays(places)
+            else:
+                self._of_name.update((self._variable(at).name, at) for at in places)
+                self._add(causality, places)
+        self._add_elements(sorted(indexed))
+
+    def _groups(self) -> Iterator[tuple[_Key, list[int]]]:
+        """Yield where variables are that could play a role, those that are alike together."""
+        variables, known = self._description.modelVariables, self._description.by_name
+        stems = all_without_numbers(variable.name for variable in variables)
+        groups: dict[_Key, list[int]] = defaultdict(list)
+        for at, v, stem in zip(count(step=_LARGEST_ARRAY), variables, stems, strict=False):
+            groups[stem, v.causality, v.type, v.unit, v.declaredType, bool(v.dimensions)].append(at)
+        wanted = {causality for causalities in ALLOWED.values() for causality in causalities}
+        for key, places in groups.items():
+            stem, causality, kind, *_ = key
+            if kind not in NUMBER_TYPES or causality not in wanted or stem.startswith(("der(", "__")):
+                continue
+            if len(known) < len(variables):  # several have one name
+                places = [at for at in places if known[self._variable(at).name] is not None]
+            if places:
+                yield key, places
+
+    def _add_arrays(self, places: Iterable[int]) -> None:
+        """Add the elements of arrays that are a variable each, and that are alike."""
+        elements: list[Number] = []
+        for at in places:
+            variable = self._variable(at)
+            name, shape = variable.name, _shape(variable) or ()
+            size = shape[0] if len(shape) == 1 and shape[0] <= _LARGEST_ARRAY else 0
+            for i in range(size):
+                elements.append(self._element(at + i, variable, i, f"{name}[{i + 1}]", name, i, size))
+        if elements:
+            self._add(elements[0].variable.causality, [number.at for number in elements])
+
+    def _add_elements(self, places: Iterable[int]) -> None:
+        """Add variables that are elements of arrays, as their names say."""
+        arrays: dict[str, list[tuple[int, Variable]]] = {}
+        for variable in map(self._variable, places):
+            if (indexed := _INDEXED.fullmatch(variable.name)) and _shape(variable) is not None:
+                arrays.setdefault(indexed[1], []).append((int(indexed[2]), variable))
+        behind = count(_LARGEST_ARRAY * len(self._description.modelVariables))
+        groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
+        for name, elements in arrays.items():
+            stem = without_numbers(name)
+            for place, (_, variable) in enumerate(sorted(elements, key=itemgetter(0))):
+                number = self._element(next(behind), variable, 0, variable.name, name, place, len(elements))
+                groups[stem, unit_name(variable), variable.causality].append(number.at)
         for (_, _, causality), alike in groups.items():
-            self._of_causality[causality].append(alike)
-            for word in set(map(without_numbers, self._number(alike[0]).words)):
-                self._of_word[word].append(alike)
+            self._add(causality, alike)
+
+    def _element(
+        self, at: int, variable: Variable, element: int, name: str, array: str, place: int, size: int
+    ) -> Number:
+        number = self._known[at] = Number(self._description, at, variable, element, name, array, array, place, size)
+        self._of_name[name] = at
+        self._of_array[array].append(number)
+        return number
+
+    def _add(self, causality: str, alike: list[int]) -> None:
+        self._of_causality[causality].append(alike)
+        for word in set(map(without_numbers, self._number(alike[0]).words)):
+            self._of_word[word].append(alike)
 
     def of(self, causality: str) -> list[Number]:
         """Return the numbers of a causality."""
-        return [self._number(at) for at in sorted(at for alike in self._of_causality[causality] for at in alike)]
+        return self.those_at(chain.from_iterable(self._of_causality[causality]))
 
     def named(self, name: str) -> Number:
         """Return the one of a name that is known to be there."""
         return self._number(self._of_name[name])
 
+    def those_at(self, places: Iterable[int]) -> list[Number]:
+        """Return the numbers at some places, in their order."""
+        return [self._number(at) for at in sorted(places)]
+
     def having(self, words: Iterable[str]) -> list[Number]:
         """Return those whose names have any of some words, or are one of them."""
-        found = {self._of_name[word] for word in words if word in self._of_name}
-        for word in words:
-            of_all = word == "0" or not word.isdigit()
-            for alike in self._of_word.get(without_numbers(word), ()):
-                found.update(alike if of_all else (at for at in alike if self._has_number(at, word)))
-        return [self._number(at) for at in sorted(found)]
+        alone, groups = self._having(set(words))
+        return self.those_at(alone.union(*groups))
 
     def names(self, causality: str, chosen: Callable[[Number], bool]) -> list[str]:
         """Return the names of the numbers of a causality that fit by unit and by the words of the name."""
         chosen_ones = (alike for alike in self._of_causality[causality] if chosen(self._number(alike[0])))
-        return [self._places[at].name for at in sorted(chain.from_iterable(chosen_ones))]
+        return [number.name for number in self.those_at(chain.from_iterable(chosen_ones))]
 
     def array_of(self, number: Number) -> list[Number]:
         """Return all elements of the array that a number is in, in their order."""
-        return [self._number(at) for at in self._of_array[number.array]]
+        return self._of_array[number.array]
 
-    def telling(self, role: Role, kind: Kind) -> list[Number]:
-        """Return the numbers whose names may tell of a role."""
+    def telling(self, role: Role, kind: Kind) -> Iterator[Alike]:
+        """Yield the numbers whose names may tell of a role; each element of an array by itself."""
         groups: list[Collection[str]] = [{role.name}, words_of(role.name)[:1]]
         groups += [series.words for series in kind.series if role.name in series.roles]
         recognition = kind.recognised.by_role.get(role.name)
         for clue in recognition.clues if recognition is not None else ():  # of each of its groups, a word must be there
             groups.append(min(clue.groups, key=self._frequency))
-        return self.having({word for group in groups for word in group})
+        alone, found = self._having({word for group in groups for word in group})
+        sizes = {1}.union(*(series.sizes for series in kind.series))
+        for alike in found:
+            others = [at for at in alike if at not in alone] if alone else alike
+            if others and self._number(others[0]).array:
+                others = [at for at in others if self._number(at).size in sizes]
+                yield from (Alike(self._number(at), (at,)) for at in others)
+            elif others:
+                yield Alike(self._number(others[0]), others)
+        yield from (Alike(self._number(at), (at,)) for at in alone)
+
+    def _having(self, words: Set[str]) -> tuple[set[int], list[list[int]]]:
+        """Return where numbers are whose names have any of some words or are one of them: each alone, and groups."""
+        alone = {self._of_name[word] for word in words if word in self._of_name}
+        groups: dict[int, list[int]] = {}
+        for word in words:
+            for alike in self._of_word.get(without_numbers(word), ()):
+                if word in KEPT or not word.isdigit():
+                    groups[id(alike)] = alike
+                else:
+                    alone.update(at for at in alike if word in _DIGITS.findall(self._number(at).stem))
+        return alone, list(groups.values())
+
+    def _variable(self, at: int) -> Variable:
+        return self._description.modelVariables[at // _LARGEST_ARRAY]
 
     def _number(self, at: int) -> Number:
-        number = self._number_at.get(at)
+        number = self._known.get(at)
         if number is None:
-            variable, element, name, stem, array, place, size = self._places[at]
-            words, hint = _named(self._description, variable, stem)
-            number = self._number_at[at] = Number(variable, element, name, words, hint, array, place, size)
+            variable = self._variable(at)
+            number = self._known[at] = Number(self._description, at, variable, 0, variable.name, variable.name)
         return number
-
-    def _has_number(self, at: int, digits: str) -> bool:
-        return digits in _DIGITS.findall(self._places[at].stem)
 
     def _frequency(self, words: Iterable[str]) -> int:
         return sum(len(alike) for word in words for alike in self._of_word.get(without_numbers(word), ()))
+
+
+def _shape(variable: Variable) -> tuple[int, ...] | None:
+    """Return the dimensions of a variable; None if one is not known."""
+    try:
+        return shape_of(variable) if variable.dimensions else ()
+    except ValueError:
+        return None
 
 
 class Reading(NamedTuple):

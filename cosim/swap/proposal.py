@@ -24,7 +24,7 @@ from cosim.plant.spec import WHOLE
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.scenario import OPEN, BindingSource, RoleSource
 from cosim.swap.array_roles import Told, told
-from cosim.swap.candidates import ALLOWED, Number, Numbers, Reading, reading
+from cosim.swap.candidates import ALLOWED, Alike, Number, Numbers, Reading, reading
 from cosim.swap.naming import doubtful, without_start, words_of
 from cosim.swap.wrong_kind import no_vehicle, other_kind
 from cosim.vehicle.kind import Kind, Role
@@ -242,11 +242,10 @@ def _comment(text: str) -> etree._Element:
 
 
 class _Fit(NamedTuple):
-    """A number that may play a role: how well, the smaller the better, and how it can be read."""
+    """Numbers that may play a role: how well, the smaller the better."""
 
     rank: tuple[int, int, int, int]
-    number: Number
-    reading: Reading
+    alike: Alike
 
 
 def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Numbers) -> Suggestion:
@@ -254,8 +253,9 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
         return _suggest_enumeration(role, description)
     fitting: list[_Fit] = []
     by_place: list[_Fit] = []
-    unfit = []
-    for number in numbers.telling(role, kind):
+    unfit: list[int] = []
+    for alike in numbers.telling(role, kind):
+        number = alike.first
         causality = number.variable.causality
         if causality not in ALLOWED[role.causality]:
             continue
@@ -263,33 +263,32 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
         rank = _rank(role, kind, number, number.words) if how is None else (0, 0)
         if rank is None:
             continue
-        read = reading(description, number, role)
-        if read is None:
+        if reading(description, number, role) is None:
             if how is not Told.BY_PLACE:
-                unfit.append(f"{number.name!r} is in {unit_name(number.variable) or number.hint}")
+                unfit += alike.places
             continue
         preference = ALLOWED[role.causality].index(causality)
         tier = 2 * preference + 1 if how is not None else 2 if preference and rank[1] else 0
-        fit = _Fit((tier, rank[0], preference, rank[1]), number, read)
+        fit = _Fit((tier, rank[0], preference, rank[1]), alike)
         (by_place if how is Told.BY_PLACE else fitting).append(fit)
-    best = _best([fit for fit in fitting if fit.number.variable.type not in WHOLE] or fitting)
+    best = _best([fit for fit in fitting if fit.alike.first.variable.type not in WHOLE] or fitting, numbers)
     if len(best) == 1:
-        played = _played(role, description, kind, best[0], numbers)
-        if role in kind.pose[2:] and _told(role, kind, best[0].number, numbers, description):
-            number = best[0].number
+        number = best[0]
+        played = _played(role, description, kind, number, numbers)
+        if role in kind.pose[2:] and _told(role, kind, number, numbers, description):
             place = f"{number.name!r} is taken by its place in {number.array!r}: check that it is {role.meaning}"
             return replace(played, doubts=(*played.doubts, place))
         return played
     reasons = []
+    likely = best or _best(by_place, numbers)
     if best:
-        reasons.append(f"could be played by {_listed(repr(fit.number.name) for fit in best)}")
-    elif by_place := _best(by_place):
-        reasons += [_asked(_played(role, description, kind, fit, numbers), fit) for fit in by_place]
+        reasons.append(f"could be played by {_listed(repr(number.name) for number in best)}")
+    elif likely:
+        reasons += [_asked(_played(role, description, kind, number, numbers), number) for number in likely]
     elif unfit:
-        reasons.append(f"needs a unit that fits {role.unit}: {_listed(unfit)}")
-    candidates = tuple(
-        fit.number.name for fit in best or by_place if best or fit.number.variable.causality == role.causality
-    )
+        units = (f"{n.name!r} is in {unit_name(n.variable) or n.hint}" for n in numbers.those_at(unfit))
+        reasons.append(f"needs a unit that fits {role.unit}: {_listed(units)}")
+    candidates = tuple(n.name for n in likely if best or n.variable.causality == role.causality)
     if role.optional:
         return Suggestion(role, candidates=candidates)
     if role.causality == "parameter" and not best:
@@ -310,14 +309,14 @@ def _told(role: Role, kind: Kind, number: Number, numbers: Numbers, description:
     return told(role, kind, number, numbers, description)
 
 
-def _asked(suggestion: Suggestion, fit: _Fit) -> str:
+def _asked(suggestion: Suggestion, number: Number) -> str:
     """Return the question whether a number plays a role if its place in an array is the only evidence."""
     assert suggestion.source is not None
     said = attributes(suggestion.source)
     del said["name"]
     state = " ".join(f'{name}="{value}"' for name, value in said.items())
     return (
-        f"{fit.number.name!r} could be it by its place in {fit.number.array!r}, which is no proof: "
+        f"{number.name!r} could be it by its place in {number.array!r}, which is no proof: "
         f"if it is {suggestion.role.meaning}, state {state}"
     )
 
@@ -345,15 +344,15 @@ def _rank(role: Role, kind: Kind, number: Number, words: tuple[str, ...]) -> tup
     return None if rank is None else (rank[0] + 1, rank[1])
 
 
-def _best(found: list[_Fit]) -> list[_Fit]:
+def _best(found: list[_Fit], numbers: Numbers) -> list[Number]:
     """Return the numbers that fit best, each once: variables with the same value reference are the same number."""
     least = min((fit.rank for fit in found), default=None)
-    best = {(f.number.variable.valueReference, f.number.element): f for f in reversed(found) if f.rank == least}
-    return list(reversed(best.values()))
+    best = numbers.those_at(at for fit in found if fit.rank == least for at in fit.alike.places)
+    return list(reversed({(n.variable.valueReference, n.element): n for n in reversed(best)}.values()))
 
 
-def _played(role: Role, description: ModelDescription, kind: Kind, fit: _Fit, numbers: Numbers) -> Suggestion:
-    number, read = fit.number, fit.reading
+def _played(role: Role, description: ModelDescription, kind: Kind, number: Number, numbers: Numbers) -> Suggestion:
+    read = reading(description, number, role) or Reading()
     source = RoleSource(name=role.name, variable=number.name, unit=read.unit, factor=read.factor, where=_HERE)
     text = printable(" ".join((number.variable.description or "").split()))[:200]
     says = f". The FMU describes it as {text!r}" if text else ""
@@ -379,14 +378,15 @@ def _initial(role: Role, description: ModelDescription, kind: Kind, played_by: N
         rest = without_start(number.words)
         if number.variable.causality != "parameter" or rest is None or number.size != played_by.size:
             continue
-        if (read := reading(description, number, role)) is None:
+        if reading(description, number, role) is None:
             continue
+        alike = Alike(number, (number.at,))
         if [word for word in rest if word not in NEUTRAL] == own and number.place == played_by.place:
-            fitting.append(_Fit((0, -3, 0, 0), number, read))
+            fitting.append(_Fit((0, -3, 0, 0), alike))
         elif (rank := _rank(role, kind, number, rest)) is not None:
-            fitting.append(_Fit((0, rank[0], 0, rank[1]), number, read))
-    best = _best(fitting)
-    return best[0].number.name if len(best) == 1 else None
+            fitting.append(_Fit((0, rank[0], 0, rank[1]), alike))
+    best = _best(fitting, numbers)
+    return best[0].name if len(best) == 1 else None
 
 
 def _by_name(role: Role) -> RoleSource:
