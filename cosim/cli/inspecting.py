@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from itertools import chain
 
 from rich.console import Console
 
@@ -148,7 +149,10 @@ def _capabilities(interface: str, said: Mapping[str, str]) -> Iterator[str]:
 
 def _print_variables(console: Console, package: Package, rows: int | None) -> None:
     every = package.description.modelVariables
-    variables = sorted(every, key=lambda variable: _ORDER.get(variable.causality, len(_ORDER)))
+    ranks: list[list[Variable]] = [[] for _ in range(len(_ORDER) + 1)]
+    for variable in every:
+        ranks[_ORDER.get(variable.causality, -1)].append(variable)
+    variables = list(chain.from_iterable(ranks))
     numbers = Counter([variable.causality for variable in variables])
     shown = table(console, "Variables: " + ", ".join(f"{number} {causality}" for causality, number in numbers.items()))
     narrow = console.width < NARROW

@@ -9,7 +9,7 @@ import gc
 import os
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -22,14 +22,13 @@ from lxml import etree
 from cosim.errors import printable
 from cosim.fmu.alike import all_without_numbers
 from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
-from cosim.fmu.breaches import breaches
+from cosim.fmu.breaches import OPTIONS, checked
 from cosim.fmu.description_reader import description_of
 from cosim.fmu.model_description import ModelDescription
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
-PARSER = etree.XMLParser(
-    resolve_entities=False, no_network=True, huge_tree=True, collect_ids=False, remove_blank_text=True
-)
+PARSER = etree.XMLParser(**OPTIONS)
+_PIECE = 4096
 
 SCHEDULED_EXECUTION = "scheduled_execution"
 _INTERFACES = {
@@ -75,9 +74,9 @@ def read(directory: Path) -> Reading:
     with without_collection():
         path = directory / DESCRIPTION
         data = path.read_bytes()
-        root = _root(path, data)
-        schema = _schema(root.get("fmiVersion", "")[:1])
-        problems = [] if schema is None else list(breaches(data, root, schema))
+        root, problems = checked(path, data, PARSER, _schema(_version(data)))
+        if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
+            raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
         try:
             description = description_of(root)
         except Exception as error:  # a breach of the schema is nearer to the cause
@@ -112,14 +111,17 @@ def without_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _root(path: Path, data: bytes) -> etree._Element:
-    """Return the root element; refuse one that is not of FMI, before a tree is made of more tags than any FMU has."""
+def _version(data: bytes) -> str:
+    """Return the major version of FMI; refuse more tags than any FMU has before a tree is made of them."""
     if (tags := data.count(b"<")) > MAX_TAGS:
         raise ValueError(f"it has {tags} beginnings and ends of elements; at most {MAX_TAGS} are read")
-    root = etree.parse(path, PARSER).getroot()
-    if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
-        raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
-    return root
+    parser = etree.XMLPullParser(events=("start",), **OPTIONS)
+    for begin in range(0, len(data), _PIECE):
+        with suppress(etree.XMLSyntaxError):  # to be told by who parses all of it
+            parser.feed(data[begin : begin + _PIECE])
+        for _, root in parser.read_events():
+            return str(root.get("fmiVersion", ""))[:1]
+    return ""
 
 
 def _cause(root: etree._Element, problems: list[str], error: Exception) -> str:
