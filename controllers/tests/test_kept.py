@@ -76,7 +76,12 @@ def test_nothing_is_loaded_from_there(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(source)
     program = "import module; module.f(1); print(sum(module.f.stats.cache_hits.values()))"
     command = [sys.executable, "-W", "ignore", "-c", program]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba"), "PYTHONPATH": str(tmp_path)}
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "numba"),
+        "PYTHONPATH": str(tmp_path),
+        "NUMBA_DISABLE_JIT": "0",
+    }
     options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
 
     def hits() -> str:

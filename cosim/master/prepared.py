@@ -78,6 +78,7 @@ class Prepared:
         self.scenario = scenario
         self.resets = True
         self._record = record
+        self._structure = _structure(scenario)
         self._fleet: Fleet | None = None
         self._memory: list[NDArray[Any]] = []
         self._reset = False  # whether the plants of the last run were those of the run before
@@ -197,7 +198,7 @@ class Prepared:
 
     def _check_structure(self, scenario: Scenario) -> None:
         asked = _structure(scenario)
-        for what, prepared in _structure(self.scenario).items():
+        for what, prepared in self._structure.items():
             if asked.get(what) != prepared:
                 raise InputError(
                     f"{scenario.name!r} cannot be run as a variation of {self.scenario.name!r}, as {what} differs: "

@@ -143,12 +143,13 @@ class SupervisedRun:
 
     def close(self) -> None:
         """End all plants with the process, within their time limits."""
-        with suppress(OSError):
+        try:
             if self._pipes:
                 self._send(Order.CLOSE, {})
                 while (told := self._receive(lambda: None)) is not None:
                     self._left |= told[0] == Told.CLOSED
-        self._cleanup.close()
+        finally:
+            self._cleanup.close()
 
     def __enter__(self) -> Self:
         """Return the run; it is closed at the end of the block."""
