@@ -15,7 +15,8 @@ MOST = 1000
 """Breaches that are reported of a large file."""
 _LARGE = 20_000
 """Beginnings and ends of elements in a file that is large."""
-_PIECE = 65536
+_PIECE = 8192
+_ROOT = "fmiModelDescription"
 
 
 class Checked(NamedTuple):
@@ -69,7 +70,7 @@ OPTIONS: dict[str, Any] = {
 
 def _begun(data: bytes, schema: etree.XMLSchema) -> tuple[etree._Element | None, bytes, int]:
     """Return the root of a large file without breaches; else None, its beginning with some, and how many it has."""
-    parser = etree.XMLPullParser(events=(), schema=schema, **OPTIONS)
+    parser = etree.XMLPullParser(events=("end",), tag=_ROOT, schema=schema, **OPTIONS)
     found = 0
     try:
         for begin in range(0, len(data), _PIECE):
@@ -77,6 +78,8 @@ def _begun(data: bytes, schema: etree.XMLSchema) -> tuple[etree._Element | None,
             found = len(parser.feed_error_log)
             if found >= MOST:
                 return None, data[: begin + _PIECE], found
+        if all(element.getparent() is not None for _, element in parser.read_events()):
+            return None, data, found  # the root has no end, which a parser with a schema does not tell
         return parser.close(), data, 0
     except etree.XMLSyntaxError:  # or a breach of the schema, when it is closed
         return None, data, found
