@@ -42,6 +42,12 @@ ALL = 31
 LIMIT = 0.5
 """What a plant that hangs may take [s]."""
 
+EACH = [
+    *(pytest.param(MODES[0], fmi, id=f"supervised-{fmi}") for fmi in FMI),
+    pytest.param(MODES[1], "2.0", id="isolated-2.0"),
+]
+"""Mode and version of FMI: a process of its own calls an FMU as the supervised one does."""
+
 Make = Callable[..., Path]
 Run = Callable[..., tuple[int, str, xr.Dataset | None]]
 
@@ -92,7 +98,8 @@ def run(make: Make, tmp_path: Path, nothing_left: None, capfd: pytest.CaptureFix
 def write(path: Path, make: Make, mode: str, limit: float, followers: tuple[str, ...], **options: Any) -> Path:
     attributes = f'{mode} time_limit="{limit} s"'
     solver = 'solver="euler"' if options.get("interface") == "model_exchange" else ""
-    plants = f'<plant id="good" fmu="{make(name="good")}"/>'
+    here = 'isolate="no"' if mode else ""  # another foreign FMU would take the run to the supervised process
+    plants = f'<plant id="good" fmu="{make(name="good")}" {here}/>'
     plants += f'<plant id="bad" fmu="{make(**options)}" {attributes} {solver}/>'
     return scenario(path, plants, leader="good", followers=followers, horizon="0.6 s")
 
@@ -139,8 +146,7 @@ def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour:
     assert recorded(result, reference, BEFORE)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
-@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("mode", "fmi"), EACH)
 def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="terminate", fmi=fmi)
     assert status == 3
@@ -149,8 +155,7 @@ def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode
     assert recorded(result, reference, BEFORE)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
-@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("mode", "fmi"), EACH)
 @pytest.mark.parametrize("behaviour", ["error", "discard", "terminate", "nan"])
 def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour=behaviour, fmi=fmi, interface="model_exchange")
@@ -165,8 +170,7 @@ def test_model_exchange(run: Run, behaviour: str, fmi: str, mode: str) -> None:
     assert result.sizes["time"] == (BEFORE if behaviour != "nan" else BEFORE - 1)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
-@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("mode", "fmi"), EACH)
 @pytest.mark.parametrize(("behaviour", "what"), [("nan", "x = nan m"), ("infinity", "v = inf m/s")])
 def test_numbers_that_are_none(run: Run, reference: xr.Dataset, behaviour: str, what: str, fmi: str, mode: str) -> None:
     """They are caught at the communication point where they first appear, before anyone computes with them."""
@@ -362,8 +366,7 @@ def test_in_the_harness_it_takes_the_harness_down(make: Make, tmp_path: Path, be
 # What can be borne ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
-@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("mode", "fmi"), EACH)
 def test_a_flood_of_messages(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="log_million", lines=50_000, fmi=fmi)
     assert (status, printed) == (0, "")
@@ -373,8 +376,7 @@ def test_a_flood_of_messages(run: Run, reference: xr.Dataset, fmi: str, mode: st
     assert message == f"follower_1, t = 0.5 s: 50000 messages, the last of them: {last}"
 
 
-@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
-@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(("mode", "fmi"), EACH)
 @pytest.mark.parametrize("behaviour", ["log_odd", "log_percent", "log_long"])
 def test_odd_messages(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)

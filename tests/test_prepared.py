@@ -26,7 +26,7 @@ from cosim.scenario.scenario import Scenario
 
 from .two_followers import two_followers
 
-HORIZON = 1.0
+HORIZON = 0.6
 SCENARIOS = (
     "clmr_circle",
     "clmr_line",

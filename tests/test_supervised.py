@@ -38,6 +38,15 @@ def children(of: int) -> list[str]:
     return [f"{pid} {stat}" for pid, parent, stat, args in rows if int(parent) == of and not args.startswith("ps ")]
 
 
+@pytest.fixture(autouse=True)
+def nothing_left() -> Iterator[None]:
+    """Check that a test leaves no process behind."""
+    before = children(os.getpid())
+    yield
+    known = {child.split()[0] for child in before}
+    assert [child for child in children(os.getpid()) if child.split()[0] not in known] == []
+
+
 def write(path: Path, fmu: Path, attributes: str = "", horizon: str = "0.6 s") -> Path:
     plant = f'<plant id="car" fmu="{fmu}" {attributes}/>'
     return scenario(path, plant, followers=["car"], horizon=horizon)
@@ -148,7 +157,6 @@ def test_which_runs_are_supervised(make: Make, tmp_path: Path) -> None:
     built_in = cosim.read_scenario(scenario(tmp_path / "t.xml", '<plant id="car" model="car_like"/>'))
     with whole_run(built_in) as run:
         assert type(run) is Simulation
-    assert children(os.getpid()) == []
 
 
 def test_the_numbers_are_the_same(make: Make, tmp_path: Path) -> None:
@@ -210,7 +218,6 @@ def test_an_answer_without_sense(make: Make, tmp_path: Path, monkeypatch: pytest
         with pytest.raises(cosim.SimulationError, match=NO_REPLY) as caught:
             run.run_to_end()
         assert caught.value.result.sizes["time"] == 0
-    assert children(os.getpid()) == []
 
 
 def test_what_nobody_foresaw_there_is_told_here(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,7 +229,6 @@ def test_what_nobody_foresaw_there_is_told_here(make: Make, tmp_path: Path, monk
     with pytest.raises(RuntimeError, match="IndexError: off by one") as caught:
         whole_run(read)
     assert "in broken" in "".join(caught.value.__notes__)
-    assert children(os.getpid()) == []
 
 
 def test_a_crash_outside_of_any_call(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -234,8 +234,9 @@ class SupervisedRun:
     def _fork(self, run: Callable[[int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
         self._mark = process_tree.new_mark()
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(AttributeError, OSError, ValueError):  # None or closed; else nothing is written twice
+                stream.flush()
         with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
             warnings.simplefilter("ignore", DeprecationWarning)
             self._pid = os.fork()
@@ -271,7 +272,7 @@ class SupervisedRun:
                 if not part:
                     self._kill()
                     return None
-            elif self._has_ended():  # and a process that it has left behind keeps the pipe open
+            elif self._status is not None or not _lives(self._pid):  # and what it has left behind holds the pipe
                 self._kill()
                 return None
 
@@ -307,7 +308,7 @@ class SupervisedRun:
             self._forwarded = signals.received
             if signals.received > 1:
                 self._end_tree()
-            elif not self._has_ended():
+            elif self._status is None:
                 with suppress(ProcessLookupError):
                     os.kill(self._pid, signal.SIGINT)
 
