@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from itertools import chain
+from itertools import islice
 
 from rich.console import Console
 
@@ -149,19 +149,18 @@ def _capabilities(interface: str, said: Mapping[str, str]) -> Iterator[str]:
 
 def _print_variables(console: Console, package: Package, rows: int | None) -> None:
     every = package.description.modelVariables
-    ranks: list[list[Variable]] = [[] for _ in range(len(_ORDER) + 1)]
-    for variable in every:
-        ranks[_ORDER.get(variable.causality, -1)].append(variable)
-    variables = list(chain.from_iterable(ranks))
-    numbers = Counter([variable.causality for variable in variables])
-    shown = table(console, "Variables: " + ", ".join(f"{number} {causality}" for causality, number in numbers.items()))
+    numbers = Counter([variable.causality for variable in every])
+    ranks = {causality: _ORDER.get(causality, len(_ORDER)) for causality in numbers}
+    variables = islice((v for rank in sorted(set(ranks.values())) for v in every if ranks[v.causality] == rank), rows)
+    counted = ", ".join(f"{numbers[causality]} {causality}" for causality in sorted(numbers, key=ranks.__getitem__))
+    shown = table(console, f"Variables: {counted}")
     narrow = console.width < NARROW
     headings = (
         ("name", "what", "unit", "start") if narrow else ("name", "causality", "variability", "type", "unit", "start")
     )
     for heading in (*headings, "description"):
         shown.add_column(heading, overflow="fold", no_wrap=heading != "description")
-    for variable in variables[:rows]:
+    for variable in variables:
         kind = (variable.causality, variable.variability, variable.type + _dimensions(variable))
         cells = (
             broken(printable(variable.name), console.width // 3),
@@ -172,8 +171,8 @@ def _print_variables(console: Console, package: Package, rows: int | None) -> No
         )
         shown.add_row(*(safe(str(cell or "")) for cell in cells))
     console.print(shown)
-    if rows is not None and len(variables) > rows:
-        console.print(f"and {len(variables) - rows} more: --all shows them", style="dim")
+    if rows is not None and len(every) > rows:
+        console.print(f"and {len(every) - rows} more: --all shows them", style="dim")
 
 
 def _dimensions(variable: Variable) -> str:

@@ -1,13 +1,15 @@
 """Breaches of a schema in a large XML file: the first ones, in a time that grows with the size of the file.
 
-libxml2 reports all breaches, and the place of each takes the longer the more elements are before it.
+libxml2 reports all breaches, and the place of each takes the longer the more elements are before it. A file of many
+elements is therefore held against its schema piece by piece and without a tree. A thread of its own does so while the
+file is read: libxml2 leaves the interpreter to others meanwhile.
 """
 
 from __future__ import annotations
 
 from itertools import islice
-from pathlib import Path
-from typing import Any, NamedTuple
+from threading import Event, Thread
+from typing import Any, Self
 
 from lxml import etree
 
@@ -16,47 +18,9 @@ MOST = 1000
 _LARGE = 20_000
 """Beginnings and ends of elements in a file that is large."""
 _PIECE = 8192
-_ROOT = "fmiModelDescription"
-
-
-class Checked(NamedTuple):
-    """A file that is parsed and held against a schema: its root element, and its breaches, each with its line."""
-
-    root: etree._Element
-    breaches: list[str]
-
-
-def checked(path: Path, data: bytes, parser: etree.XMLParser, schema: etree.XMLSchema | None) -> Checked:
-    """Parse a file, and return where it breaks a schema.
-
-    Parameters
-    ----------
-    path, data
-        The file, and its content.
-    parser
-        Makes the tree; it has the options `OPTIONS`.
-    schema
-        The schema, if there is one.
-
-    Raises
-    ------
-    lxml.etree.XMLSyntaxError
-        It is no XML.
-    """
-    begun, found = None, 0
-    if schema is not None and data.count(b"<") > _LARGE:
-        root, begun, found = _begun(data, schema)
-        if root is not None:
-            return Checked(root, [])
-    root = etree.parse(path, parser).getroot()
-    if schema is None:
-        return Checked(root, [])
-    many = begun is not None and found >= MOST
-    part = etree.fromstring(begun, etree.XMLParser(**OPTIONS, recover=True)) if many and begun is not None else root
-    schema.validate(part)
-    entries = islice(schema.error_log, None if begun is None else found or None)
-    return Checked(root, [f"line {entry.line}: {entry.message}" for entry in entries])
-
+"""Bytes in which breaches are counted."""
+_LARGE_PIECE = 2**19
+"""Bytes between which the thread waits for the interpreter: some milliseconds each time."""
 
 OPTIONS: dict[str, Any] = {
     "resolve_entities": False,
@@ -68,18 +32,86 @@ OPTIONS: dict[str, Any] = {
 """How descriptions are parsed."""
 
 
-def _begun(data: bytes, schema: etree.XMLSchema) -> tuple[etree._Element | None, bytes, int]:
-    """Return the root of a large file without breaches; else None, its beginning with some, and how many it has."""
-    parser = etree.XMLPullParser(events=("end",), tag=_ROOT, schema=schema, **OPTIONS)
+class Breaches:
+    """Breaches of a schema in a file, sought as long as the context lasts.
+
+    Parameters
+    ----------
+    data
+        The file's content.
+    schema
+        The schema, if there is one.
+    """
+
+    def __init__(self, data: bytes, schema: etree.XMLSchema | None) -> None:
+        self._data = data
+        self._schema = schema
+        self._large = schema is not None and data.count(b"<") > _LARGE
+        self._none_found = False
+        self._ended = Event()
+        self._thread = Thread(target=self._seek)
+
+    def __enter__(self) -> Self:
+        if self._large:
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        if self._large:
+            self._thread.join()
+
+    def of(self, root: etree._Element) -> list[str]:
+        """Return the breaches of the file that has been parsed, each with its line."""
+        schema = self._schema
+        if schema is None:
+            return []
+        found = None
+        if self._large:
+            self._thread.join()
+            if self._none_found:
+                return []
+            found, begun = _first(self._data, schema)
+            if found >= MOST:
+                root = etree.fromstring(begun, etree.XMLParser(**OPTIONS, recover=True))
+        schema.validate(root)
+        entries = islice(schema.error_log, found or None)
+        return [f"line {entry.line}: {entry.message}" for entry in entries]
+
+    def _seek(self) -> None:
+        parser = _parser(self._schema)
+        try:
+            for begin in range(0, len(self._data), _LARGE_PIECE):
+                parser.feed(self._data[begin : begin + _LARGE_PIECE])
+                if len(parser.feed_error_log) or self._ended.is_set():
+                    return
+            parser.close()
+        except Exception:  # whoever makes a tree of the file meets it, too
+            return
+        self._none_found = not len(parser.feed_error_log)
+
+
+def _first(data: bytes, schema: etree.XMLSchema) -> tuple[int, bytes]:
+    """Return how many of the first breaches there are, and the beginning of the file that has them."""
+    parser = _parser(schema)
     found = 0
     try:
-        for begin in range(0, len(data), _PIECE):
-            parser.feed(data[begin : begin + _PIECE])
+        for end in range(_PIECE, len(data) + _PIECE, _PIECE):
+            parser.feed(data[end - _PIECE : end])
             found = len(parser.feed_error_log)
             if found >= MOST:
-                return None, data[: begin + _PIECE], found
-        if all(element.getparent() is not None for _, element in parser.read_events()):
-            return None, data, found  # the root has no end, which a parser with a schema does not tell
-        return parser.close(), data, 0
-    except etree.XMLSyntaxError:  # or a breach of the schema, when it is closed
-        return None, data, found
+                return found, data[:end]
+        parser.close()
+    except etree.XMLSyntaxError:
+        pass
+    return found, data
+
+
+def _parser(schema: etree.XMLSchema | None) -> etree.XMLParser:
+    """Return a parser that makes no tree."""
+    return etree.XMLParser(target=_NoTree(), schema=schema, **OPTIONS)
+
+
+class _NoTree:
+    def close(self) -> None:
+        """Nothing is built."""

@@ -22,7 +22,7 @@ from lxml import etree
 from cosim.errors import printable
 from cosim.fmu.alike import all_without_numbers
 from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
-from cosim.fmu.breaches import OPTIONS, checked
+from cosim.fmu.breaches import OPTIONS, Breaches
 from cosim.fmu.description_reader import description_of
 from cosim.fmu.model_description import ModelDescription
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
@@ -71,18 +71,19 @@ def read(directory: Path) -> Reading:
     Exception
         It cannot be read: why.
     """
-    with without_collection():
-        path = directory / DESCRIPTION
-        data = path.read_bytes()
-        root, problems = checked(path, data, PARSER, _schema(_version(data)))
+    path = directory / DESCRIPTION
+    data = path.read_bytes()
+    with without_collection(), Breaches(data, _schema(_version(data))) as breaches:
+        root = etree.parse(path, PARSER).getroot()
         if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
             raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
         try:
             description = description_of(root)
         except Exception as error:  # a breach of the schema is nearer to the cause
-            raise ValueError(_cause(root, problems, error)) from None
-        problems += _complaints(description)
-        return Reading(description, tuple(" ".join(problem.split()) for problem in problems), _capabilities(root))
+            raise ValueError(_cause(root, breaches.of(root), error)) from None
+        rules = list(_complaints(description))
+        problems = (" ".join(problem.split()) for problem in chain(breaches.of(root), rules))
+        return Reading(description, tuple(problems), _capabilities(root))
 
 
 def summed_up(problems: Iterable[str]) -> list[str]:

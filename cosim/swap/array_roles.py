@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
-from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.units import unit_name
-from cosim.swap.candidates import Number, Numbers, reading
+from cosim.swap.candidates import Number, Numbers
 from cosim.swap.naming import words_of
 from cosim.vehicle.kind import Kind, Role
 
@@ -20,7 +19,7 @@ class Told(Enum):
     """Only its place in the array is evidence, so the user is asked."""
 
 
-def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
+def told(role: Role, kind: Kind, number: Number, numbers: Numbers) -> Told | None:
     """Return the evidence that an element of an array plays a role; None if there is none."""
     found = next((s for s in kind.series if s.role(number.words, number.size, number.place)), None)
     if found is None or role.name not in found.roles:
@@ -34,7 +33,7 @@ def told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: 
     roles = {role.name: role for role in kind.roles}
     before = numbers.array_of(number)[: number.place + 1]
     for name, element in zip(found.roles, before, strict=False):
-        if not unit_name(element.variable) or reading(description, element, roles[name]) is None:
+        if not unit_name(element.variable) or not numbers.readable(element, roles[name]):
             return Told.BY_PLACE
     return Told.BY_THE_FMU
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, count
@@ -16,7 +16,7 @@ from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, SimpleType, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
 from cosim.scenario.scenario import OPEN
-from cosim.swap.naming import in_english, parts_of, words_of
+from cosim.swap.naming import in_english, parts_of, without_start, words_of
 from cosim.swap.translations import unit_at_the_end
 from cosim.vehicle.kind import Kind, Role
 from plants import UnitError, units
@@ -123,6 +123,8 @@ class Numbers:
         self._of_array: dict[str, list[Number]] = defaultdict(list)
         self._of_causality: dict[str, list[list[int]]] = defaultdict(list)
         self._of_word: dict[str, list[list[int]]] = defaultdict(list)
+        self._of_unit: dict[str, dict[tuple[str, str], list[list[int]]]] = {}  # of those that are no initial values
+        self._readable: dict[tuple[str, str, str], bool] = {}
         indexed: list[int] = []
         for (stem, causality, _, _, _, has_dimensions), places in self._groups():
             if _INDEXED.fullmatch(stem):
@@ -209,10 +211,32 @@ class Numbers:
         alone, groups = self._having(set(words))
         return self.those_at(alone.union(*groups))
 
-    def names(self, causality: str, chosen: Callable[[Number], bool]) -> list[str]:
-        """Return the names of the numbers of a causality that fit by unit and by the words of the name."""
-        chosen_ones = (alike for alike in self._of_causality[causality] if chosen(self._number(alike[0])))
-        return [number.name for number in self.those_at(chain.from_iterable(chosen_ones))]
+    def readable(self, number: Number, role: Role) -> bool:
+        """Return whether a number can be read in the unit of a role; see `reading`."""
+        key = (unit_name(number.variable), number.hint, role.unit)
+        known = self._readable.get(key)
+        if known is None:
+            known = self._readable[key] = reading(self._description, number, role) is not None
+        return known
+
+    def could_play(self, role: Role) -> list[str]:
+        """Return the names of numbers that could play a role by their unit; if none, of numbers without one."""
+        found: dict[bool, list[list[int]]] = {True: [], False: []}
+        for (unit, hint), groups in self._by_unit(role.causality).items():
+            if self.readable(self._number(groups[0][0]), role):
+                found[bool(unit or hint)] += groups
+        places = sorted(chain.from_iterable(found[True] or found[False]))
+        return [self._known[at].name if at in self._known else self._variable(at).name for at in places]
+
+    def _by_unit(self, causality: str) -> dict[tuple[str, str], list[list[int]]]:
+        """Return the numbers of a causality that are no initial values, by their unit and the unit in the name."""
+        if causality not in self._of_unit:
+            known = self._of_unit[causality] = defaultdict(list)
+            for alike in self._of_causality[causality]:
+                first = self._number(alike[0])
+                if without_start(first.words) is None:
+                    known[unit_name(first.variable), first.hint].append(alike)
+        return self._of_unit[causality]
 
     def array_of(self, number: Number) -> list[Number]:
         """Return all elements of the array that a number is in, in their order."""

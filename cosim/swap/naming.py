@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache, lru_cache
+from itertools import chain
 
 from cosim.swap.translations import TRANSLATED, plain
 from cosim.vehicle.kind import Kind
@@ -23,8 +24,13 @@ def words_of(name: str) -> tuple[str, ...]:
 
 def parts_of(name: str) -> tuple[str, ...]:
     """Return the words of a name as they are."""
+    return tuple(chain.from_iterable(map(_between_dots, name.split("."))))
+
+
+@lru_cache(maxsize=10_000)
+def _between_dots(component: str) -> tuple[str, ...]:
     words: list[str] = []
-    for part in _PART.findall(plain(name)):
+    for part in _PART.findall(plain(component)):
         words += (part,) if part.isdigit() else _parts(part)
     return tuple(words)
 

@@ -11,7 +11,6 @@ import textwrap
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import NamedTuple
 
 from lxml import etree
@@ -259,11 +258,11 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
         causality = number.variable.causality
         if causality not in ALLOWED[role.causality]:
             continue
-        how = _told(role, kind, number, numbers, description)
+        how = _told(role, kind, number, numbers)
         rank = _rank(role, kind, number, number.words) if how is None else (0, 0)
         if rank is None:
             continue
-        if reading(description, number, role) is None:
+        if not numbers.readable(number, role):
             if how is not Told.BY_PLACE:
                 unfit += alike.places
             continue
@@ -275,7 +274,7 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
     if len(best) == 1:
         number = best[0]
         played = _played(role, description, kind, number, numbers)
-        if role in kind.pose[2:] and _told(role, kind, number, numbers, description):
+        if role in kind.pose[2:] and _told(role, kind, number, numbers):
             place = f"{number.name!r} is taken by its place in {number.array!r}: check that it is {role.meaning}"
             return replace(played, doubts=(*played.doubts, place))
         return played
@@ -292,21 +291,21 @@ def _suggest(role: Role, description: ModelDescription, kind: Kind, numbers: Num
     if role.optional:
         return Suggestion(role, candidates=candidates)
     if role.causality == "parameter" and not best:
-        lengths = _could_be(role, description, numbers)
+        lengths = numbers.could_play(role)
         which = f": {_listed(map(repr, lengths))} could be it" if lengths else ""
         return Suggestion(
             role,
             RoleSource(name=role.name, value=OPEN, where=_HERE),
             (f"no parameter is obviously {role.meaning}: state its value, or name the variable{which}", *reasons),
         )
-    return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, description, numbers)])), candidates)
+    return _open(role, (*reasons, *([] if candidates else [_nothing_found(role, numbers)])), candidates)
 
 
-def _told(role: Role, kind: Kind, number: Number, numbers: Numbers, description: ModelDescription) -> Told | None:
+def _told(role: Role, kind: Kind, number: Number, numbers: Numbers) -> Told | None:
     """Return the evidence that an element of an array plays a role by its place; None for any other number."""
     if number.size == 1 or number.name == role.name:
         return None
-    return told(role, kind, number, numbers, description)
+    return told(role, kind, number, numbers)
 
 
 def _asked(suggestion: Suggestion, number: Number) -> str:
@@ -378,7 +377,7 @@ def _initial(role: Role, description: ModelDescription, kind: Kind, played_by: N
         rest = without_start(number.words)
         if number.variable.causality != "parameter" or rest is None or number.size != played_by.size:
             continue
-        if reading(description, number, role) is None:
+        if not numbers.readable(number, role):
             continue
         alike = Alike(number, (number.at,))
         if [word for word in rest if word not in NEUTRAL] == own and number.place == played_by.place:
@@ -405,7 +404,7 @@ def _sought(
 ) -> Suggestion:
     """Return a velocity without a player, with the outputs that could be it, as many tasks need it."""
     role = suggestion.role
-    found = suggestion.candidates or tuple(n for n in _could_be(role, description, numbers) if n not in played)
+    found = suggestion.candidates or tuple(n for n in numbers.could_play(role) if n not in played)
     if not found:
         return suggestion
     doubt = (
@@ -422,21 +421,8 @@ def _element(role: Role, name: str, description: ModelDescription, numbers: Numb
     return "<role " + " ".join(f'{key}="{value}"' for key, value in attributes(source).items()) + "/>"
 
 
-def _could_be(role: Role, description: ModelDescription, numbers: Numbers) -> list[str]:
-    """Return the names of numbers that could play a role by their unit; if none, of numbers without one."""
-
-    def fits(number: Number, *, stated: bool) -> bool:
-        if bool(unit_name(number.variable) or number.hint) != stated:
-            return False
-        return reading(description, number, role) is not None and without_start(number.words) is None
-
-    return numbers.names(role.causality, partial(fits, stated=True)) or numbers.names(
-        role.causality, partial(fits, stated=False)
-    )
-
-
-def _nothing_found(role: Role, description: ModelDescription, numbers: Numbers) -> str:
-    found = _could_be(role, description, numbers)
+def _nothing_found(role: Role, numbers: Numbers) -> str:
+    found = numbers.could_play(role)
     return (
         f"no {role.causality} is obviously {role.meaning}; "
         f"{role.causality}s that could be: {_listed(map(repr, found)) if found else 'none'}"

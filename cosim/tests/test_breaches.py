@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from cosim.fmu.breaches import MOST, OPTIONS, checked
+from cosim.fmu.breaches import MOST, OPTIONS, Breaches
 from cosim.fmu.description import PARSER, _schema
 
 VARIABLES = 12_000
@@ -29,8 +29,9 @@ def described(variable: str = '<Real start="1.0"/>', end: str = "") -> bytes:
 def read(folder: Path, data: bytes) -> tuple[int, list[str]]:
     path = folder / "modelDescription.xml"
     path.write_bytes(data)
-    root, breaches = checked(path, data, PARSER, _schema("2"))
-    return len(root.findall("ModelVariables/ScalarVariable")), breaches
+    with Breaches(data, _schema("2")) as breaches:
+        root = etree.parse(path, PARSER).getroot()
+        return len(root.findall("ModelVariables/ScalarVariable")), breaches.of(root)
 
 
 def test_a_whole_file(tmp_path: Path) -> None:
