@@ -1,6 +1,7 @@
 """Breaches of a schema in large files, and large files that are no XML: refused as small ones are."""
 
 from pathlib import Path
+from threading import active_count
 
 import pytest
 from lxml import etree
@@ -73,3 +74,11 @@ def test_few_and_many_breaches(tmp_path: Path) -> None:
     number, breaches = read(tmp_path, described("<Rael/>"))
     assert number == VARIABLES
     assert MOST <= len(breaches) < 2 * MOST
+
+
+def test_the_thread_ends_with_the_context() -> None:
+    before = active_count()
+    for data in (WHOLE, WHOLE[: len(WHOLE) // 2], described("<Rael/>")):
+        with pytest.raises(KeyboardInterrupt), Breaches(data, _schema("2")):
+            raise KeyboardInterrupt
+        assert active_count() == before, "a process that is forked now would have a broken copy of it"

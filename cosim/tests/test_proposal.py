@@ -1,5 +1,6 @@
 """Obvious roles are proposed; the others stay open, and the binding is refused until they are filled in."""
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from cosim.fmu.description import read
 from cosim.fmu.units import unit_of
 from cosim.scenario.reader import read_binding
 from cosim.scenario.scenario import OPEN
-from cosim.swap import candidates
+from cosim.swap import candidates, proposal
 from cosim.swap.naming import parts_of
 from cosim.swap.proposal import Proposal, Suggestion, binding_xml, proposals, propose
 from cosim.vehicle.car_like import CAR_LIKE
@@ -403,9 +404,9 @@ def test_a_differential_drive_is_no_car_and_no_tractor(tmp_path: Path) -> None:
         best, *others = proposals(describe(tmp_path, DIFFERENTIAL | changed))
         assert best.kind is DIFFERENTIAL_DRIVE
         assert best.needs_no_binding
-        for proposal in others:
-            assert "'tau_right' and 'tau_left' are for a right and a left wheel, and no" in proposal.refusal
-            assert not proposal.plausible
+        for other in others:
+            assert "'tau_right' and 'tau_left' are for a right and a left wheel, and no" in other.refusal
+            assert not other.plausible
     text = describe(tmp_path, DIFFERENTIAL)
     text.description = "A tractor and its semi-trailer"
     assert not propose(text, TRACTOR_TRAILER).refusal, "it says that there is a trailer"
@@ -490,7 +491,15 @@ def test_ten_thousand_variables(tmp_path: Path) -> None:
     assert not propose(describe(tmp_path, CAR | many), CAR_LIKE).open
 
 
-def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+SYLLABLES = ("bdfgkp", "aeiou", "bdfgkp", "aeiou")
+
+
+@pytest.mark.parametrize(
+    "names", [[f"part_{i}.force" for i in range(500)], list(map("".join, product(*SYLLABLES)))[:500]]
+)
+def test_the_units_of_many_variables_are_looked_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: list[str]
+) -> None:
     looked: list[str] = []
 
     def counted(description: Any, variable: Any) -> Any:
@@ -500,7 +509,7 @@ def test_the_units_of_many_variables_are_looked_at_once(tmp_path: Path, monkeypa
     monkeypatch.setattr(candidates, "unit_of", counted)
     numbers = []
     for count in (10, 500):
-        proposals(describe(tmp_path, {f"part_{i}.force": "parameter N" for i in range(count)}))
+        proposals(describe(tmp_path, dict.fromkeys(names[:count], "parameter N")))
         numbers.append(len(looked))
         looked.clear()
     assert numbers[0] == numbers[1]
@@ -523,6 +532,28 @@ def test_names_that_differ_by_digits_only_are_taken_apart_once(
         proposals(describe(tmp_path, {key: CAR[key] for key in list(CAR)[:4]} | others))
         numbers.append(len(looked))
         looked.clear()
+    assert numbers[0] == numbers[1]
+
+
+def test_numbers_that_are_alike_are_ranked_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ranked: list[str] = []
+    rank = proposal._rank
+
+    def counted(role: Any, kind: Any, number: Any, words: Any) -> Any:
+        ranked.append(number.name)
+        return rank(role, kind, number, words)
+
+    monkeypatch.setattr(proposal, "_rank", counted)
+    numbers = []
+    for count in (10, 500):
+        steering = {f"wheel_{i}.steer": "output deg" for i in range(2, 2 + count)}
+        gamma = of(propose(describe(tmp_path, CAR | steering), CAR_LIKE), "gamma")
+        assert gamma.source is not None
+        assert gamma.source.variable == "steer"  # the better name
+        others = {name: said for name, said in CAR.items() if name != "steer"} | steering
+        assert of(propose(describe(tmp_path, others), CAR_LIKE), "gamma").candidates == tuple(steering)
+        numbers.append(len(ranked))
+        ranked.clear()
     assert numbers[0] == numbers[1]
 
 
