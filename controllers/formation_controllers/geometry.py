@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation_controllers import kinematics
+from formation_controllers.columns import BLOCK, columns, sin_cos_of
 from formation_controllers.compiled import compiled
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.kinematics import UNKNOWN, Geometry, Pose, PostureError, geometry_of
+from formation_controllers.kinematics import UNKNOWN, Direction, Geometry, Pose, PostureError, geometry_of
 from formation_controllers.vehicles import CarLike, Vehicle
 
 
@@ -134,6 +135,52 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
     if course.size:
         _unwrap(course.reshape(len(course), -1), np.array(wanted[0]).ravel())
     return course
+
+
+def formation_courses(pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Vehicle) -> Floats:
+    """Range, bearing and their errors of followers over time: `range_bearing`, unwrapped, less the desired place.
+
+    Parameters
+    ----------
+    pose
+        Poses (T, N, P) of the followers.
+    leader_pose
+        Position and heading (T, 3 or more) of the leader.
+    desired
+        Desired range and bearing (T, N, 2).
+    vehicle
+        The followers' vehicle.
+
+    Returns
+    -------
+    ndarray
+        Shape (4, N, T): range [m], bearing [rad], their errors; the course of each is contiguous.
+
+    Raises
+    ------
+    ControllerError
+        If the shapes do not fit, or the vehicle does not state its formation.
+    """
+    geometry, samples = geometry_of(vehicle), len(pose)
+    if (
+        pose.shape != (*desired.shape[:2], len(vehicle.pose))
+        or desired.shape[2:] != (2,)
+        or leader_pose.ndim != 2
+        or len(leader_pose) != samples
+        or leader_pose.shape[1] < 3
+    ):
+        shapes = ", ".join(str(array.shape) for array in (pose, leader_pose, desired))
+        raise ControllerError(f"poses, the leader's and desired places have shapes {shapes}, which do not fit")
+    courses = np.empty((4, pose.shape[1], samples))
+    if samples:
+        _formation_courses(pose, leader_pose, desired, geometry, columns(_COURSE)[0], courses)
+    return courses
+
+
+_COURSE = dict.fromkeys(
+    ("x", "y", "heading", "other", "sin", "cos", "leader_x", "leader_y", "leader_heading", "range", "bearing"), ()
+)
+"""The columns of `_formation_courses`, samples side by side."""
 
 
 def first_range_bearing(pose: ArrayLike, leader_pose: ArrayLike, desired: ArrayLike, vehicle: Vehicle) -> Floats:
@@ -272,6 +319,33 @@ def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: Geometry, q: Floa
         error = _error(own, kinematics.pose_of(leader_pose[i], vehicle))
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
         q[i, 0], q[i, 1] = rho, phi - kinematics.steering_angle(own, vehicle)
+
+
+@compiled
+def _formation_courses(
+    pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Geometry, c: np.void, courses: Floats
+) -> None:
+    for i in range(pose.shape[1]):
+        before = desired[0, i, 1]
+        for first in range(0, len(pose), BLOCK):
+            count = min(BLOCK, len(pose) - first)
+            for r in range(count):
+                own = kinematics.pose_of(pose[first + r, i], vehicle)
+                c["x"][r], c["y"][r], c["heading"][r], c["other"][r] = own
+                c["leader_x"][r], c["leader_y"][r] = leader_pose[first + r, 0], leader_pose[first + r, 1]
+                c["leader_heading"][r] = leader_pose[first + r, 2]
+            sin_cos_of(c["heading"], c["sin"], c["cos"], count)
+            for r in range(count):
+                own = Pose(c["x"][r], c["y"][r], c["heading"][r], c["other"][r])
+                leader = Pose(c["leader_x"][r], c["leader_y"][r], c["leader_heading"][r], 0.0)
+                error = kinematics.posture_error(own, Direction(c["sin"][r], c["cos"][r]), leader)
+                c["range"][r], phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
+                c["bearing"][r] = phi - kinematics.steering_angle(own, vehicle)
+            for r in range(count):
+                k = first + r
+                before = kinematics.unwrapped(c["bearing"][r], before)
+                courses[0, i, k], courses[1, i, k] = c["range"][r], before
+                courses[2, i, k], courses[3, i, k] = c["range"][r] - desired[k, i, 0], before - desired[k, i, 1]
 
 
 @compiled

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
@@ -16,13 +15,14 @@ from numpy.typing import NDArray
 from cosim.errors import Failure, InputError, Location, SimulationError, nearest
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.other_runs import run_other
+from cosim.master.recorded_result import only_signals, recorded_result
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
 from cosim.master.simulation import Simulation
 from cosim.master.ticks import driven_robots
 from cosim.plant.fleet import Fleet
-from cosim.results.expectations import judge, needed
+from cosim.results.expectations import judge, needed, needs_outlines
 from cosim.results.follower_figures import NEEDED, follower_figures
 from cosim.results.outcome import RunOutcome
 from cosim.results.verdict import Verdict
@@ -139,19 +139,22 @@ class Prepared:
     def _run(self, scenario: Scenario, setup: Setup, recorder: Recorder) -> RunOutcome:
         failure: Failure | None = None
         verdicts: tuple[Verdict, ...] = ()
-        with Simulation(scenario, setup, fleet=self._lend, recorder=recorder) as simulation:
+        described = self._keeps or needs_outlines(scenario.expectations)
+        make_result = recorded_result if described else only_signals
+        with Simulation(scenario, setup, fleet=self._lend, recorder=recorder, make_result=make_result) as simulation:
             try:
                 result = simulation.run_to_end()
             except SimulationError as error:
                 failure, result = error.failure, error.recorded
             if failure is None:
                 verdicts = judge(scenario.expectations, result, partial(run_other, setup))
+            messages = () if self._fleet is None else tuple(self._fleet.messages)
         return RunOutcome(
             status="completed" if failure is None else "failed",
             verdicts=verdicts,
             figures=follower_figures(scenario.horizon, scenario.step, result),
             failure=failure,
-            plant_messages=tuple(json.loads(result.attrs["plant_messages"])),
+            plant_messages=messages,
             result=result if self._keeps else None,
         )
 

@@ -1,4 +1,4 @@
-"""The records of a run: one preallocated array a result variable, filled row by row."""
+"""The records of a run: one preallocated array a result variable that somebody wants, filled row by row."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.results.expectations.recorded import DERIVED, DERIVED_FROM
 from cosim.results.result_variable import ResultVariable
 
 
 class Recorder:
-    """All result variables over the samples of a run.
+    """The result variables that are wanted, over the samples of a run.
 
     Parameters
     ----------
@@ -49,7 +50,17 @@ class Recorder:
         self._memory: list[NDArray[Any]] = [] if memory is None else memory
         self._used = 0
         self._arrays: dict[str, NDArray[np.float64]] = {}
-        self._records: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
+        self._stores: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
+
+    def wants(self, name: str) -> bool:
+        """Return whether somebody will read a signal, recorded or computed."""
+        return self.wanted is None or name in self.wanted
+
+    def records(self, name: str) -> bool:
+        """Return whether a variable of the run is recorded: it is wanted, or one that is wanted is computed from it."""
+        return name in self.variables and (
+            self.wants(name) or (name in DERIVED_FROM and any(map(self.wants, DERIVED)))
+        )
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the array (samples, ...) of a variable, to write into."""
@@ -65,7 +76,9 @@ class Recorder:
         """Return a place (samples, ...) for the values that an array has at the ticks."""
         return self._place(values.shape, values.dtype)
 
-    def records_of(self, rows: NDArray[np.int_], dtype: np.dtype[np.void]) -> NDArray[np.float64]:
+    def records_of(
+        self, rows: NDArray[np.int_], dtype: np.dtype[np.void]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
         """Return a place (samples, numbers) for records: one field for each variable, one record for each row.
 
         Parameters
@@ -73,12 +86,25 @@ class Recorder:
         rows
             The rows of the variables that the records are of.
         dtype
-            The type of a record. The place has the numbers of all records one after the other, as NumPy copies records
-            field by field and numbers at once.
+            The type of a record.
+
+        Returns
+        -------
+        place : ndarray
+            For the numbers of the fields that are recorded, record after record: NumPy copies records field by field
+            and numbers at once.
+        numbers : ndarray
+            Which numbers of all records, one after the other, these are.
         """
-        store = self._place((len(rows),), dtype)
-        self._records.append((rows, store))
-        return store.view(np.float64).reshape(self._samples, -1)
+        places = np.arange(len(rows) * dtype.itemsize // 8).view(_in_whole_numbers(dtype)).reshape(len(rows))
+        names = [name for name in dtype.names or () if self.records(name)]
+        if not names:
+            return np.empty((self._samples, 0)), np.empty(0, dtype=np.int_)
+        kept = np.dtype([(name, dtype[name]) for name in names])
+        store = self._place((len(rows),), kept)
+        self._stores.append((rows, store))
+        numbers = np.concatenate([places[name].reshape(len(rows), -1) for name in names], axis=1).ravel()
+        return store.view(np.float64).reshape(self._samples, -1), numbers
 
     def _place(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
         """Return an array, that of an earlier run if it fits: runs of a scenario ask for the same ones in turn."""
@@ -88,16 +114,23 @@ class Recorder:
             self._memory[used:] = [self._allocate(shape, dtype)]
         return self._memory[used]
 
-    def arrays(self, wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded part of every variable by name, or of those that are wanted."""
-        names = [name for name in self.variables if wanted is None or name in wanted]
-        return {name: self._recorded_part(name) for name in names}
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded part of every variable that is recorded, by name."""
+        return {name: self._recorded_part(name) for name in self.variables if self.records(name)}
 
     def _recorded_part(self, name: str) -> NDArray[np.float64]:
         if name in self._arrays:
             return self._arrays[name][: self.recorded]
-        found = np.full((self.recorded, *self.variables[name].shape), np.nan)
-        for rows, store in self._records:
-            if name in (store.dtype.names or ()):
-                found[:, rows] = store[name][: self.recorded]
+        stores = [(rows, store[name][: self.recorded]) for rows, store in self._stores if name in store.dtype.fields]
+        shape = (self.recorded, *self.variables[name].shape)
+        if len(stores) == 1 and stores[0][1].shape == shape:
+            return stores[0][1]
+        found = np.full(shape, np.nan)
+        for rows, values in stores:
+            found[:, rows] = values
         return found
+
+
+def _in_whole_numbers(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Return a type of records of numbers with whole numbers in their places."""
+    return np.dtype([(name, np.int_, dtype[name].shape) for name in dtype.names or ()])

@@ -17,7 +17,7 @@ from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
-from cosim.master.recorded_result import recorded_result
+from cosim.master.recorded_result import MakeResult, recorded_result
 from cosim.master.recorder import Recorder
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
@@ -51,6 +51,8 @@ class Simulation:
         Starts the plants: their FMUs, or for tests a `cosim.master.mock_fleet.MockFleet`.
     recorder
         Gets the records, in memory that another run has used; without one, a new one.
+    make_result
+        Makes results of the records.
 
     Attributes
     ----------
@@ -76,8 +78,10 @@ class Simulation:
         observers: Iterable[Observer] = (),
         fleet: StartFleet = start_fleet,
         recorder: Recorder | None = None,
+        make_result: MakeResult = recorded_result,
     ) -> None:
         self.scenario = scenario
+        self._make_result = make_result
         self.timing: dict[str, float] = {}
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
@@ -276,7 +280,7 @@ class Simulation:
     def recorded(self, failure: Failure | None) -> Result:
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
         recorder = self._ticks.recorder
-        return recorded_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
+        return self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

@@ -114,8 +114,8 @@ class Ticks:
         self._control()
         self._actuators.make_ready(tick)
         self._act(override)
-        for team, records in zip(self._teams, self._telemetry, strict=True):
-            records[tick] = team.telemetry(tick * step)
+        for team, (records, numbers) in zip(self._teams, self._telemetry, strict=True):
+            records[tick] = team.telemetry(tick * step)[numbers]
         self.recorder.recorded = tick + 1
         watch(tick)
         if tick < self._scenario.ticks:
@@ -194,30 +194,30 @@ class Ticks:
         """Run parts of a tick."""
         self._advance(self._loop, parts.value, tick, tick + 1)
 
-    def _records(self) -> list[Floats]:
-        """Prepare the records, and fill in the values known before the run."""
+    def _records(self) -> list[tuple[Floats, NDArray[np.int_]]]:
+        """Prepare the records, and fill in the values known before the run; return the places of telemetry."""
         recorder, now, desired = self.recorder, self._now, self._setup.desired
-        recorder.of("desired_range")[:] = desired.q[..., 0]
-        recorder.of("desired_bearing")[:] = desired.q[..., 1]
-        telemetry = [recorder.records_of(team.rows, team.telemetry_type) for team in self._teams]
-        state, measured, torque = map(recorder.place_of, (now.state, now.measured, now.torque))
-        for values, place in ((now.state, state), (now.measured, measured), (now.torque, torque)):
-            self._wiring.move(Stage.RECORD, spots_by_tick(place), spots(values), place)
+        for name, values in (("desired_range", desired.q[..., 0]), ("desired_bearing", desired.q[..., 1])):
+            if recorder.records(name):
+                recorder.of(name)[:] = values
         commands = self._setup.columns.commands
-        pose, velocity = np.split(state, [now.pose.shape[1]], axis=-1)
-        for name, place in {
-            "leader_pose": pose[:, 0],
-            "leader_velocity": velocity[:, 0],
-            f"leader_{commands}": torque[:, 0],
-            "pose": pose[:, 1:],
-            "velocity": velocity[:, 1:],
-            "measured_pose": measured[:, 1:],
-            "measured_leader_pose": measured[:, 0],
-            commands: torque[:, 1:],
-        }.items():
-            if name in recorder.variables:
-                recorder.keep(name, place)
-        return telemetry
+        for own, values in (
+            ("pose", now.pose),
+            ("velocity", now.velocity),
+            ("measured_pose", now.measured),
+            (commands, now.torque),
+        ):
+            leader = "measured_leader_pose" if own == "measured_pose" else f"leader_{own}"
+            first, last = 0 if recorder.records(leader) else 1, len(values) if recorder.records(own) else 1
+            if first == last:
+                continue
+            place = recorder.place_of(values[first:last])
+            self._wiring.move(Stage.RECORD, spots_by_tick(place), spots(values[first:last]), values, place)
+            if first == 0:
+                recorder.keep(leader, place[:, 0])
+            if last > 1:
+                recorder.keep(own, place[:, 1 - first :])
+        return [recorder.records_of(team.rows, team.telemetry_type) for team in self._teams]
 
     def _wired(self, fleet: CompiledFleet) -> Loop:
         moves, stages, laws = self._wiring.arrays()

@@ -26,7 +26,7 @@ def wire_laws(
     now: TeamArrays,
     desired: Desired,
     motion: Motion | None,
-    records: Sequence[Floats],
+    records: Sequence[tuple[Floats, NDArray[np.int_]]],
 ) -> bool:
     """Let compiled code call the laws; return whether that is possible, and not one of them is called from Python.
 
@@ -43,7 +43,7 @@ def wire_laws(
     motion
         The leader's, if it is given.
     records
-        The place of each team's telemetry.
+        The place of each team's telemetry, and which of its numbers are recorded.
     """
     ticks = compiled_ticks(teams)
     if ticks is None:
@@ -71,10 +71,10 @@ def wire_laws(
             places = spots_by_tick(getattr(desired, name))
             source = Spots(places.first.reshape(-1)[of], places.tick)
         wiring.move(Stage.TAKE, numbers[all_taken.to[name]], source, all_taken, acceleration, desired)
-    for team, commands, store in zip(teams, given, records, strict=True):
+    for team, commands, (store, recorded) in zip(teams, given, records, strict=True):
         wiring.move(Stage.COMMAND, command[team.commands], spots(commands), commands)
         signals = team.controller.telemetry_record.view(np.float64).reshape(-1)
-        wiring.move(Stage.SIGNALS, spots_by_tick(store), spots(signals), store, signals)
+        wiring.move(Stage.SIGNALS, spots_by_tick(store), spots(signals)[recorded], store, signals)
     return True
 
 

@@ -53,14 +53,13 @@ def _of_robot(horizon: float, step: float, result: Result, robot: str) -> Follow
     time = result["time"].values
     settled = settling_time(result, robot, RANGE_BAND, BEARING_BAND)
     last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
-    steady = time >= (1 - STEADY_PART) * horizon - 0.5 * step
+    steady = slice(int(np.searchsorted(time, (1 - STEADY_PART) * horizon - 0.5 * step)), None)
     torque = np.abs(result.of_robot("torque", robot)) if "torque" in result else np.zeros(0)
-    torque = torque[~np.isnan(torque)]  # of a vehicle with fewer commands than another
     return FollowerFigures(
         robot=robot,
         settling_time=settled if settled is not None and settled <= last_chance else None,
         range_rms=MEASURES["rms"](time[steady], result.of_robot("range_error", robot)[steady]),
         bearing_rms=MEASURES["rms"](time[steady], result.of_robot("bearing_error", robot)[steady]),
-        peak_torque=float(torque.max()) if torque.size else math.nan,
+        peak_torque=float(np.fmax.reduce(torque, axis=None, initial=math.nan)),  # NaN where there is no such command
         within_from=settled,
     )

@@ -65,7 +65,7 @@ def settling_time(result: Result, robot: str, range_band: float, bearing_band: f
     """Return from when on [s] both errors of a follower stay within their bands [m], [rad]; None if they do not."""
     within = np.abs(result.of_robot("range_error", robot)) <= range_band
     within &= np.abs(result.of_robot("bearing_error", robot)) <= bearing_band  # NaN is not within
-    first = np.flatnonzero(~within)[-1] + 1 if not within.all() else 0
+    first = len(within) - int(within[::-1].argmin()) if len(within) and not within.all() else 0
     time = result["time"].values
     return float(time[first]) if first < len(time) else None
 

@@ -6,7 +6,7 @@ The attributes have the names that they have in xarray: whatever only reads a re
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -42,7 +42,7 @@ class Variable:
         """Return a part of it along a dimension; a view."""
         axis = self.dims.index(dim)
         dims = self.dims if isinstance(index, slice) else (*self.dims[:axis], *self.dims[axis + 1 :])
-        return replace(self, dims=dims, values=self.values[(*(slice(None),) * axis, index)])
+        return Variable(dims, self.values[(*(slice(None),) * axis, index)], self.attrs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,8 @@ class Result:
 
     def of_robot(self, name: str, robot: str) -> NDArray[Any]:
         """Return a follower's part of a variable."""
-        return self[name].at("robot", self.row(robot)).values
+        variable = self[name]
+        return variable.values[(*(slice(None),) * variable.dims.index("robot"), self.row(robot))]
 
     def row(self, robot: str) -> int:
         """Return the place of a follower along the dimension ``robot``."""
@@ -119,10 +120,14 @@ class Result:
     def _rows(self) -> dict[str, int]:
         return {robot: row for row, robot in enumerate(self.robots)}
 
+    def samples(self, start: float, stop: float) -> slice:
+        """Return which samples are those from a time [s] to another, both included."""
+        time = self["time"].values
+        return slice(int(np.searchsorted(time, start, "left")), int(np.searchsorted(time, stop, "right")))
+
     def between(self, start: float, stop: float) -> Result:
         """Return the samples from a time [s] to another, both included; views."""
-        time = self["time"].values
-        samples = slice(int(np.searchsorted(time, start, "left")), int(np.searchsorted(time, stop, "right")))
+        samples = self.samples(start, stop)
         data_vars, coords = (
             {name: one.at("time", samples) if "time" in one.dims else one for name, one in group.items()}
             for group in (self.data_vars, self.coords)

@@ -29,6 +29,7 @@ __all__ = [
     "check",
     "judge",
     "needed",
+    "needs_outlines",
     "recorded",
     "understood",
 ]
@@ -78,6 +79,11 @@ def check(
 def needed(expectations: Iterable[Expectation], known: Mapping[str, Recorded]) -> frozenset[str]:
     """Return which of the signals that a run records its expectations are judged by."""
     return frozenset(signal for written in expectations for signal in understood(written).signals(known))
+
+
+def needs_outlines(expectations: Iterable[Expectation]) -> bool:
+    """Return whether expectations are judged by the outlines in a result, besides signals."""
+    return any(understood(written).of_bodies for written in expectations)
 
 
 def judge(

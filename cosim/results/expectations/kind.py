@@ -60,6 +60,8 @@ class Kind(ABC):
         The number that a figure is held against, in the unit in which it is written.
     others : tuple of Path
         Files of other scenarios that are run for it.
+    of_bodies : bool
+        Whether it is judged by the outlines in a result besides the signals.
     """
 
     element: ClassVar[str] = ""
@@ -68,6 +70,7 @@ class Kind(ABC):
     bound: float = 0.0
     unit: str = "1"
     others: tuple[Path, ...] = ()
+    of_bodies: bool = False
 
     def __init__(self, written: Expectation) -> None:
         self.written = written
@@ -144,6 +147,10 @@ class Kind(ABC):
     def window(self, result: Result) -> Result:
         """Return the samples of a result within the window."""
         return result.between(self.written.start - ROUNDING, self.written.stop + ROUNDING)
+
+    def samples(self, result: Result) -> slice:
+        """Return which samples of a result are within the window."""
+        return result.samples(self.written.start - ROUNDING, self.written.stop + ROUNDING)
 
     @property
     def bound_text(self) -> str:

@@ -16,6 +16,9 @@ DERIVED = {
 }
 """Signals of every follower that are computed from recorded ones, with their units and meanings."""
 
+DERIVED_FROM = ("pose", "leader_pose")
+"""The recorded variables that they are computed from."""
+
 
 @dataclass(frozen=True)
 class Recorded:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
-from cosim.results.expectations.subject import Subject
+from cosim.results.expectations.subject import Subject, is_absent
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 
@@ -51,7 +51,7 @@ class Regular(Kind):
                 continue
             threshold = float(signal.attrs.get("singular_below", 0.0))
             for robot, (time, course) in Subject(name).courses(self, result).items():
-                if np.isnan(result.of_robot(name, robot)).all():  # another robot's controller has it
+                if is_absent(result.of_robot(name, robot)):
                     continue
                 least, at, jumps = _nearness(course)
                 verdict = self.verdict(
@@ -71,6 +71,11 @@ class Regular(Kind):
 
 def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:
     """Return how near to zero a signal (T, ...) comes, zero if it jumps over it; at which sample; whether it jumps."""
+    if values.ndim == 1:  # mostly far on one side, which one look tells
+        for find, side in ((np.argmin, 1.0), (np.argmax, -1.0)):
+            at = int(find(values))
+            if side * values[at] > 0.0:
+                return side * float(values[at]), at, False
     values = values.reshape(len(values), -1)
     jumps = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
     if len(jumps):

@@ -58,16 +58,16 @@ class Subject:
 
     def courses(self, kind: Kind, result: Result) -> dict[str, Course]:
         """Return its course over the window of an expectation, by the followers that have it."""
-        within = kind.window(result)
-        whole, window = self._one(result), self._one(within)
-        if "robot" in whole.dims:
+        samples, signal = kind.samples(result), self._one(result)
+        if "robot" in signal.dims:
             rows: dict[str, int | None] = {robot: result.row(robot) for robot in kind.followers(result)}
         else:
             rows = {LEADER: None}
-        having = {robot: row for robot, row in rows.items() if not np.isnan(_of_row(whole, row)).all()}
-        chosen = rows if kind.written.robots or not having else having
-        time = within["time"].values
-        return {robot: (time, _of_row(window, row)) for robot, row in chosen.items()}
+        courses = {robot: _of_row(signal, row) for robot, row in rows.items()}
+        having = [robot for robot, course in courses.items() if not is_absent(course)]
+        chosen = courses if kind.written.robots or not having else having
+        time = result["time"].values[samples]
+        return {robot: (time, courses[robot][samples]) for robot in chosen}
 
     def _one(self, result: Result) -> Variable:
         """Return the signal, or its component."""
@@ -81,6 +81,11 @@ class Subject:
         """Return the dimension of the signal's components, and their names."""
         (dim,) = (dim for dim in result[self.signal].dims if dim not in ("time", "robot"))
         return dim, [str(label) for label in result[dim].values]
+
+
+def is_absent(course: NDArray[np.float64]) -> bool:
+    """Return whether nothing is recorded of a signal (T, ...): it belongs to the controllers of other followers."""
+    return bool(np.isnan(course[:1]).all() and np.isnan(course).all())
 
 
 def _of_row(signal: Variable, row: int | None) -> NDArray[np.float64]:

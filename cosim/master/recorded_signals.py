@@ -1,0 +1,87 @@
+"""From the records of a run to the signals that somebody wants, and those that are computed from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from formation_controllers.geometry import formation_courses
+from formation_controllers.vehicles import formation_of
+from numpy.typing import NDArray
+
+from cosim.control.team import Team
+from cosim.master.recorder import Recorder
+from cosim.master.setup import Setup
+from cosim.master.who_is_who import texts
+from cosim.results.expectations.recorded import DERIVED, units_by_component
+from cosim.results.result import Result, Variable
+from cosim.scenario.scenario import Scenario
+
+Floats = NDArray[np.float64]
+
+
+def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams: Sequence[Team]) -> Result:
+    """Return the signals of a run that are wanted, with times, followers and components, but without provenance.
+
+    The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
+    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
+    """
+    samples = recorder.recorded
+    computed = [name for name in DERIVED if recorder.wants(name)]
+    arrays = _in_columns(recorder.arrays(), setup)
+    coordinates = {
+        "time": Variable(("time",), np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
+        "robot": texts("robot", [follower.id for follower in scenario.followers], "follower"),
+        **{along: texts(along, labels) for along, labels in setup.columns.labels.items()},
+    }
+    for team in teams:
+        for signal in team.controller.signals:
+            if signal.components and recorder.wants(signal.name):
+                dim = f"{signal.name}_component"
+                coordinates[dim] = texts(dim, signal.components)
+                parts = list(units_by_component(signal.components, signal.unit).values())
+                coordinates[f"{dim}_units"] = texts(dim, parts, f"unit of each component of {signal.name}")
+    variables = {
+        name: Variable(("time", *variable.dims), arrays[name], variable.attributes)
+        for name, variable in recorder.variables.items()
+        if recorder.wants(name)
+    }
+    courses = _courses(arrays, samples, setup, teams) if computed else {}
+    for name in computed:
+        units, long_name = DERIVED[name]
+        variables[name] = Variable(("time", "robot"), courses[name], {"units": units, "long_name": long_name})
+    return Result(variables, coordinates, {})
+
+
+def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Sequence[Team]) -> dict[str, Floats]:
+    """Return the variables that are computed from recorded ones."""
+    desired = setup.desired.q[:samples]
+    found = np.full((len(DERIVED), desired.shape[1], samples), np.nan)
+    for team in teams:
+        if formation_of(team.vehicle) is not None:
+            own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
+            if own != tuple(range(pose.shape[-1])):
+                pose = pose[..., own]
+            found[:, team.place] = formation_courses(
+                pose, arrays["leader_pose"], desired[:, team.place], team.vehicle
+            )
+    return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
+
+
+def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:
+    """Return what was recorded with the entries of every robot in the columns of the result."""
+    columns, kinds = setup.columns, [robot.kind for robot in setup.followers]
+    called = columns.commands
+    for of, names in (
+        (columns.pose, ("pose", "measured_pose", "leader_pose", "measured_leader_pose")),
+        (columns.velocity, ("velocity", "leader_velocity")),
+        (columns.command, (called, f"leader_{called}")),
+    ):
+        for name in names:
+            if name not in arrays:
+                continue
+            if "leader" in name:
+                arrays[name] = of.spread(arrays[name][:, np.newaxis], [setup.leader.kind])[:, 0]
+            else:
+                arrays[name] = of.spread(arrays[name], kinds)
+    return arrays
