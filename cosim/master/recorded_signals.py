@@ -62,9 +62,7 @@ def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Se
             own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
             if own != tuple(range(pose.shape[-1])):
                 pose = pose[..., own]
-            found[:, team.place] = formation_courses(
-                pose, arrays["leader_pose"], desired[:, team.place], team.vehicle
-            )
+            found[:, team.place] = formation_courses(pose, arrays["leader_pose"], desired[:, team.place], team.vehicle)
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
 
 

@@ -58,9 +58,7 @@ class Recorder:
 
     def records(self, name: str) -> bool:
         """Return whether a variable of the run is recorded: it is wanted, or one that is wanted is computed from it."""
-        return name in self.variables and (
-            self.wants(name) or (name in DERIVED_FROM and any(map(self.wants, DERIVED)))
-        )
+        return name in self.variables and (self.wants(name) or (name in DERIVED_FROM and any(map(self.wants, DERIVED))))
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the array (samples, ...) of a variable, to write into."""
