@@ -119,7 +119,9 @@ class Recorder:
     def _recorded_part(self, name: str) -> NDArray[np.float64]:
         if name in self._arrays:
             return self._arrays[name][: self.recorded]
-        stores = [(rows, store[name][: self.recorded]) for rows, store in self._stores if name in store.dtype.fields]
+        stores = [
+            (rows, store[name][: self.recorded]) for rows, store in self._stores if name in (store.dtype.names or ())
+        ]
         shape = (self.recorded, *self.variables[name].shape)
         if len(stores) == 1 and stores[0][1].shape == shape:
             return stores[0][1]

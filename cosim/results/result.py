@@ -110,7 +110,8 @@ class Result:
     def of_robot(self, name: str, robot: str) -> NDArray[Any]:
         """Return a follower's part of a variable."""
         variable = self[name]
-        return variable.values[(*(slice(None),) * variable.dims.index("robot"), self.row(robot))]
+        place: tuple[Any, ...] = (*(slice(None),) * variable.dims.index("robot"), self.row(robot))
+        return variable.values[place]
 
     def row(self, robot: str) -> int:
         """Return the place of a follower along the dimension ``robot``."""
