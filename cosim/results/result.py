@@ -111,7 +111,8 @@ class Result:
         """Return a follower's part of a variable."""
         variable = self[name]
         place: tuple[Any, ...] = (*(slice(None),) * variable.dims.index("robot"), self.row(robot))
-        return variable.values[place]
+        course: NDArray[Any] = variable.values[place]
+        return course
 
     def row(self, robot: str) -> int:
         """Return the place of a follower along the dimension ``robot``."""
