@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 import cosim
 import cosim.master.supervised
+from cosim import process_tree
 from cosim.cli import main
 from cosim.master.simulation import Simulation
 from cosim.master.supervised import SupervisedRun, whole_run
@@ -246,3 +249,37 @@ def test_a_crash_outside_of_any_call(make: Make, tmp_path: Path, monkeypatch: py
     summary = json.loads((tmp_path / "s" / "summary.json").read_text("utf-8"))
     assert not summary["passed"]
     assert "the process of the run has ended: its process crashed (SIGABRT)" in summary["failure"]["message"]
+
+
+def test_the_process_begins_while_no_other_thread_compiles(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held, free = threading.Event(), threading.Event()
+
+    def compiles() -> None:
+        with global_compiler_lock:
+            held.set()
+            time.sleep(0.3)
+            free.set()
+
+    forked_while_free: list[bool] = []
+    fork = os.fork
+
+    def noting() -> int:
+        forked_while_free.append(free.is_set())
+        return fork()
+
+    thread = threading.Thread(target=compiles)
+    new_mark = process_tree.new_mark
+
+    def marks() -> str:
+        thread.start()
+        held.wait()
+        return new_mark()
+
+    monkeypatch.setattr(os, "fork", noting)
+    monkeypatch.setattr(process_tree, "new_mark", marks)  # just before the fork
+    result = cosim.run(write(tmp_path / "scenario.xml", make(name="car")))
+    thread.join()
+    assert forked_while_free == [True]
+    assert result.sizes["time"] == 31

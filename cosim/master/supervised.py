@@ -21,6 +21,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
 
 from cosim import process_tree
@@ -239,7 +240,8 @@ class SupervisedRun:
                 stream.flush()
         with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._pid = os.fork()
+            with global_compiler_lock:  # of Numba: no other thread may hold it in the child, where that never ends
+                self._pid = os.fork()
         if self._pid == 0:
             try:
                 os.environ[self._mark] = ""  # for what it starts
