@@ -315,7 +315,8 @@ def print_targets(idle: Costs, loop: Costs) -> None:
         growth, floor = (idle[many][name] / idle[few][name] for name in (OURS, FLOOR))
         told = f"per FMU {growth:.2f} times what it is with {few}; the C loop {floor:.2f} times"
         print(f"{_verdict(growth < 1.5 * max(floor, 1.0))}  linear up to {many}, but for the memory's speed: {told}")
-    others = {n: min(cost for name, cost in own.items() if name != HARNESS) for n, own in loop.items() if len(own) > 1}
+    ours = {HARNESS, OURS, FLOOR}  # the C loop is no master
+    others = {n: min(own[name] for name in own.keys() - ours) for n, own in loop.items() if own.keys() - ours}
     if others:
         ratios = {n: cost / loop[n][HARNESS] for n, cost in others.items()}
         told = ", ".join(f"{ratio:.3g} with {n} followers" for n, ratio in ratios.items())
