@@ -121,6 +121,10 @@ class Prepared:
                 return anew
             return outcome
 
+    def accepts(self, scenario: Scenario) -> bool:
+        """Return whether a scenario has the structure that is prepared, so that `run` takes it."""
+        return _structure(scenario) == self._structure
+
     def close(self) -> None:
         """End all plants and remove unpacked files."""
         self._cleanup.close()

@@ -8,6 +8,7 @@ answers XPath.
 
 from __future__ import annotations
 
+import copy
 import os
 import stat
 from collections.abc import Mapping, Sequence
@@ -109,9 +110,64 @@ def read_binding_document(path: Path) -> Document:
     InputError
         As of `read_document`.
     """
+    return _read(path, "binding")
+
+
+def read_study_document(path: Path) -> Document:
+    """Read a file whose root element is a study, and check it against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    return _read(path, "study")
+
+
+def read_variant_of(
+    of: str,
+    document: Document,
+    rules: Sequence[etree._Element],
+    changes: Sequence[Change] = (),
+    places: Mapping[etree._Element, Location] | None = None,
+) -> Document:
+    """Return a scenario to which rules are applied that stand in a document of another kind, as in a variant.
+
+    Parameters
+    ----------
+    of
+        The scenario's file, relative to the document's folder, as all paths in the result.
+    document
+        The document that holds the rules; the scenario gets its name.
+    rules
+        Children that a variant has, in it.
+    changes
+        Made after these.
+    places
+        The places of elements that the changes bring.
+
+    Raises
+    ------
+    InputError
+        The scenario is not valid, or a rule cannot be applied; with its place.
+    """
+    name = document.root.get("name", "")
+    variant = etree.Element(f"{{{NAMESPACE}}}variant", {"name": name, "of": of}, {None: NAMESPACE})
+    known = {variant: document.where(document.root)}
+    for rule in rules:
+        variant.append(copied := copy.deepcopy(rule))
+        copied.tail = None
+        known |= zip(copied.iter("*"), map(document.where, rule.iter("*")), strict=True)
+    varied = _varied(document.path, variant, known, ())
+    varied._places.update(places or {})
+    return _changed(varied, changes)
+
+
+def _read(path: Path, kind: str) -> Document:
+    """Read a file with a root element of a kind, which stands for itself."""
     data = _read_bytes(path)
     root, places = _parse(data, path)
-    _check_names(root, places, "binding")
+    _check_names(root, places, kind)
     _collapse(root)
     _validate(root, places)
     return Document(path, _decode(data, root), root, places)
@@ -164,6 +220,13 @@ def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
         return Document(path, _decode(data, root), root, places)
 
     _validate(root, places)
+    return _varied(path, root, places, chain)
+
+
+def _varied(
+    path: Path, root: etree._Element, places: dict[etree._Element, Location], chain: tuple[Path, ...]
+) -> Document:
+    """Apply a variant to its base."""
     base = _base(path, root, places[root], chain)
     _strip_namespace(root)
     _strip_namespace(base.root)

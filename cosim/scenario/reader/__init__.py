@@ -20,7 +20,7 @@ from cosim.scenario.reader.robots import follower, leader
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, Expectation, Scenario
 
-__all__ = ["read_binding", "read_expectations", "read_scenario"]
+__all__ = ["read_binding", "read_expectations", "read_scenario", "scenario_in"]
 
 
 def read_scenario(
@@ -43,8 +43,7 @@ def read_scenario(
         The file is no scenario; with file, line and column.
     """
     made = as_changes(changes)
-    document = read_document(Path(path), made)
-    return _scenario(document, tuple(Path(os.path.realpath(folder)) for folder in untrusted), map(in_words, made))
+    return scenario_in(read_document(Path(path), made), untrusted, map(in_words, made))
 
 
 def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
@@ -52,6 +51,13 @@ def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
     document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places, changes)
     again = _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
     return replace(again, path=scenario.path)
+
+
+def scenario_in(
+    document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()
+) -> Scenario:
+    """Return the scenario in a document, which was changed as told; raises as `read_scenario`."""
+    return _scenario(document, tuple(Path(os.path.realpath(folder)) for folder in untrusted), changes)
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:

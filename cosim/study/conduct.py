@@ -1,0 +1,204 @@
+"""A study from its file to its verdicts: runs that are kept are taken over, the others are made."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cosim.errors import InputError
+from cosim.master.setup import set_up
+from cosim.results.verdict import Verdict
+from cosim.study.engine import Pending, Workers
+from cosim.study.keys import key_of_run, key_of_scenario
+from cosim.study.plan import Plan
+from cosim.study.requirements import requirements_of
+from cosim.study.row import Row
+from cosim.study.store import Store
+from cosim.study.study import Study
+from cosim.study.task import Job, row_of
+
+
+@dataclass(frozen=True)
+class StudyOutcome:
+    """What has come of a study.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        The runs, in their order.
+    planned : int
+        How many runs it has.
+    verdicts : tuple of Verdict
+        On what must hold; empty if only a part of the runs was asked for.
+    made : int
+        How many runs were made now; the others were kept from before.
+    early : bool
+        Whether it has ended early, because the verdict is certain enough.
+    """
+
+    study: Study
+    rows: tuple[Row, ...]
+    planned: int
+    verdicts: tuple[Verdict, ...]
+    made: int
+    early: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything holds that must."""
+        return all(verdict.passed for verdict in self.verdicts)
+
+
+def usual_workers() -> int:
+    """Return how many processes there are without a choice: as many as processors that this one may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str]]:
+    """Check everything that can be checked before a run; return the runs, and the key of each scenario.
+
+    Raises
+    ------
+    InputError
+        A scenario cannot be run, there are too many runs, or what must hold makes no sense.
+    """
+    requirements_of(study)
+    plan = Plan(study)
+    keys = {}
+    for cases, scenario in study.bases.items():
+        with ExitStack() as cleanup:
+            keys[cases] = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
+    return plan, keys
+
+
+def conduct(
+    study: Study,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    runs: int | None = None,
+    progress: Callable[[Sequence[Row], int], None] | None = None,
+) -> StudyOutcome:
+    """Make the runs of a study that its folder does not hold, and judge all of them.
+
+    Parameters
+    ----------
+    study
+        The study.
+    folder
+        Where its rows are kept; it exists.
+    workers
+        How many processes; without it, as many as processors.
+    executor
+        An executor of `concurrent.futures`, in place of processes of this machine.
+    runs
+        Only the first ones, for a first look; nothing is judged then.
+    progress
+        Told, after each chunk, its rows and how many runs are left.
+
+    Raises
+    ------
+    InputError
+        The study makes no sense, or the folder holds another one.
+    OutputError
+        The rows cannot be written.
+    KeyboardInterrupt
+        The user pressed Ctrl-C; the rows so far are kept.
+    """
+    plan, keys = check_study(study)
+    wanted = min(len(plan), runs or len(plan))
+    with Store(folder, study.name) as store, tempfile.TemporaryDirectory(prefix="formation-study-") as scratch:
+        rows: dict[int, Row] = {}
+        missing: list[Pending] = []
+        for run in (plan[index] for index in range(wanted)):
+            key = key_of_run(keys[run.cases], run.changes)
+            kept = store.rows.get(key)
+            if kept is None:
+                missing.append((run, key))
+            else:
+                rows[run.number] = replace(kept, number=run.number, draw=run.draw, values=run.values)
+        ending = _Ending(study, rows)
+
+        def take(some: Sequence[Row]) -> bool:
+            store.append(some)
+            rows.update((row.number, row) for row in some)
+            if progress is not None:
+                progress(some, wanted - len(rows))
+            return not ending.reached()
+
+        if progress is not None:
+            progress(tuple(rows.values()), wanted - len(rows))
+        if missing and not ending.reached():
+            began = time.perf_counter()
+            (first, key), *rest = missing
+            job = Job(study.bases, study.measures, 0.0)
+            # the first one here, so that what has to be compiled is compiled once, for all workers
+            goes_on = take([row_of(job, first, key)])
+            job = replace(job, usual=time.perf_counter() - began)
+            if goes_on and rest:
+                Workers(job, workers or usual_workers(), Path(scratch), executor).run(rest, take)
+    last = ending.last if ending.reached() else wanted
+    ordered = tuple(rows[number] for number in range(1, last + 1))
+    judged = runs is None or wanted == len(plan)
+    return StudyOutcome(
+        study=study,
+        rows=ordered,
+        planned=len(plan),
+        verdicts=tuple(one.judge(ordered) for one in requirements_of(study)) if judged else (),
+        made=len(missing) if not ending.reached() else sum(number <= last for number in _numbers(missing)),
+        early=last < wanted,
+    )
+
+
+class _Ending:
+    """Whether a study may end early: everything that must hold allows it, and is decided.
+
+    Only runs count before which none is missing, so that it ends with the same run on any number of workers.
+    """
+
+    def __init__(self, study: Study, rows: dict[int, Row]) -> None:
+        self._rows = rows
+        self._judged = requirements_of(study)
+        self._possible = bool(self._judged) and all(one.test is not None for one in self._judged)
+        self.last = 0
+
+    def reached(self) -> bool:
+        """Return whether it may end after the run `last`."""
+        if not self._possible:
+            return False
+        while not self._decided() and (row := self._rows.get(self.last + 1)) is not None:
+            self.last += 1
+            for one in self._judged:
+                assert one.test is not None
+                one.test.add(one.counts(row))
+        return self._decided()
+
+    def _decided(self) -> bool:
+        return all(one.test is not None and one.test.above is not None for one in self._judged)
+
+
+def _numbers(pending: Sequence[Pending]) -> list[int]:
+    return [run.number for run, _ in pending]
+
+
+def folder_of(study: Study, out: Path) -> Path:
+    """Return the folder of a study, which is made.
+
+    Raises
+    ------
+    InputError
+        It cannot be made.
+    """
+    folder = out / study.name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made: {error.strerror}; choose another --out") from None
+    return folder

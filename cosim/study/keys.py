@@ -1,0 +1,68 @@
+"""What determines a run, as a checksum: a run that was made with the same one need not be made again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from lxml import etree
+
+from cosim.master.setup import Setup
+from cosim.scenario.grammar import attributes_of, local_name
+from cosim.scenario.scenario import Scenario
+
+_LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "scipy", "numba")
+_FOR_PEOPLE = ("title", "description")
+
+
+def key_of_scenario(scenario: Scenario, setup: Setup) -> str:
+    """Return the checksum of all that determines the runs of a scenario, but for its changes.
+
+    That is the resolved text without comments, title and description, the content of each file that it names, and the
+    versions of the packages.
+    """
+    return _digest(_determining(scenario, setup))
+
+
+def key_of_run(scenario: str, changes: Sequence[str]) -> str:
+    """Return the checksum of a run: of its scenario and its changes."""
+    return _digest([scenario, *changes])
+
+
+def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
+    for library in _LIBRARIES:
+        yield f"{library} {version(library)}"
+    for name, law in setup.laws.items():
+        yield f"law {name} {law.package} {law.version}"
+    for name, fmu in setup.opened.items():
+        yield f"plant {name} {fmu.sha256}"
+    for path, (other, its) in setup.others.items():
+        yield f"other {path.name} {key_of_scenario(other, its)}"
+    root = etree.fromstring(scenario.text.encode())
+    for element in list(root.iter("*")):
+        kind = local_name(element)
+        if kind in _FOR_PEOPLE:
+            element.clear()
+        for name, of_type in attributes_of(kind).items():
+            if of_type == "path" and name in element.attrib and not (kind == "plant" and name == "fmu"):
+                file = scenario.folder / element.get(name, "")
+                yield f"file {name} {_content(file)}"
+    root.attrib.pop("name", None)
+    yield etree.tostring(root, method="c14n", with_comments=False).decode()
+
+
+def _content(file: Path) -> str:
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError:  # it was read when the scenario was
+        return ""
+
+
+def _digest(parts: Iterator[str] | Sequence[str]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode("utf-8", "surrogateescape")
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()

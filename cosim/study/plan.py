@@ -1,0 +1,169 @@
+"""Which runs a study has: of each, the cases and the values, by its number alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from cosim.errors import InputError, shown
+from cosim.quantity import split
+from cosim.study.study import Study, Target, Vary
+from cosim.study.values import Count, Finite, written
+from plants import UnitError, units
+
+MOST_RUNS = 1_000_000
+"""Upper limit for the runs of a study."""
+_NEXT_TO_0, _NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a study.
+
+    Attributes
+    ----------
+    number : int
+        Its number, from 1.
+    draw : int
+        The number of its draw, from 1; runs that are compared with each other share it.
+    cases : tuple of int
+        The index of each case; see `Study.bases`.
+    values : tuple of str or None
+        Of each varied value; of cases, the name. None leaves the scenario's own value.
+    changes : tuple of str
+        What gives the scenario these values, as ``XPATH=VALUE``.
+    """
+
+    number: int
+    draw: int
+    cases: tuple[int, ...]
+    values: tuple[str | None, ...]
+    changes: tuple[str, ...]
+
+
+class Plan:
+    """All runs of a study, each of which is made when it is asked for.
+
+    Raises
+    ------
+    InputError
+        There would be too many runs, or a value cannot be computed.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._vary = study.vary
+        self._crossed = [index for index, vary in enumerate(study.vary) if vary.crossed]
+        drawn = [index for index in range(len(study.vary)) if index not in self._crossed]
+        sizes = {index: _size(vary) for index, vary in enumerate(study.vary)}
+        self._cross_shape = tuple(sizes[index] for index in self._crossed)
+        self._copies = math.prod(self._cross_shape)
+        method = study.sample.method
+        if method == "grid":
+            self._shape = tuple(sizes[index] for index in drawn)
+            draws = math.prod(self._shape)
+        elif method == "one_at_a_time":
+            self._steps = [(index, step) for index in drawn for step in range(sizes[index]) if not self._counts(index)]
+            draws = 1 + len(self._steps)
+        else:
+            draws = study.sample.runs or 0
+        if draws * self._copies > MOST_RUNS:
+            copies = f" x {self._copies} that are crossed" if self._copies > 1 else ""
+            raise InputError(
+                f"the study has {draws:,} draws{copies}, which is more than {MOST_RUNS:,} runs, the most of a study",
+                study.sample.where,
+            )
+        self._drawn = drawn
+        self._draws = draws
+        self._fractions = _fractions(study, draws, [index for index in drawn if not self._counts(index)], method)
+
+    def __len__(self) -> int:
+        return self._draws * self._copies
+
+    def __iter__(self) -> Iterator[Run]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: int) -> Run:
+        draw, copy = divmod(index, self._copies)
+        chosen = self._chosen(draw)
+        if self._crossed:
+            of_copy = np.unravel_index(copy, self._cross_shape)
+            chosen |= {at: int(value) for at, value in zip(self._crossed, of_copy, strict=True)}
+        cases: list[int] = []
+        values: list[str | None] = []
+        changes: list[str] = []
+        for at, vary in enumerate(self._vary):
+            pick = chosen[at]
+            text = vary.values.texts[pick] if isinstance(pick, int) and isinstance(vary.values, Finite) else pick
+            assert not isinstance(text, int)
+            values.append(text)
+            if vary.cases:
+                cases.append(pick if isinstance(pick, int) else 0)
+            elif text is not None:
+                changes += [f"{target.select}={_computed(target, text)}" for target in vary.targets]
+        return Run(index + 1, draw + 1, tuple(cases), tuple(values), tuple(changes))
+
+    def _counts(self, index: int) -> bool:
+        return isinstance(self._vary[index].values, Count)
+
+    def _chosen(self, draw: int) -> dict[int, int | str | None]:
+        """Return the value of each one that is not crossed: an index, a text, or None for the scenario's own."""
+        chosen: dict[int, int | str | None] = {}
+        column = 0
+        method = self._study.sample.method
+        steps = np.unravel_index(draw, self._shape) if method == "grid" and self._shape else ()
+        for place, at in enumerate(self._drawn):
+            values = self._vary[at].values
+            if isinstance(values, Count):
+                chosen[at] = values.at(draw)
+            elif method == "grid":
+                chosen[at] = int(steps[place])
+            elif method == "one_at_a_time":
+                own = self._steps[draw - 1] if draw else (-1, 0)
+                chosen[at] = own[1] if own[0] == at else None
+            else:
+                fraction = float(self._fractions[draw, column])
+                chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
+            column += not isinstance(values, Count)
+        return chosen
+
+
+def _size(vary: Vary) -> int:
+    return len(vary.values) if isinstance(vary.values, Finite) else 1
+
+
+def _fractions(study: Study, draws: int, columns: list[int], method: str) -> NDArray[np.float64]:
+    """Return numbers between 0 and 1 (draws, columns); of the random ones and of Sobol's, more draws add rows."""
+    if method in ("grid", "one_at_a_time") or not columns:
+        return np.empty((draws, 0))
+    generator = np.random.default_rng(study.sample.seed)
+    if method == "random":
+        return generator.random((draws, len(columns)))
+    if method == "latin_hypercube":
+        return np.asarray(qmc.LatinHypercube(len(columns), seed=generator).random(draws))
+    power = max(draws - 1, 0).bit_length()  # a whole power of 2 is balanced
+    return np.asarray(qmc.Sobol(len(columns), seed=generator).random_base2(power)[:draws])
+
+
+def _computed(target: Target, text: str) -> str:
+    """Return what a target gets for a value."""
+    if target.factor is None and target.offset is None:
+        return text
+    try:
+        number, unit = split(text)
+        factor, in_factor = target.factor or (1.0, "1")
+        number *= factor
+        if in_factor != "1":
+            both = units.parse(unit) * units.parse(in_factor)
+            number, unit = number * both.factor, str(units.Unit(both.exponents))
+        if target.offset is not None:
+            offset, in_offset = target.offset
+            number, unit = units.convert(number, unit, in_offset) + offset, in_offset
+    except (ValueError, UnitError) as error:
+        raise InputError(f"{shown(text)} times the factor plus the offset: {error}", target.where) from None
+    return written(float(f"{number:.10g}"), unit)

@@ -1,0 +1,265 @@
+"""From a study file to a study; checks beyond the schema."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import TypeVar
+
+from lxml import etree
+
+from cosim.errors import InputError, Location, nearest, printable
+from cosim.quantity import quantity, split
+from cosim.scenario.document import Document, read_study_document, read_variant_of
+from cosim.scenario.edits import Change, as_changes, in_words
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.reader import scenario_in
+from cosim.scenario.reader.element import Element
+from cosim.scenario.scenario import Scenario
+from cosim.scenario.tree_edits import insert, put
+from cosim.scenario.xpath_selection import assign, selected_or_added
+from cosim.study.study import Measured, Requirement, Sample, Study, Target, Vary
+from cosim.study.values import Count, Finite, Values, values_of
+
+MOST_CASES = 1000
+"""Upper limit for combinations of cases: each is a scenario of its own."""
+_REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
+_RULES = ("set", "replace", "insert", "remove")
+_SIGNALS = {"rms", "peak", "final", "itae", "least"}
+_T = TypeVar("_T", Vary, Measured)
+
+
+def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
+    """Read a study file, with the scenarios that it is about.
+
+    Parameters
+    ----------
+    path
+        The file.
+    changes
+        Made in every scenario, before the study's own: ``XPATH=VALUE`` each, as for ``--set``.
+
+    Raises
+    ------
+    InputError
+        The file is no study, or a scenario of it is wrong; with file, line and column.
+    """
+    document = read_study_document(Path(path))
+    root = Element.root(document)
+    vary = _distinct(map(_vary, root.children("vary")), "value")
+    measures = [_measured(element) for element in root.children("measure")]
+    sample = _sample(root.child("sample"), vary)
+    study = Study(
+        path=document.path,
+        text=document.text,
+        name=root.get("name"),
+        title=printable(root.child("title").text),
+        vary=vary,
+        sample=sample,
+        measures=_distinct((measured for measured, _ in measures), "measure"),
+        requirements=tuple(
+            Requirement(element.kind, element.attributes, element.where)
+            for element in root.inside
+            if element.kind in _REQUIREMENTS
+        ),
+        bases=_bases(document, root, [(own, one.where) for one, own in measures], as_changes(changes)),
+    )
+    _check_selections(study)
+    return study
+
+
+# Values ------------------------------------------------------------------------------------------------------
+
+
+def _vary(element: Element) -> Vary:
+    cases = list(element.children("case"))
+    also = tuple(map(_target, element.children("also")))
+    if cases:
+        names = [case.get("name") for case in cases]
+        for name, case in zip(names, cases, strict=True):
+            if names.count(name) > 1:
+                raise case.error(f"the case {name!r} is given twice")
+        if "select" in element or also:
+            raise element.error("cases say themselves what changes: leave select=... and <also> out")
+        return Vary(element.get("name"), Finite(names), (), True, "cross" in element, element.where)
+    values = values_of(next(child for child in element.inside if child.kind != "also"))
+    if "select" in element:
+        also = (Target(element.get("select"), where=element.where), *also)
+    if not also:
+        raise element.error(f"nothing gets the value {element.get('name')!r}: add select=... or <also select=.../>")
+    if "cross" in element and not isinstance(values, Finite):
+        raise element.error('cross="yes" needs a list, a grid, a range or cases: another value has no end')
+    if any(target.factor or target.offset for target in also):
+        _check_numbers(element, values)
+    return Vary(element.get("name"), values, also, False, "cross" in element, element.where)
+
+
+def _target(element: Element) -> Target:
+    def number(name: str) -> tuple[float, str] | None:
+        if name not in element:
+            return None
+        given, unit = split(element.get(name))
+        try:
+            return quantity(element.get(name), unit), unit
+        except ValueError as error:
+            raise element.error(f'{name}="{element.get(name)}" of <also>: {error}') from None
+
+    factor, offset = number("factor"), number("offset")
+    return Target(element.get("select"), factor, offset, element.where)
+
+
+def _check_numbers(element: Element, values: Values) -> None:
+    """Refuse a list of words where a number is to be computed from each."""
+    for text in values.texts[:1000] if isinstance(values, Finite) else ():
+        try:
+            split(text)
+        except ValueError:
+            raise element.error(f"{text!r} is not a number with a unit, so it has no factor and offset") from None
+
+
+def _sample(element: Element, vary: Sequence[Vary]) -> Sample:
+    method, given = element.get("method"), "runs" in element
+    whole = method in ("grid", "one_at_a_time")
+    if given and whole:
+        raise element.error(f'method="{method}" of <sample> makes as many runs as there are values: leave runs=... out')
+    if not given and not whole:
+        raise element.error(f'method="{method}" of <sample> needs runs=...')
+    for one in vary if whole else ():
+        if not isinstance(one.values, Finite | Count):
+            raise InputError(
+                f'the value {one.name!r} is random, which method="{method}" of <sample> does not draw: give a list, a '
+                "grid or a range, or another method",
+                one.where,
+            )
+    return Sample(method, int(element.get("runs")) if given else None, int(element.get("seed", "0")), element.where)
+
+
+# Measures ----------------------------------------------------------------------------------------------------
+
+
+def _measured(element: Element) -> tuple[Measured, etree._Element]:
+    """Return a measure, and an expectation whose figure it is; the bound is of no account."""
+    figure = element.get("figure")
+    _check_attributes(element, figure)
+    unit = element.get("unit", {"settling_time": "s", "distance": "m"}.get(figure, ""))
+    if not unit:
+        raise element.error(f'figure="{figure}" of <measure> needs unit=..., such as that of the signal')
+    kept = {name: element.get(name) for name in ("signal", "component", "from", "to", "robots") if name in element}
+    bands = {"range": element.get("range", "0.1 m"), "bearing": element.get("bearing", "2 deg")}
+    one = "1" if unit == "1" else f"1 {unit}"
+    kind, bound = {
+        "settling_time": ("settled", {"by": f"0 {unit}", **bands}),
+        "distance": ("distance", {"above": one}),
+        "least": ("least", {"above": one}),
+    }.get(figure, (figure, {"below": one}))
+    measured = Measured(
+        name=element.get("name"),
+        mean=element.get("over") == "mean",
+        greatest_is_worst=figure not in ("least", "distance"),
+        unit="" if unit == "1" else unit,
+        where=element.where,
+    )
+    return measured, etree.Element(kind, {**kept, **bound})
+
+
+def _check_attributes(element: Element, figure: str) -> None:
+    if figure in _SIGNALS and "signal" not in element:
+        raise element.error(f'figure="{figure}" of <measure> needs signal=..., such as signal="range_error"')
+    misplaced = {
+        "signal": figure not in _SIGNALS,
+        "component": figure not in _SIGNALS,
+        "from": figure == "settling_time",
+        "to": figure == "settling_time",
+        "range": figure != "settling_time",
+        "bearing": figure != "settling_time",
+    }
+    for name, wrong in misplaced.items():
+        if wrong and name in element:
+            raise element.error(f'figure="{figure}" of <measure> has no {name}=...: leave it out')
+
+
+# Scenarios ---------------------------------------------------------------------------------------------------
+
+
+def _bases(
+    document: Document, root: Element, measures: Sequence[tuple[etree._Element, Location]], changes: Sequence[Change]
+) -> Mapping[tuple[int, ...], Scenario]:
+    """Return the scenario for each combination of cases."""
+    namespace = f"{{{NAMESPACE}}}"
+    choices = [list(vary.iterchildren(namespace + "case")) for vary in document.root.iterchildren(namespace + "vary")]
+    choices = [cases for cases in choices if cases]
+    combinations = 1
+    for cases in choices:
+        combinations *= len(cases)
+    if combinations > MOST_CASES:
+        raise root.error(f"the cases have {combinations} combinations, which is more than {MOST_CASES}")
+    bases = {}
+    for indices in product(*(range(len(cases)) for cases in choices)):
+        chosen = [cases[index] for cases, index in zip(choices, indices, strict=True)]
+        bases[indices] = _base(document, root, chosen, measures, changes)
+    return bases
+
+
+def _base(
+    document: Document,
+    root: Element,
+    cases: Sequence[etree._Element],
+    measures: Sequence[tuple[etree._Element, Location]],
+    changes: Sequence[Change],
+) -> Scenario:
+    given = [case for case in cases if case.get("of")]
+    if len(given) > 1:
+        raise InputError("a second case names a scenario; only one value may", document.where(given[1]))
+    of = given[0].get("of", "") if given else root.get("of")
+    rules = [rule for case in cases for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in _RULES))]
+    rules = [*document.root.iterchildren(f"{{{NAMESPACE}}}title"), *rules]
+    added = [(copy.deepcopy(element), where) for element, where in measures]
+    all_changes = [*changes, partial(_add_expectations, elements=[element for element, _ in added])]
+    varied = read_variant_of(of, document, rules, all_changes, dict(added))
+    return scenario_in(varied, changes=map(in_words, changes))
+
+
+def _add_expectations(root: etree._Element, elements: Sequence[etree._Element]) -> None:
+    if elements and root.find("expect") is None:
+        insert(root, [etree.Element("expect")])
+    for element in elements:
+        put(expect := root.find("expect"), expect[-1] if len(expect) else None, [element])
+
+
+def _check_selections(study: Study) -> None:
+    """Check that each value has one place in each scenario, and no two the same one."""
+    check = partial(_check_targets, vary=study.vary)
+    for scenario in study.bases.values():
+        scenario.edited([check])
+
+
+def _check_targets(root: etree._Element, vary: Sequence[Vary]) -> None:
+    taken: dict[tuple[object, str], Vary] = {}
+    for one in vary:
+        for target in one.targets:
+            try:
+                nodes = selected_or_added(root, target.select)
+                if len(nodes) > 1:
+                    raise ValueError(f"{target.select!r} selects {len(nodes)} nodes: expected one; <also> adds others")
+                element = assign(nodes[0], str(nodes[0]) if isinstance(nodes[0], str) else nodes[0].text or "")
+            except ValueError as error:
+                raise InputError(str(error), target.where) from None
+            place = element, getattr(nodes[0], "attrname", "")
+            if place in taken:
+                raise InputError(
+                    f"{target.select!r} selects what the value {taken[place].name!r} has already", target.where
+                )
+            taken[place] = one
+
+
+def _distinct(items: Iterable[_T], what: str) -> tuple[_T, ...]:
+    """Return items with names; refuse a name that is given twice."""
+    found: dict[str, _T] = {}
+    for item in items:
+        if item.name in found:
+            raise InputError(f"the {what} {item.name!r} is given twice", item.where)
+        found[item.name] = item
+    return tuple(found.values())

@@ -1,0 +1,70 @@
+"""One run of a study as a row of its table."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+PASSED, FAILED, BROKEN = "passed", "failed", "broken"
+"""How a run ends: all expectations hold; one does not; or it did not reach its end, or could not begin."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How one run went.
+
+    Attributes
+    ----------
+    key : str
+        What determines the run, as a checksum; see `cosim.study.keys`.
+    number, draw : int
+        Of the run and its draw, from 1.
+    values : tuple of str or None
+        Of each varied value, as the scenario had it; None where it had its own.
+    status : str
+        ``passed``, ``failed`` or ``broken``.
+    measures : tuple of float
+        In the units of the study; NaN of a broken run, infinite where there is no figure.
+    margins : tuple of float
+        Of each expectation, the least over the robots, in the unit of its bound; NaN where there is none.
+    message : str
+        Why it is broken: robot, time and reason; or which expectation failed.
+    """
+
+    key: str
+    number: int
+    draw: int
+    values: tuple[str | None, ...]
+    status: str
+    measures: tuple[float, ...]
+    margins: tuple[float, ...]
+    message: str
+
+    def to_json(self) -> str:
+        """Return it in a line."""
+        data = {**vars(self), "measures": list(map(_told, self.measures)), "margins": list(map(_told, self.margins))}
+        return json.dumps(data, allow_nan=False)
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Self:
+        """Return the row that was written as data; raises TypeError, ValueError or KeyError if it was not."""
+        if data["status"] not in (PASSED, FAILED, BROKEN):
+            raise ValueError(f"no status: {data['status']!r}")
+        return cls(
+            key=str(data["key"]),
+            number=int(data["number"]),
+            draw=int(data["draw"]),
+            values=tuple(None if value is None else str(value) for value in data["values"]),
+            status=data["status"],
+            measures=tuple(map(float, data["measures"])),
+            margins=tuple(map(float, data["margins"])),
+            message=str(data["message"]),
+        )
+
+
+def _told(number: float) -> float | str:
+    """Return a number as JSON can hold it; `float` reads it again."""
+    return number if math.isfinite(number) else str(number)

@@ -1,0 +1,134 @@
+"""A study as it is read: the scenario, what varies in it, how that is sampled, what is measured and what must hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosim.errors import Location
+from cosim.scenario.scenario import Scenario
+from cosim.study.values import Values
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where in the scenario a value goes: factor times the value, plus an offset.
+
+    Attributes
+    ----------
+    select : str
+        The XPath.
+    factor, offset : tuple of float and str, or None
+        A quantity; None to leave the value as it is.
+    """
+
+    select: str
+    factor: tuple[float, str] | None = None
+    offset: tuple[float, str] | None = None
+    where: Location = Location("")
+
+
+@dataclass(frozen=True)
+class Vary:
+    """A value that differs from run to run.
+
+    Attributes
+    ----------
+    values : Values
+        The values; of cases, their names.
+    targets : tuple of Target
+        Where the value goes; none for cases.
+    cases : bool
+        Whether each value is a change of the scenario's structure.
+    crossed : bool
+        Whether every draw is run with each of its values.
+    """
+
+    name: str
+    values: Values
+    targets: tuple[Target, ...]
+    cases: bool
+    crossed: bool
+    where: Location
+
+
+@dataclass(frozen=True)
+class Sample:
+    """How the runs are chosen; `runs` is None where it follows from the values."""
+
+    method: str
+    runs: int | None
+    seed: int
+    where: Location
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A figure of each run.
+
+    Attributes
+    ----------
+    mean : bool
+        Whether it is the mean over the followers, in place of the worst one.
+    greatest_is_worst : bool
+        Whether the worst is the greatest.
+    unit : str
+        Its unit; empty for a pure number.
+    """
+
+    name: str
+    mean: bool
+    greatest_is_worst: bool
+    unit: str
+    where: Location
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What must hold of all runs together: an element with its attributes, see `cosim.study.requirements`.
+
+    Attributes
+    ----------
+    kind : str
+        The element's name.
+    attributes : dict
+        Its attributes as they are written.
+    """
+
+    kind: str
+    attributes: Mapping[str, str]
+    where: Location
+
+
+@dataclass(frozen=True)
+class Study:
+    """Many runs of one scenario.
+
+    Attributes
+    ----------
+    path : Path
+        Its file; paths in it and in its scenarios are relative to the file's folder.
+    text : str
+        The text of the file.
+    bases : dict
+        The scenario with the rules of one case of each value that has cases, by the indices of these cases. Its last
+        expectations are the measures.
+    vary, measures, requirements : tuple
+        In the order of the file.
+    """
+
+    path: Path
+    text: str
+    name: str
+    title: str
+    vary: tuple[Vary, ...]
+    sample: Sample
+    measures: tuple[Measured, ...]
+    requirements: tuple[Requirement, ...]
+    bases: Mapping[tuple[int, ...], Scenario]
+
+    @property
+    def choices(self) -> Sequence[Vary]:
+        """The values that have cases."""
+        return [vary for vary in self.vary if vary.cases]
