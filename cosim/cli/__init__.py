@@ -100,6 +100,7 @@ def _completion(options: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": "cosim.cli.run.run",
+    "study": "cosim.cli.studying.study",
     "show": "cosim.cli.show.show",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
@@ -141,6 +142,19 @@ def _parser() -> Parser:
         help="keep pace with FACTOR times real time (1: real time), and report ticks that came late",
     )
     run.add_argument("--timing", action="store_true", help="print where the time went")
+
+    study = command("study", "make the many runs of a study, and judge them together")
+    study.add_argument("study", type=Path, metavar="STUDY.xml")
+    study.add_argument("--workers", type=int, metavar="N", help="processes that make the runs (one a processor)")
+    study.add_argument("--runs", type=int, metavar="N", help="make the first N runs only, for a first look")
+    study.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="XPATH=VALUE",
+        help="set the attribute or text that an XPath selects, in every run",
+    )
+    study.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
 
     show = command("show", "show the summary of a finished run, with its exit status")
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")

@@ -70,8 +70,6 @@ class Sequential:
     ----------
     above : bool or None
         Whether the probability is above the bound; None while that is open.
-    trials : int
-        The number of outcomes up to the decision, or so far.
     """
 
     def __init__(self, bound: float, confidence: float) -> None:
@@ -82,6 +80,7 @@ class Sequential:
 
     @property
     def trials(self) -> int:
+        """How many outcomes count."""
         return self._successes + self._failures
 
     def add(self, outcome: bool) -> None:

@@ -119,12 +119,13 @@ def conduct(
         missing: list[Pending] = []
         for run in (plan[index] for index in range(wanted)):
             key = key_of_run(keys[run.cases], run.changes)
-            kept = store.rows.get(key)
-            if kept is None:
+            row = store.rows.get(key)
+            if row is None:
                 missing.append((run, key))
             else:
-                rows[run.number] = replace(kept, number=run.number, draw=run.draw, values=run.values)
+                rows[run.number] = replace(row, number=run.number, draw=run.draw, values=run.values)
         ending = _Ending(study, rows)
+        kept = len(rows)
 
         def take(some: Sequence[Row]) -> bool:
             store.append(some)
@@ -144,6 +145,7 @@ def conduct(
             job = replace(job, usual=time.perf_counter() - began)
             if goes_on and rest:
                 Workers(job, workers or usual_workers(), Path(scratch), executor).run(rest, take)
+        made = len(rows) - kept
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
     judged = runs is None or wanted == len(plan)
@@ -152,7 +154,7 @@ def conduct(
         rows=ordered,
         planned=len(plan),
         verdicts=tuple(one.judge(ordered) for one in requirements_of(study)) if judged else (),
-        made=len(missing) if not ending.reached() else sum(number <= last for number in _numbers(missing)),
+        made=made,
         early=last < wanted,
     )
 
@@ -182,10 +184,6 @@ class _Ending:
 
     def _decided(self) -> bool:
         return all(one.test is not None and one.test.above is not None for one in self._judged)
-
-
-def _numbers(pending: Sequence[Pending]) -> list[int]:
-    return [run.number for run, _ in pending]
 
 
 def folder_of(study: Study, out: Path) -> Path:

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from cosim.errors import InputError, Location, nearest, printable
+from cosim.errors import InputError, Location, printable
 from cosim.quantity import quantity, split
 from cosim.scenario.document import Document, read_study_document, read_variant_of
 from cosim.scenario.edits import Change, as_changes, in_words
@@ -53,8 +53,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
     measures = [_measured(element) for element in root.children("measure")]
     sample = _sample(root.child("sample"), vary)
     study = Study(
-        path=document.path,
-        text=document.text,
+        document=document,
         name=root.get("name"),
         title=printable(root.child("title").text),
         vary=vary,
@@ -101,7 +100,7 @@ def _target(element: Element) -> Target:
     def number(name: str) -> tuple[float, str] | None:
         if name not in element:
             return None
-        given, unit = split(element.get(name))
+        unit = split(element.get(name))[1]
         try:
             return quantity(element.get(name), unit), unit
         except ValueError as error:
@@ -217,7 +216,7 @@ def _base(
     rules = [rule for case in cases for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in _RULES))]
     rules = [*document.root.iterchildren(f"{{{NAMESPACE}}}title"), *rules]
     added = [(copy.deepcopy(element), where) for element, where in measures]
-    all_changes = [*changes, partial(_add_expectations, elements=[element for element, _ in added])]
+    all_changes: list[Change] = [*changes, partial(_add_expectations, elements=[element for element, _ in added])]
     varied = read_variant_of(of, document, rules, all_changes, dict(added))
     return scenario_in(varied, changes=map(in_words, changes))
 
@@ -244,7 +243,7 @@ def _check_targets(root: etree._Element, vary: Sequence[Vary]) -> None:
                 nodes = selected_or_added(root, target.select)
                 if len(nodes) > 1:
                     raise ValueError(f"{target.select!r} selects {len(nodes)} nodes: expected one; <also> adds others")
-                element = assign(nodes[0], str(nodes[0]) if isinstance(nodes[0], str) else nodes[0].text or "")
+                element = assign(nodes[0], str(getattr(nodes[0], "text", nodes[0]) or ""))
             except ValueError as error:
                 raise InputError(str(error), target.where) from None
             place = element, getattr(nodes[0], "attrname", "")

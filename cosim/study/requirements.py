@@ -46,9 +46,7 @@ def requirements_of(study: Study) -> list[Judged]:
     InputError
         A number is out of its range, a measure or a case does not exist, or a unit does not fit; with its place.
     """
-    return [
-        _KINDS[one.kind](study, Written(one.kind, one.attributes, one.where, Path())) for one in study.requirements
-    ]
+    return [_KINDS[one.kind](study, Written(one.kind, one.attributes, one.where, Path())) for one in study.requirements]
 
 
 def _probability(study: Study, written: Written) -> Judged:
@@ -154,7 +152,7 @@ def _better(study: Study, written: Written) -> Judged:
         raise written.error(f"nothing varies that is named {name!r}: {nearest(name, list(choices))}")
     place, vary = choices[name]
     if not vary.crossed:
-        raise written.error(f"{name!r} is not crossed, so no two runs have the same draw: add cross=\"yes\" to it")
+        raise written.error(f'{name!r} is not crossed, so no two runs have the same draw: add cross="yes" to it')
     texts = list(getattr(vary.values, "texts", ()))
     for case in (written.get("case"), written.get("than")):
         if case not in texts:
@@ -162,9 +160,7 @@ def _better(study: Study, written: Written) -> Judged:
     if written.get("case") == written.get("than"):
         raise written.error("nothing is better than itself: name two cases")
     sign = -1.0 if written.get("by") == "more" else 1.0
-    text = (
-        f"{written.get('case')} better than {written.get('than')} in {measured.name}, with confidence {confidence:g}"
-    )
+    text = f"{written.get('case')} better than {written.get('than')} in {measured.name}, with confidence {confidence:g}"
 
     def judge(rows: Sequence[Row]) -> Verdict:
         figures: dict[tuple[object, ...], dict[str, float]] = {}

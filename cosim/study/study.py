@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from cosim.errors import Location
+from cosim.scenario.document import Document
 from cosim.scenario.scenario import Scenario
 from cosim.study.values import Values
 
@@ -26,7 +26,7 @@ class Target:
     select: str
     factor: tuple[float, str] | None = None
     offset: tuple[float, str] | None = None
-    where: Location = Location("")
+    where: Location = field(default_factory=lambda: Location(""))
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,8 @@ class Study:
 
     Attributes
     ----------
-    path : Path
+    document : Document
         Its file; paths in it and in its scenarios are relative to the file's folder.
-    text : str
-        The text of the file.
     bases : dict
         The scenario with the rules of one case of each value that has cases, by the indices of these cases. Its last
         expectations are the measures.
@@ -118,8 +116,7 @@ class Study:
         In the order of the file.
     """
 
-    path: Path
-    text: str
+    document: Document
     name: str
     title: str
     vary: tuple[Vary, ...]
@@ -127,8 +124,3 @@ class Study:
     measures: tuple[Measured, ...]
     requirements: tuple[Requirement, ...]
     bases: Mapping[tuple[int, ...], Scenario]
-
-    @property
-    def choices(self) -> Sequence[Vary]:
-        """The values that have cases."""
-        return [vary for vary in self.vary if vary.cases]

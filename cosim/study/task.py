@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import IO, TypeAlias
 
-from cosim.errors import FormationError
+from cosim.errors import FormationError, Location
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
@@ -187,10 +187,10 @@ def row_of(job: Job, run: Run, key: str) -> Row:
 
 
 def _judged(job: Job, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
-    places = {measured.where: [] for measured in job.measures} if job.measures else {}
+    places: dict[Location, list[Verdict]] = {measured.where: [] for measured in job.measures}
     own: list[Verdict] = []
     for verdict in verdicts:
-        (places[verdict.where] if verdict.where in places else own).append(verdict)
+        places.get(verdict.where, own).append(verdict)
     failed = [verdict for verdict in own if not verdict.passed]
     return Row(
         key=key,
@@ -227,6 +227,7 @@ def _margins(verdicts: Iterable[Verdict]) -> tuple[float, ...]:
 
 
 def broken_row(job: Job, run: Run, key: str, message: str) -> Row:
+    """Return the row of a run that has not reached its end."""
     nothing = (math.nan,) * len(job.measures)
     return Row(key, run.number, run.draw, run.values, BROKEN, nothing, (), message)
 

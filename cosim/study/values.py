@@ -199,7 +199,9 @@ def _ends(element: Written) -> tuple[float, float, str]:
     least, unit = _number(element, "from")
     greatest = _in_unit(element, "to", unit)
     if least > greatest:
-        raise element.error(f'from="{element.get("from")}" of <{element.kind}> is greater than to="{element.get("to")}"')
+        raise element.error(
+            f'from="{element.get("from")}" of <{element.kind}> is greater than to="{element.get("to")}"'
+        )
     return least, greatest, unit
 
 

@@ -53,9 +53,7 @@ def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
     return replace(again, path=scenario.path)
 
 
-def scenario_in(
-    document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()
-) -> Scenario:
+def scenario_in(document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()) -> Scenario:
     """Return the scenario in a document, which was changed as told; raises as `read_scenario`."""
     return _scenario(document, tuple(Path(os.path.realpath(folder)) for folder in untrusted), changes)
 

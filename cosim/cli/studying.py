@@ -1,0 +1,131 @@
+"""``formation study``: make the runs of a study, print what came of it, and keep its table."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cosim.cli.console import err, out, safe, table, taking_a_while, warn
+from cosim.errors import InputError
+from cosim.results.files import writable_folder, write
+from cosim.study.conduct import StudyOutcome, conduct
+from cosim.study.plan import Plan
+from cosim.study.reader import read_study
+from cosim.study.reproduce import as_variant
+from cosim.study.row import BROKEN, FAILED, PASSED, Row
+from cosim.study.store import FILE
+from cosim.study.study import Study
+from cosim.study.summary import Spread, as_json, counts, remarkable, spreads
+from cosim.study.table import as_csv
+
+
+def study(options: argparse.Namespace) -> int:
+    """Conduct a study; return 0 if all holds that must, else 1."""
+    for name in ("workers", "runs"):
+        given = getattr(options, name)
+        if given is not None and given < 1:
+            raise InputError(f"--{name} {given}: at least 1 is needed")
+    read = read_study(options.study, options.set)
+    folder = writable_folder(options.out / read.name, "--out").absolute()
+    with _progress(read) as progress:
+        try:
+            outcome = conduct(read, folder, workers=options.workers, runs=options.runs, progress=progress)
+        except KeyboardInterrupt:
+            warn(f"interrupted: the runs so far are kept in {options.out / read.name / FILE}; the same command goes on")
+            raise
+    write(folder / "runs.csv", as_csv(outcome).encode())
+    write(folder / "summary.json", as_json(outcome).encode())
+    written = _write_remarkable(read, outcome, folder / "runs_to_see")
+    _print(out(), outcome)
+    where = options.out / read.name
+    out().print(f"results in {where}/: runs.csv, summary.json", markup=False, soft_wrap=True)
+    if written:
+        out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
+    return 0 if outcome.passed else 1
+
+
+def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
+    """Write remarkable runs as scenarios, in place of those of an earlier study."""
+    numbers = remarkable(outcome)
+    if folder.is_dir():
+        for old in folder.glob("*.xml"):
+            old.unlink()
+    if numbers:
+        folder.mkdir(exist_ok=True)
+        plan = Plan(read)
+        for number in numbers:
+            write(folder / f"run_{number}.xml", as_variant(read, plan[number - 1], folder).encode())
+    return bool(numbers)
+
+
+def _print(console: Console, outcome: StudyOutcome) -> None:
+    of = outcome.study
+    ends = counts(outcome)
+    console.print(f"[bold]{safe(of.name)}: {safe(of.title)}[/]")
+    kept = len(outcome.rows) - outcome.made
+    parts = [f"{len(outcome.rows)} runs", *([f"{kept} of them from before"] if kept else [])]
+    if outcome.early:
+        parts.append(f"ended early, of {outcome.planned}: the verdict is certain enough")
+    elif len(outcome.rows) < outcome.planned:
+        parts.append(f"a first look at {outcome.planned}, so without a verdict")
+    parts.append(", ".join(f"{ends[status]} {status}" for status in ends))
+    console.print("; ".join(parts), soft_wrap=True)
+    found = spreads(outcome)
+    if found:
+        _print_spreads(console, found)
+    for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
+        console.print(f"[yellow]broken:[/] run {row.number}: {safe(row.message)}", soft_wrap=True)
+    for verdict in outcome.verdicts:
+        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
+        console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
+
+
+def _print_spreads(console: Console, found: Sequence[Spread]) -> None:
+    shown = table(console, "")
+    shown.add_column("measure", no_wrap=True)
+    for heading in ("least", "25 %", "median", "75 %", "greatest", "worst\nrun"):
+        shown.add_column(heading, justify="right", no_wrap=True)
+    for spread in found:
+        values = spread.least, spread.quarter, spread.median, spread.three_quarters, spread.greatest
+        name = f"{spread.measure} [{spread.unit}]" if spread.unit else spread.measure
+        shown.add_row(safe(name), *(_number(value) for value in values), str(spread.worst_run))
+    console.print(shown)
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "none"
+
+
+@contextmanager
+def _progress(read: Study) -> Iterator[Callable[[Sequence[Row], int], None] | None]:
+    """Show a progress bar on a terminal; elsewhere print a line if the study takes long."""
+    if not err().is_terminal:
+        with taking_a_while(f"running {read.name}"):
+            yield None
+        return
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[ends]}"),
+        TimeRemainingColumn(),
+        console=err(),
+        transient=True,
+    ) as progress:
+        bar = progress.add_task(safe(read.name), total=None, ends="")
+        ends = dict.fromkeys((PASSED, FAILED, BROKEN), 0)
+
+        def advance(rows: Sequence[Row], left: int) -> None:
+            for row in rows:
+                ends[row.status] += 1
+            done = sum(ends.values())
+            told = ", ".join(f"{number} {status}" for status, number in ends.items())
+            progress.update(bar, completed=done, total=done + left, ends=told)
+
+        yield advance

@@ -1,0 +1,58 @@
+"""One run of a study as a scenario file of its own, a variant, which every command takes."""
+
+from __future__ import annotations
+
+import copy
+import os
+from pathlib import Path
+
+from lxml import etree
+
+from cosim.scenario.edits import split_setting
+from cosim.scenario.grammar import NAMESPACE, attributes_of, local_name
+from cosim.study.plan import Run
+from cosim.study.study import Study
+
+_RULES = ("set", "replace", "insert", "remove")
+
+
+def as_variant(study: Study, run: Run, folder: Path) -> str:
+    """Return the text of a variant that is one run of a study, to be written in a folder.
+
+    Its paths are relative to that folder. It has the scenario's expectations, and not the study's measures.
+    """
+    root = study.document.root
+    cases = _cases(root, run.cases)
+    of = next((case.get("of", "") for case in cases if case.get("of")), root.get("of", ""))
+    here = study.document.path.parent.absolute()
+    name = f"{study.name}-{run.number}"[-100:]
+    variant = etree.Element("variant", {"name": name, "of": _moved(of, here, folder)}, {None: NAMESPACE})
+    etree.SubElement(variant, "title").text = f"Run {run.number} of {study.name}: {study.title}"
+    for case in cases:
+        for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in _RULES)):
+            variant.append(copied := copy.deepcopy(rule))
+            for element in copied.iter("*"):
+                for attribute, kind in attributes_of(local_name(element)).items():
+                    if kind == "path" and attribute in element.attrib:
+                        element.set(attribute, _moved(element.get(attribute, ""), here, folder))
+                element.tag = local_name(element)
+    for change in run.changes:
+        select, value = split_setting(change)
+        etree.SubElement(variant, "set", {"select": select, "value": value})
+    etree.indent(variant)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(variant, encoding="unicode")}\n'
+
+
+def _cases(root: etree._Element, chosen: tuple[int, ...]) -> list[etree._Element]:
+    tag = f"{{{NAMESPACE}}}case"
+    having = [vary for vary in root.iterchildren(f"{{{NAMESPACE}}}vary") if vary.find(tag) is not None]
+    return [vary.findall(tag)[index] for vary, index in zip(having, chosen, strict=True)]
+
+
+def _moved(path: str, here: Path, folder: Path) -> str:
+    """Return a path that is relative to one folder as it is from another."""
+    target = here / path
+    try:
+        return Path(os.path.relpath(target, folder.absolute())).as_posix()
+    except ValueError:  # another drive
+        return target.as_posix()

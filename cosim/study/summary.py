@@ -1,0 +1,92 @@
+"""The summary of a study: how many runs passed, the spread of each measure, and the verdicts."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.study.conduct import StudyOutcome
+from cosim.study.row import BROKEN
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The spread of a measure over the runs that reached their end.
+
+    Attributes
+    ----------
+    least, quarter, median, three_quarters, greatest : float
+        Quantiles of the runs, without a confidence; infinite where a run has no figure.
+    worst_run : int
+        The number of the run with the worst figure.
+    """
+
+    measure: str
+    unit: str
+    least: float
+    quarter: float
+    median: float
+    three_quarters: float
+    greatest: float
+    worst_run: int
+
+
+def counts(outcome: StudyOutcome) -> dict[str, int]:
+    """Return how many runs there are of each status."""
+    found = Counter(row.status for row in outcome.rows)
+    return {status: found[status] for status in ("passed", "failed", "broken")}
+
+
+def spreads(outcome: StudyOutcome) -> list[Spread]:
+    """Return the spread of each measure; none if no run has reached its end."""
+    rows = [row for row in outcome.rows if row.status != BROKEN]
+    found = []
+    for index, measured in enumerate(outcome.study.measures if rows else ()):
+        values = np.array([row.measures[index] for row in rows])
+        worst = int(values.argmax() if measured.greatest_is_worst else values.argmin())
+        least, quarter, median, three_quarters, greatest = np.quantile(
+            values, [0.0, 0.25, 0.5, 0.75, 1.0], method="inverted_cdf"
+        ).tolist()
+        worst_run = rows[worst].number
+        found.append(Spread(measured.name, measured.unit, least, quarter, median, three_quarters, greatest, worst_run))
+    return found
+
+
+def as_json(outcome: StudyOutcome) -> str:
+    """Return the summary as JSON; numbers that are not finite are null."""
+    data = {
+        "study": outcome.study.name,
+        "title": outcome.study.title,
+        "scenario": str(next(iter(outcome.study.bases.values())).path),
+        "planned": outcome.planned,
+        "runs": len(outcome.rows),
+        "ended_early": outcome.early,
+        **counts(outcome),
+        "measures": [asdict(spread) for spread in spreads(outcome)],
+        "holds": outcome.passed if outcome.verdicts else None,
+        "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
+    }
+    return json.dumps(_finite(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def remarkable(outcome: StudyOutcome, most: int = 10) -> list[int]:
+    """Return the numbers of runs to look at: the first broken and failed ones, and the worst of each measure."""
+    numbers: list[int] = []
+    for status in ("broken", "failed"):
+        numbers += [row.number for row in outcome.rows if row.status == status][:most]
+    numbers += [spread.worst_run for spread in spreads(outcome)]
+    return sorted(set(numbers))
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, Sequence) and not isinstance(data, str):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
