@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from cosim.cli.console import err, out, safe, table, taking_a_while, warn
 from cosim.errors import InputError
+from cosim.master.interrupt import HeldSignals
 from cosim.results.files import writable_folder, write
+from cosim.results.junit import Outcome, junit_xml
 from cosim.study.conduct import StudyOutcome, conduct
 from cosim.study.plan import Plan
 from cosim.study.reader import read_study
@@ -31,7 +34,25 @@ def study(options: argparse.Namespace) -> int:
         given = getattr(options, name)
         if given is not None and given < 1:
             raise InputError(f"--{name} {given}: at least 1 is needed")
+    if options.junit is not None:
+        writable_folder(options.junit.parent, "--junit")
+    began, told = time.perf_counter(), Outcome(options.study.stem, options.study)
+    try:
+        told.summary = outcome = _conducted(options, told)
+        return 0 if outcome.passed else 1
+    except BaseException as error:
+        told.error = error
+        raise
+    finally:
+        told.seconds = time.perf_counter() - began
+        if options.junit is not None:
+            with HeldSignals():
+                write(options.junit, junit_xml([told]))
+
+
+def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     read = read_study(options.study, options.set)
+    told.name = read.name
     folder = writable_folder(options.out / read.name, "--out").absolute()
     with _progress(read) as progress:
         try:
@@ -47,7 +68,7 @@ def study(options: argparse.Namespace) -> int:
     out().print(f"results in {where}/: runs.csv, summary.json", markup=False, soft_wrap=True)
     if written:
         out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
-    return 0 if outcome.passed else 1
+    return outcome
 
 
 def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:

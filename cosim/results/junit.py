@@ -6,19 +6,31 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from lxml import etree
 
 from cosim.errors import Location
-from cosim.results.summary import Summary
 from cosim.results.verdict import Verdict
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+class Judged(Protocol):
+    """What has verdicts: the summary of a run, or the outcome of a study."""
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdicts."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything is as it must be."""
+
+
 @dataclass
 class Outcome:
-    """The outcome of a scenario; filled in as it becomes known.
+    """The outcome of a scenario or a study; filled in as it becomes known.
 
     Attributes
     ----------
@@ -30,15 +42,15 @@ class Outcome:
         How long that took.
     error : BaseException or None
         Why there is no complete result, if there is none.
-    summary : Summary or None
-        The summary of the run, if it was run.
+    summary : Judged or None
+        Its verdicts, if it was run.
     """
 
     name: str
     path: Path
     seconds: float = 0.0
     error: BaseException | None = None
-    summary: Summary | None = None
+    summary: Judged | None = None
 
 
 def junit_xml(outcomes: Sequence[Outcome]) -> bytes:

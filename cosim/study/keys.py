@@ -40,9 +40,10 @@ def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
         yield f"plant {name} {fmu.sha256}"
     for path, (other, its) in setup.others.items():
         yield f"other {path.name} {key_of_scenario(other, its)}"
-    root = etree.fromstring(scenario.text.encode())
+    root = etree.fromstring(scenario.text.encode(), etree.XMLParser(remove_comments=True, remove_pis=True))
     for element in list(root.iter("*")):
         kind = local_name(element)
+        element.tail, element.text = None, (element.text or "").strip()
         if kind in _FOR_PEOPLE:
             element.clear()
         for name, of_type in attributes_of(kind).items():
@@ -50,7 +51,7 @@ def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
                 file = scenario.folder / element.get(name, "")
                 yield f"file {name} {_content(file)}"
     root.attrib.pop("name", None)
-    yield etree.tostring(root, method="c14n", with_comments=False).decode()
+    yield etree.tostring(root, method="c14n").decode()
 
 
 def _content(file: Path) -> str:

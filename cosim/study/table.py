@@ -68,7 +68,8 @@ def as_dataset(outcome: StudyOutcome) -> xr.Dataset:
     """Return the table as an xarray dataset over the runs, with varied values as coordinates."""
     import xarray as xr
 
-    variables, coordinates = {}, {}
+    variables: dict[str, xr.DataArray] = {}
+    coordinates: dict[str, xr.DataArray] = {}
     for column in columns(outcome):
         attributes = {"kind": column.kind, **({"units": column.unit} if column.unit else {})}
         attributes |= {"long_name": column.about} if column.about else {}

@@ -17,7 +17,7 @@ from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import IO, TypeAlias
+from typing import TypeAlias
 
 from cosim.errors import FormationError, Location
 from cosim.master.other_runs import run_other
@@ -116,8 +116,8 @@ def _end_with(parent: int) -> None:
 
 
 @cache
-def _nowhere() -> IO[str]:
-    return open(os.devnull, "w", encoding="utf-8")
+def _nowhere() -> int:
+    return os.open(os.devnull, os.O_WRONLY)
 
 
 def _about(run: int) -> None:

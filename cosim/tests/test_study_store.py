@@ -1,0 +1,106 @@
+"""The rows of a study on disk: kept whatever happens, and never taken for those of another one."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim.errors import InputError, OutputError
+from cosim.study.row import Row
+from cosim.study.store import FILE, Store
+
+
+def row(number: int) -> Row:
+    return Row(
+        key=f"key {number}",
+        number=number,
+        draw=number,
+        values=("1 kg", None),
+        status="passed",
+        measures=(0.1 + number, math.inf, math.nan),
+        margins=(-math.inf,),
+        message="",
+    )
+
+
+def same(one: Row, other: Row) -> bool:
+    return repr(one) == repr(other)  # NaN is not equal to itself
+
+
+def test_rows_are_read_again_to_the_bit(tmp_path: Path) -> None:
+    with Store(tmp_path, "mine") as store:
+        store.append([row(1), row(2)])
+        store.append([row(3)])
+    with Store(tmp_path, "mine") as again:
+        assert [same(again.rows[f"key {n}"], row(n)) for n in (1, 2, 3)] == [True] * 3
+        assert again.unreadable == 0
+
+
+def test_a_line_that_was_cut_off_is_removed_and_the_rest_kept(tmp_path: Path) -> None:
+    with Store(tmp_path, "mine") as store:
+        store.append([row(1), row(2)])
+    whole = (tmp_path / FILE).read_bytes()
+    end_of_first = whole.rindex(b"\n", 0, -1) + 1
+    for cut in range(1, len(whole), 7):
+        (tmp_path / FILE).write_bytes(whole[:cut])
+        with Store(tmp_path, "mine") as store:
+            assert len(store.rows) == (cut >= end_of_first)
+            store.append([row(5)])
+        with Store(tmp_path, "mine") as store:
+            assert "key 5" in store.rows
+            assert store.unreadable == 0
+
+
+def test_lines_that_are_no_rows_are_counted(tmp_path: Path) -> None:
+    with Store(tmp_path, "mine") as store:
+        store.append([row(1)])
+    with (tmp_path / FILE).open("a") as file:
+        file.write('nonsense\n{"key": 1}\n[]\n' + row(2).to_json().replace("passed", "fine") + "\n")
+    with Store(tmp_path, "mine") as store:
+        assert (list(store.rows), store.unreadable) == (["key 1"], 4)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ({"format": "formation-study-rows 1", "study": "other"}, "of the study 'other', not of 'mine'"),
+        ({"format": "formation-study-rows 2", "study": "mine"}, "another version of Formation"),
+        ({"some": "file"}, "does not hold the rows of a study"),
+    ],
+)
+def test_rows_of_something_else_are_refused(tmp_path: Path, head: dict[str, str], said: str) -> None:
+    (tmp_path / FILE).write_text(json.dumps(head) + "\n")
+    with pytest.raises(InputError, match=said):
+        Store(tmp_path, "mine")
+    assert (tmp_path / FILE).read_text() == json.dumps(head) + "\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing is locked there")
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    with Store(tmp_path, "mine"), pytest.raises(InputError, match="in use by another command"):
+        Store(tmp_path, "mine")
+    with Store(tmp_path, "mine"):
+        pass
+
+
+def test_a_disk_that_is_full_loses_nothing_that_was_written(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    signal = pytest.importorskip("signal")
+    with Store(tmp_path, "mine") as store:
+        store.append([row(1)])
+        size = (tmp_path / FILE).stat().st_size
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size + 10, limits[1]))
+            with pytest.raises(OutputError, match="cannot be written"):
+                store.append([row(2)])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+            signal.signal(signal.SIGXFSZ, handler)
+        assert (tmp_path / FILE).stat().st_size == size
+        store.append([row(3)])
+    with Store(tmp_path, "mine") as again:
+        assert list(again.rows) == ["key 1", "key 3"]

@@ -1,0 +1,259 @@
+"""Studies from their file to their verdicts: the same numbers however they are run, and nothing lost."""
+
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+import cosim
+from cosim.cli import main
+from cosim.results.expectations import judge
+from cosim.study.conduct import StudyOutcome, conduct
+from cosim.study.plan import Plan
+from cosim.study.reader import read_study
+from cosim.study.reproduce import as_variant
+from cosim.study.requirements import requirements_of
+from cosim.study.row import BROKEN, FAILED, PASSED, Row
+from cosim.study.store import FILE
+from cosim.study.table import as_dataset
+from cosim.tests.studies import LAST, SEEDS, UNIFORM, Here, small_study, write_study
+
+NOISE = '<vary name="noise" select="sensor/noise/@x"><list values="0 mm, 5 mm"/></vary>'
+CASES = """<vary name="law" cross="yes">
+  <case name="soft"><set select="//gain[@name='K_p']/@value" value="1"/></case>
+  <case name="stiff"><set select="//gain[@name='K_p']/@value" value="20"/></case>
+</vary>"""
+SETTLING = '<measure name="settling" figure="settling_time" robots="follower_1"/>'
+
+
+def here(folder: Path, *parts: str, runs: int | None = None, **named: str) -> StudyOutcome:
+    """Write a study and conduct it in this process."""
+    study = small_study(folder, *parts, **named)
+    (folder / "out").mkdir(exist_ok=True)
+    return conduct(study, folder / "out", executor=Here(), runs=runs)
+
+
+def test_each_run_is_the_run_of_its_scenario_alone(tmp_path: Path) -> None:
+    outcome = here(tmp_path, UNIFORM + CASES + SEEDS, rest=LAST + SETTLING)
+    assert len(outcome.rows) == outcome.planned == outcome.made == 12
+    plan = Plan(outcome.study)
+    for index in (0, 5, 11):
+        file = tmp_path / f"run_{index}.xml"
+        file.write_text(as_variant(outcome.study, plan[index], tmp_path))
+        scenario = cosim.read_scenario(file)
+        result = cosim.run(scenario)
+        row = outcome.rows[index]
+        last = max(float(abs(result["range_error"].sel(robot=name)[-1])) for name in result["robot"].values)
+        assert row.measures[0] == pytest.approx(1000 * last, rel=1e-14)
+        (verdict, *_) = judge(scenario.expectations, result, None)
+        assert row.status == (PASSED if verdict.passed else FAILED)
+        assert row.margins == (min(v.margin for v in judge(scenario.expectations, result, None)),)
+    assert len({row.measures[0] for row in outcome.rows}) == 12
+
+
+def test_a_study_goes_on_where_it_was(tmp_path: Path) -> None:
+    whole = here(tmp_path)
+    lines = (tmp_path / "out" / FILE).read_bytes().splitlines(keepends=True)
+    order = list(range(1, 7))
+    random.Random(1).shuffle(order)
+    for kept in (0, 2, 5):
+        rows = [lines[number] for number in order[:kept]]
+        torn = lines[order[5]][:40]
+        (tmp_path / "out" / FILE).write_bytes(b"".join([lines[0], *rows, torn]))
+        again = here(tmp_path)
+        assert again.made == 6 - kept
+        assert again.rows == whole.rows
+
+
+def test_what_changes_a_run_makes_it_anew_and_nothing_else_does(tmp_path: Path) -> None:
+    first = here(tmp_path)
+    more = here(tmp_path, sample='<sample method="random" runs="9"/>')
+    assert (more.made, more.rows[:6]) == (3, first.rows)
+    base = tmp_path / "base.xml"
+    study = read_study(tmp_path / "study.xml")
+    base.write_text(base.read_text().replace("<title>", "<!-- a remark -->\n<title>Another "))
+    assert conduct(read_study(study.document.path), tmp_path / "out", executor=Here()).made == 0
+    base.write_text(base.read_text().replace('"0.2 s"', '"0.4 s"'))
+    assert conduct(read_study(study.document.path), tmp_path / "out", executor=Here()).made == 9
+
+
+def test_a_first_look_makes_the_first_runs_without_a_verdict(tmp_path: Path) -> None:
+    rest = LAST + '<worst of="last" below="1 mm"/>'
+    look = here(tmp_path, runs=2, rest=rest)
+    assert (len(look.rows), look.verdicts) == (2, ())
+    whole = here(tmp_path, rest=rest)
+    assert (whole.rows[:2], whole.made, len(whole.verdicts)) == (look.rows, 4, 1)
+
+
+def test_a_value_that_is_refused_breaks_its_run_alone(tmp_path: Path) -> None:
+    masses = UNIFORM.replace('<uniform from="25 kg" to="40000 g"/>', '<list values="30 kg, -1 kg, 31 kg, 3 m"/>')
+    outcome = here(tmp_path, masses, '<sample method="grid"/>')
+    assert [row.status for row in outcome.rows] == [PASSED, BROKEN, PASSED, BROKEN]
+    assert "m_c" in outcome.rows[1].message
+    assert "does not fit" in outcome.rows[3].message
+
+
+def test_values_that_change_the_structure_are_prepared_anew(tmp_path: Path) -> None:
+    horizons = '<vary name="end" select="simulation/@horizon"><list values="0.2 s, 0.3 s"/></vary>'
+    outcome = here(tmp_path, horizons + SEEDS, '<sample method="grid"/>', LAST)
+    assert [row.status for row in outcome.rows] == [PASSED, PASSED]
+    assert outcome.rows[0].measures != outcome.rows[1].measures
+
+
+# What must hold ---------------------------------------------------------------------------------------------
+
+
+def rows_of(statuses: Sequence[str], figures: Sequence[float] = (), **about: object) -> list[Row]:
+    found = []
+    for number, status in enumerate(statuses, 1):
+        figure = figures[number - 1] if figures else 0.0
+        found.append(Row(str(number), number, number, ("30 kg", "7"), status, (figure,), (), ""))
+    return found
+
+
+def verdict(tmp_path: Path, text: str, rows: list[Row], vary: str = UNIFORM + SEEDS) -> tuple[bool, float, str]:
+    (judged,) = requirements_of(small_study(tmp_path, vary, rest=LAST + text))
+    found = judged.judge(rows)
+    return found.passed, found.figure, found.detail
+
+
+def test_a_probability_is_shown_by_its_bound(tmp_path: Path) -> None:
+    text = '<probability of="passed" above="0.9" confidence="0.95"/>'
+    assert verdict(tmp_path, text, rows_of([PASSED] * 29))[0] is True
+    assert verdict(tmp_path, text, rows_of([PASSED] * 28))[0] is False
+    assert "29 without a failure would show it" in verdict(tmp_path, text, rows_of([PASSED] * 28))[2]
+    assert verdict(tmp_path, text, rows_of([PASSED] * 45 + [FAILED]))[0] is True
+    assert verdict(tmp_path, text, rows_of([PASSED] * 44 + [FAILED]))[0] is False
+    completed = text.replace("passed", "completed")
+    assert verdict(tmp_path, completed, rows_of([FAILED] * 29))[0] is True
+    assert verdict(tmp_path, completed, rows_of([FAILED] * 29 + [BROKEN]))[0] is False
+
+
+def test_quantiles_means_and_worst_values(tmp_path: Path) -> None:
+    figures = [float(number) for number in range(1, 101)]
+    good = rows_of([PASSED] * 100, figures)
+    quantile = '<quantile of="last" at="0.9" below="97 mm" confidence="0.95"/>'
+    assert verdict(tmp_path, quantile, good)[:2] == (True, 96.0)
+    assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', good)[:2] == (True, 100.0)
+    assert "number 100" in verdict(tmp_path, '<worst of="last" below="101 mm"/>', good)[2]
+    assert verdict(tmp_path, '<worst of="last" above="1 mm"/>', good)[:2] == (False, 1.0)
+    passed, figure, _ = verdict(tmp_path, '<mean of="last" below="60 mm" confidence="0.9"/>', good)
+    assert (passed, 50.5 < figure < 60.0) == (True, True)
+    broken = [*good[:-1], rows_of([BROKEN])[0]]
+    assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', broken)[0] is False
+    few = verdict(tmp_path, quantile, rows_of([PASSED] * 5, figures))
+    assert (few[0], "too few" in few[2]) == (False, True)
+
+
+def test_better_is_a_matter_of_pairs(tmp_path: Path) -> None:
+    text = '<better of="last" vary="law" case="soft" than="stiff" confidence="0.95"/>'
+
+    def pairs(wins: int, losses: int, ties: int) -> list[Row]:
+        found = []
+        for draw, (one, other) in enumerate([(1.0, 2.0)] * wins + [(2.0, 1.0)] * losses + [(1.0, 1.0)] * ties, 1):
+            for case, figure in (("soft", one), ("stiff", other)):
+                found.append(Row("", 2 * draw, draw, ("30 kg", case, str(draw)), PASSED, (figure,), (), ""))
+        return found
+
+    vary = UNIFORM + CASES + SEEDS
+    assert verdict(tmp_path, text, pairs(5, 0, 10), vary)[0] is True
+    assert verdict(tmp_path, text, pairs(4, 0, 10), vary)[0] is False
+    assert verdict(tmp_path, text, pairs(10, 10, 0), vary)[0] is False
+    assert verdict(tmp_path, text.replace("confidence", 'by="more" confidence'), pairs(0, 5, 0), vary)[0] is True
+
+
+def test_a_study_may_end_early_with_the_same_run_on_any_number_of_workers(tmp_path: Path) -> None:
+    text = '<probability of="passed" above="0.5" confidence="0.95" stop="early"/>'
+    many = '<sample method="random" runs="60"/>'
+    outcome = here(tmp_path, UNIFORM + SEEDS, many, text)
+    assert (outcome.early, outcome.passed) == (True, True)
+    assert len(outcome.rows) < 12
+    path = tmp_path / "out" / FILE
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
+    assert here(tmp_path, UNIFORM + SEEDS, many, text).rows == outcome.rows
+
+
+# The command ------------------------------------------------------------------------------------------------
+
+
+def test_the_command_with_two_workers_gives_the_same_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = here(tmp_path, UNIFORM + SEEDS + NOISE, rest=LAST + '<worst of="last" below="1 mm" fails="too soon"/>')
+    monkeypatch.chdir(tmp_path)
+    assert main(["study", "study.xml", "--workers", "2", "--junit", "junit.xml"]) == 1
+    printed = capsys.readouterr().out
+    assert "small: A small study" in printed
+    assert "6 runs; 6 passed, 0 failed, 0 broken" in printed
+    assert "fails as known: too soon" in printed
+    rows = list(csv.DictReader((tmp_path / "runs/small/runs.csv").open()))
+    assert [float(row["last [mm]"]) for row in rows] == [row.measures[0] for row in expected.rows]
+    assert f"{rows[0]['mass [kg]']} kg" == expected.rows[0].values[0]
+    summary = json.loads((tmp_path / "runs/small/summary.json").read_text())
+    assert (summary["runs"], summary["passed"], summary["holds"]) == (6, 6, False)
+    assert 'skipped="1"' in (tmp_path / "junit.xml").read_text()
+    (worst,) = (tmp_path / "runs/small/runs_to_see").glob("*.xml")
+    assert main(["check", str(worst)]) == 0
+    dataset = as_dataset(expected)
+    assert dataset["last"].attrs["units"] == "mm"
+    assert dataset["mass"].dims == ("run",)
+    assert dataset["seed"].values.tolist() == [7, 8, 9, 10, 11, 12]
+
+
+def test_a_killed_or_interrupted_study_goes_on(tmp_path: Path) -> None:
+    long = '<sample method="random" runs="150"/>'
+    write_study(tmp_path, sample=long)
+    rows = tmp_path / "runs" / "small" / FILE
+    for number in (signal.SIGKILL, signal.SIGINT):
+        before = rows.read_bytes().count(b"\n") if rows.exists() else 0
+        command = subprocess.Popen(
+            [sys.executable, "-m", "cosim", "study", "study.xml", "--workers", "1"],
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        _wait_for(lambda before=before: rows.exists() and rows.read_bytes().count(b"\n") > before + 2)
+        os.kill(command.pid, number)
+        status = command.wait(30)
+        assert command.stderr is not None
+        said = command.stderr.read()
+        command.stderr.close()
+        if number == signal.SIGINT:
+            assert (status, "the same command goes on" in said) == (130, True)
+        _wait_for(lambda pid=command.pid: not _session(pid))
+    kept = rows.read_bytes().count(b"\n") - 1
+    study = read_study(tmp_path / "study.xml")
+    again = conduct(study, rows.parent, executor=Here())
+    assert (len(again.rows), again.made) == (150, 150 - kept)
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    give_up = time.monotonic() + 120
+    while not condition():
+        assert time.monotonic() < give_up
+        time.sleep(0.02)
+
+
+def _session(leader: int) -> list[str]:
+    """Return the processes of a session that have not ended."""
+    listed = subprocess.run(["ps", "-eo", "sid,stat,args"], capture_output=True, text=True, check=True).stdout
+    rows = (line.split(None, 2) for line in listed.splitlines()[1:])
+    return [args for sid, stat, args in rows if int(sid) == leader and not stat.startswith("Z")]
+
+
+@pytest.mark.parametrize("options", [["--workers", "0"], ["--runs", "-1"], ["--set", "nowhere/@x=1"]])
+def test_options_that_make_no_sense(tmp_path: Path, options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_study(tmp_path)
+    assert main(["study", str(path), "--out", str(tmp_path / "runs"), *options]) == 2
+    assert options[0] in capsys.readouterr().err
