@@ -15,6 +15,10 @@ or many times with other values:
 >>> with cosim.Prepared(cosim.read_scenario("scenarios/clmr_line.xml")) as prepared:
 ...     outcomes = [prepared.run([f"simulation/@seed={seed}"]) for seed in range(100)]
 
+or as a study, which says in a file what varies and what must hold of all runs:
+
+>>> table = cosim.study("studies/payload.xml")               # an xarray.Dataset over the runs
+
 and later, from the files of ``formation run``:
 
 >>> result = cosim.load_result("runs/clmr_line")
@@ -28,6 +32,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from concurrent.futures import Executor
     from pathlib import Path
 
     import xarray as xr
@@ -66,6 +71,7 @@ __all__ = [
     "read_scenario",
     "run",
     "save_figure",
+    "study",
     "summary_of",
 ]
 
@@ -104,6 +110,58 @@ def run(
     read = scenario.edited(made) if isinstance(scenario, Scenario) else read_scenario(scenario, made)
     with whole_run(read) as whole:
         return whole.run_to_end().dataset
+
+
+def study(
+    path: str | Path,
+    changes: Iterable[str | Change] = (),
+    *,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    runs: int | None = None,
+) -> xr.Dataset:
+    """Make the runs of a study and return its table, with the varied values as coordinates.
+
+    Call it below ``if __name__ == "__main__":`` in a script, as its processes import the script again.
+
+    Parameters
+    ----------
+    path
+        The study's file.
+    changes
+        Changes of every scenario in it; see `Scenario.edited`.
+    out
+        A folder in which the runs are kept, in a folder of the study's name, so that the next call goes on there;
+        None keeps nothing.
+    workers
+        How many processes; None for one a processor.
+    executor
+        An executor of `concurrent.futures`, in place of processes of this machine.
+    runs
+        Only the first ones.
+
+    Raises
+    ------
+    InputError
+        The study or a scenario of it is wrong.
+    OutputError
+        The rows cannot be written.
+    KeyboardInterrupt
+        The user pressed Ctrl-C; the runs so far are kept in `out`.
+    """
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
+
+    from cosim.results.files import writable_folder
+    from cosim.studies.conduct import conduct
+    from cosim.studies.reader import read_study
+    from cosim.studies.table import as_dataset
+
+    read = read_study(path, changes)
+    with TemporaryDirectory(prefix="formation-study-") as nowhere:
+        folder = writable_folder(Path(nowhere if out is None else out) / read.name, "out")
+        return as_dataset(conduct(read, folder, workers=workers, executor=executor, runs=runs))
 
 
 _HOMES = {

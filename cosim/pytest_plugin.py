@@ -8,36 +8,43 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.parsers import expat
 
 import pytest
 
 from cosim.errors import FormationError, printable
+from cosim.scenario.root_element import UNCLEAR, root_of
 
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr, TracebackStyle
 
-    from cosim.results.summary import Summary
+    from cosim.results.junit import Judged
 
-NAMESPACE = "urn:formation-cosim:scenario:1"
-_ROOTS = (f"{NAMESPACE}}}scenario", f"{NAMESPACE}}}variant")
-_SNIFFED = 64 * 1024
+MARKER = "study"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker of studies known."""
+    config.addinivalue_line("markers", f'{MARKER}: a study, of many runs; -m "not {MARKER}" leaves them out')
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioFile | None:
-    """Collect a file if it is a scenario or a variant of one; any other XML file is none of our business."""
-    if file_path.suffix.lower() == ".xml" and is_scenario(file_path):
+    """Collect a file if it is a scenario, a variant of one, or a study; no other XML file."""
+    if file_path.suffix.lower() == ".xml" and root_of(file_path) in ("scenario", "variant", "study", UNCLEAR):
         file: ScenarioFile = ScenarioFile.from_parent(parent, path=file_path)
         return file
     return None
 
 
 class ScenarioFile(pytest.File):
-    """A scenario file."""
+    """A file of a scenario or a study."""
 
     def collect(self) -> Iterator[ScenarioItem]:
         """Return the one test that it is."""
-        yield ScenarioItem.from_parent(self, name=self.path.stem)
+        study = root_of(self.path) == "study"
+        item = (StudyItem if study else ScenarioItem).from_parent(self, name=self.path.stem)
+        if study:
+            item.add_marker(MARKER)
+        yield item
 
 
 class ScenarioItem(pytest.Item):
@@ -67,7 +74,7 @@ class ScenarioItem(pytest.Item):
             run = partial(run_other, simulation.setup)
             self._judge(summarise(scenario, simulation.run_to_end(), run))  # before the plants end
 
-    def _judge(self, summary: Summary) -> None:
+    def _judge(self, summary: Judged) -> None:
         for verdict in summary.verdicts:
             name = " ".join(part for part in (verdict.expectation, verdict.robot) if part)
             self.user_properties.append((name, f"{verdict.outcome}: {verdict.finding}"))
@@ -99,49 +106,33 @@ class ScenarioItem(pytest.Item):
         return self.path.relative_to(start) if self.path.is_relative_to(start) and Path.cwd() == start else self.path
 
 
+class StudyItem(ScenarioItem):
+    """A study as a test: its runs are made, and what must hold of them holds or fails as it is marked."""
+
+    def _run(self) -> None:
+        from tempfile import TemporaryDirectory
+
+        from cosim.studies.conduct import conduct
+        from cosim.studies.reader import read_study
+
+        study = read_study(self._shown_path())
+        with TemporaryDirectory(prefix="formation-study-") as folder:
+            self._judge(conduct(study, Path(folder)))
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return the place and the name of the test."""
+        return self.path, 0, f"study: {self.name}"
+
+
 class _NotAsExpected(Exception):
-    def __init__(self, summary: Summary) -> None:
+    def __init__(self, summary: Judged) -> None:
         self.summary = summary
         super().__init__("not as expected")
 
 
-def is_scenario(path: Path) -> bool:
-    """Return whether a file is a scenario or a variant of one, by the root element within its first 64 KiB.
-
-    No entity is expanded: parsing ends at a document type declaration. Such a file, or one that is broken before its
-    root element is complete, counts as a scenario if it names the namespace, so that its test reports the fault.
-    """
-    try:
-        with path.open("rb") as file:
-            start = file.read(_SNIFFED)
-    except OSError:
-        return False
-    parser = expat.ParserCreate(namespace_separator="}")
-    parser.StartElementHandler = _found
-    parser.StartDoctypeDeclHandler = _found
-    try:
-        parser.Parse(start)
-    except _Found as found:
-        if found.root:
-            return found.root in _ROOTS
-    except Exception:  # its test reports what is wrong
-        pass
-    return NAMESPACE.encode() in start
-
-
-class _Found(Exception):
-    def __init__(self, root: str) -> None:
-        self.root = root
-        super().__init__()
-
-
-def _found(name: str, attributes: object, *_: object) -> None:
-    raise _Found(name if isinstance(attributes, dict) else "")  # no attributes: a document type
-
-
-def _report(summary: Summary) -> Iterable[str]:
+def _report(summary: Judged) -> Iterable[str]:
     """Return a line for each verdict, unexpected ones first, and the notes."""
     for verdict in sorted(summary.verdicts, key=lambda verdict: verdict.as_marked):
         yield f"{verdict.where}: {verdict.outcome}: {verdict}"
-    for note in summary.notes:
+    for note in getattr(summary, "notes", ()):
         yield f"note: {note}"

@@ -15,6 +15,7 @@ _STATUS = {
 }
 _OF = {
     "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
+    "study": {0: "all holds that must, or nothing was asked for", 1: "something does not hold", 2: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "check": {0: "the scenario can be run", 2: None},
     "inspect": {0: None, 1: "a self-test fails", 2: "bad input, such as an FMU without a reference experiment"},
@@ -30,6 +31,9 @@ formation run scenarios/clmr_line.xml
 formation run scenarios/*.xml --out results --junit verdicts.xml
 formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
 formation run mine.xml --controller pid=observer-pid""",
+    "study": """\
+formation study payload.xml
+formation study payload.xml --runs 100 --workers 4""",
     "show": "formation show runs/clmr_line/result.nc",
     "check": """\
 formation check mine.xml

@@ -17,15 +17,15 @@ from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
 from cosim.results.files import writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
-from cosim.study.conduct import StudyOutcome, conduct
-from cosim.study.plan import Plan
-from cosim.study.reader import read_study
-from cosim.study.reproduce import as_variant
-from cosim.study.row import BROKEN, FAILED, PASSED, Row
-from cosim.study.store import FILE
-from cosim.study.study import Study
-from cosim.study.summary import Spread, as_json, counts, remarkable, spreads
-from cosim.study.table import as_csv
+from cosim.studies.conduct import StudyOutcome, conduct
+from cosim.studies.plan import Plan
+from cosim.studies.reader import read_study
+from cosim.studies.reproduce import as_variant
+from cosim.studies.row import BROKEN, FAILED, PASSED, Row
+from cosim.studies.store import FILE
+from cosim.studies.study import Study
+from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
+from cosim.studies.table import as_csv
 
 
 def study(options: argparse.Namespace) -> int:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim.scenario.grammar import NAMESPACE
-from cosim.study.reader import read_study
-from cosim.study.study import Study
+from cosim.studies.reader import read_study
+from cosim.studies.study import Study
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 MASS = "plant/parameter[@name='m_c']/@value"

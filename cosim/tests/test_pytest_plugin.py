@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from cosim.pytest_plugin import NAMESPACE as SNIFFED
-from cosim.pytest_plugin import is_scenario
 from cosim.scenario.document import NAMESPACE
+from cosim.scenario.root_element import NAMESPACE as SNIFFED
+from cosim.scenario.root_element import UNCLEAR, root_of
+from cosim.tests.studies import LAST, write_study
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
@@ -109,7 +110,7 @@ def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
         "schema.xml": f'<schema xmlns="http://www.w3.org/2001/XMLSchema" targetNamespace="{NAMESPACE}"/>'.encode(),
     }.items():
         (tmp_path / name).write_bytes(data)
-        assert not is_scenario(tmp_path / name), name
+        assert root_of(tmp_path / name) in ("", "binding"), name
     (tmp_path / "folder.xml").mkdir()
     status, printed = run_pytest(tmp_path)
     assert status == 5, "pytest's status where there is no test"
@@ -129,9 +130,9 @@ def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
 def test_what_is_a_scenario_or_wants_to_be_one(tmp_path: Path, text: str) -> None:
     path = tmp_path / "one.xml"
     path.write_text(text.format(NAMESPACE), encoding="utf-8")
-    assert is_scenario(path)
+    assert root_of(path) in ("scenario", "variant", UNCLEAR)
     path.write_text(text.format(NAMESPACE), encoding="utf-16")
-    assert is_scenario(path) is ("DOCTYPE" not in text and "name=x" not in text)
+    assert bool(root_of(path)) is ("DOCTYPE" not in text and "name=x" not in text)
 
 
 def test_what_is_wrong_with_a_file_that_wants_to_be_a_scenario(tmp_path: Path) -> None:
@@ -179,6 +180,19 @@ def test_pytest_starts_as_fast_as_without() -> None:
     )
     printed = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=60)
     assert printed.stdout == "[]\n"
+
+
+def test_a_study_is_a_test_that_a_suite_can_leave_out(tmp_path: Path) -> None:
+    rest = LAST + '<worst of="last" below="1 mm"/>'
+    write_study(tmp_path, sample='<sample method="random" runs="1"/>', rest=rest)
+    (tmp_path / "base.xml").rename(tmp_path / "base.txt")
+    text = (tmp_path / "study.xml").read_text()
+    (tmp_path / "study.xml").write_text(text.replace("base.xml", "base.txt"))
+    status, printed = run_pytest(tmp_path, "--strict-markers")
+    assert status == 1
+    assert re.search(r"^study.xml:6:\d+: FAILS: worst of last below 1 mm: 5\d+ mm, margin", printed, re.MULTILINE)
+    status, printed = run_pytest(tmp_path, "-m", "not study")
+    assert (status, "1 deselected" in printed) == (5, True)
 
 
 def test_the_namespace_is_that_of_the_language() -> None:

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from cosim.study import bounds
 from scipy import stats
 
-from cosim.study import bounds
-from cosim.study.bounds import Sequential
+from cosim.studies.bounds import Sequential
 
 SIZES = (1, 2, 7, 30, 100)
 SHARES = (0.001, 0.05, 0.31, 0.5, 0.77, 0.95, 0.999)

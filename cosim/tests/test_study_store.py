@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError, OutputError
-from cosim.study.row import Row
-from cosim.study.store import FILE, Store
+from cosim.studies.row import Row
+from cosim.studies.store import FILE, Store
 
 
 def row(number: int) -> Row:

@@ -10,8 +10,8 @@ from lxml import etree
 
 from cosim.scenario.edits import split_setting
 from cosim.scenario.grammar import NAMESPACE, attributes_of, local_name
-from cosim.study.plan import Run
-from cosim.study.study import Study
+from cosim.studies.plan import Run
+from cosim.studies.study import Study
 
 _RULES = ("set", "replace", "insert", "remove")
 

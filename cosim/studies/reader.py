@@ -21,8 +21,8 @@ from cosim.scenario.reader.element import Element
 from cosim.scenario.scenario import Scenario
 from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.xpath_selection import assign, selected_or_added
-from cosim.study.study import Measured, Requirement, Sample, Study, Target, Vary
-from cosim.study.values import Count, Finite, Values, values_of
+from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
+from cosim.studies.values import Count, Finite, Values, values_of
 
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Self
 
 from cosim.errors import InputError, OutputError
-from cosim.study.row import Row
+from cosim.studies.row import Row
 
 FILE = "rows.jsonl"
 _FORMAT = "formation-study-rows 1"

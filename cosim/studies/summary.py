@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.study.conduct import StudyOutcome
-from cosim.study.row import BROKEN
+from cosim.studies.conduct import StudyOutcome
+from cosim.studies.row import BROKEN
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,9 @@ from cosim.master.supervised import whole_run
 from cosim.results.expectations import judge
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Scenario
-from cosim.study.plan import Run
-from cosim.study.row import BROKEN, FAILED, PASSED, Row
-from cosim.study.study import Measured
+from cosim.studies.plan import Run
+from cosim.studies.row import BROKEN, FAILED, PASSED, Row
+from cosim.studies.study import Measured
 
 _KEPT = 4
 """How many prepared scenarios a worker keeps."""

@@ -19,7 +19,7 @@ class Row:
     Attributes
     ----------
     key : str
-        What determines the run, as a checksum; see `cosim.study.keys`.
+        What determines the run, as a checksum; see `cosim.studies.keys`.
     number, draw : int
         Of the run and its draw, from 1.
     values : tuple of str or None

@@ -13,9 +13,9 @@ import numpy as np
 
 from cosim.quantity import split
 from cosim.results.expectations import understood
-from cosim.study.conduct import StudyOutcome
-from cosim.study.row import PASSED
-from cosim.study.study import Study
+from cosim.studies.conduct import StudyOutcome
+from cosim.studies.row import PASSED
+from cosim.studies.study import Study
 
 if TYPE_CHECKING:
     import xarray as xr

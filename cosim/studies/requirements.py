@@ -12,10 +12,10 @@ from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
 from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
-from cosim.study import bounds
-from cosim.study.bounds import Sequential
-from cosim.study.row import BROKEN, PASSED, Row
-from cosim.study.study import Measured, Study
+from cosim.studies import bounds
+from cosim.studies.bounds import Sequential
+from cosim.studies.row import BROKEN, PASSED, Row
+from cosim.studies.study import Measured, Study
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import suppress
 from pathlib import Path
 
-from cosim.study.plan import Run
-from cosim.study.row import Row
-from cosim.study.task import Job, Task, begin_worker, broken_row, run_task
+from cosim.studies.plan import Run
+from cosim.studies.row import Row
+from cosim.studies.task import Job, Task, begin_worker, broken_row, run_task
 
 Pending = tuple[Run, str]
 """A run, and its key."""

@@ -12,8 +12,8 @@ from scipy.stats import qmc
 
 from cosim.errors import InputError, shown
 from cosim.quantity import split
-from cosim.study.study import Study, Target, Vary
-from cosim.study.values import Count, Finite, written
+from cosim.studies.study import Study, Target, Vary
+from cosim.studies.values import Count, Finite, written
 from plants import UnitError, units
 
 MOST_RUNS = 1_000_000

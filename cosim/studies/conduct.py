@@ -11,17 +11,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
-from cosim.study.engine import Pending, Workers
-from cosim.study.keys import key_of_run, key_of_scenario
-from cosim.study.plan import Plan
-from cosim.study.requirements import requirements_of
-from cosim.study.row import Row
-from cosim.study.store import Store
-from cosim.study.study import Study
-from cosim.study.task import Job, row_of
+from cosim.studies.engine import Pending, Workers
+from cosim.studies.keys import key_of_run, key_of_scenario
+from cosim.studies.plan import Plan
+from cosim.studies.requirements import requirements_of
+from cosim.studies.row import Row
+from cosim.studies.store import Store
+from cosim.studies.study import Study
+from cosim.studies.task import Job, row_of
 
 
 @dataclass(frozen=True)
@@ -184,19 +183,3 @@ class _Ending:
 
     def _decided(self) -> bool:
         return all(one.test is not None and one.test.above is not None for one in self._judged)
-
-
-def folder_of(study: Study, out: Path) -> Path:
-    """Return the folder of a study, which is made.
-
-    Raises
-    ------
-    InputError
-        It cannot be made.
-    """
-    folder = out / study.name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made: {error.strerror}; choose another --out") from None
-    return folder

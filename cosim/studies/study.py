@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from cosim.errors import Location
 from cosim.scenario.document import Document
 from cosim.scenario.scenario import Scenario
-from cosim.study.values import Values
+from cosim.studies.values import Values
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Requirement:
-    """What must hold of all runs together: an element with its attributes, see `cosim.study.requirements`.
+    """What must hold of all runs together: an element with its attributes, see `cosim.studies.requirements`.
 
     Attributes
     ----------
