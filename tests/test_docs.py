@@ -21,13 +21,18 @@ from cosim.master.setup import set_up
 from cosim.scenario.grammar import NAMESPACE, attributes_of, children_of, local_name
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
+from cosim.studies.plan import Plan
+from cosim.studies.reader import read_study
+from cosim.studies.requirements import requirements_of
 
 from .foreign.vehicles import require
 from .stub.stub import make_fmu
 
 ROOT = Path(__file__).parents[1]
 SCENARIOS_PAGE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+STUDIES_PAGE = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+STUDY_EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", STUDIES_PAGE, re.MULTILINE | re.DOTALL)
 SCENARIO_EXAMPLES = [example for example in EXAMPLES if not example.startswith("<binding")]
 XS = "{http://www.w3.org/2001/XMLSchema}"
 
@@ -156,7 +161,7 @@ def completed(example: str) -> str:
 
 def used() -> Iterator[etree._Element]:
     """Return every element of every example."""
-    for example in EXAMPLES:
+    for example in EXAMPLES + STUDY_EXAMPLES:
         content = re.sub(r"<\?xml.*?\?>", "", example)
         yield from etree.fromstring(f'<pieces xmlns="{NAMESPACE}">{content}</pieces>').iterdescendants("*")
 
@@ -190,10 +195,28 @@ def test_the_page_has_an_example_of_every_element_and_names_every_attribute() ->
     tags = {element.get("name") for element in schema.iter(XS + "element")}
     assert {local_name(element) for element in elements} == tags
     shown = {(local_name(element), name) for element in elements for name in element.attrib}
-    prose = re.sub(r"^```.*?^```$", "", SCENARIOS_PAGE, flags=re.MULTILINE | re.DOTALL)
+    prose = re.sub(r"^```.*?^```$", "", SCENARIOS_PAGE + STUDIES_PAGE, flags=re.MULTILINE | re.DOTALL)
     for tag in tags:
         for name in attributes_of(tag):
             assert (tag, name) in shown or re.search(rf"`[^`]*\b{name}\b[^`]*`", prose), f"{name} of <{tag}>"
+
+
+def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
+    whole, *parts = STUDY_EXAMPLES
+    assert whole == (ROOT / "studies" / "payload.xml").read_text(encoding="utf-8")
+    of = (ROOT / "scenarios").as_posix()
+    place = re.escape('<sample method="sobol" runs="512"/>')
+    head, tail = re.split(place, whole)
+    payload, law, measures, requirements = parts
+    head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
+    tail = tail.replace("  <probability", measures + requirements + "  <probability").replace(
+        '"settling"', '"settled"', 1
+    )
+    path = tmp_path / "study.xml"
+    path.write_text(f"{head}<sample method='random' runs='10'/>{tail}".replace("../scenarios", of), encoding="utf-8")
+    study = read_study(path)
+    assert len(Plan(study)) == 30
+    assert len(requirements_of(study)) == 7
 
 
 def test_the_schema_documents_all_that_it_defines() -> None:

@@ -190,7 +190,7 @@ def test_a_study_is_a_test_that_a_suite_can_leave_out(tmp_path: Path) -> None:
     (tmp_path / "study.xml").write_text(text.replace("base.xml", "base.txt"))
     status, printed = run_pytest(tmp_path, "--strict-markers")
     assert status == 1
-    assert re.search(r"^study.xml:6:\d+: FAILS: worst of last below 1 mm: 5\d+ mm, margin", printed, re.MULTILINE)
+    assert re.search(r"^study.xml:5:\d+: FAILS: worst of last below 1 mm: 5\d+ mm, margin", printed, re.MULTILINE)
     status, printed = run_pytest(tmp_path, "-m", "not study")
     assert (status, "1 deselected" in printed) == (5, True)
 

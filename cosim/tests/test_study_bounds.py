@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from cosim.study import bounds
 from scipy import stats
 
+from cosim.studies import bounds
 from cosim.studies.bounds import Sequential
 
 SIZES = (1, 2, 7, 30, 100)
