@@ -24,6 +24,7 @@ CONTENT = {
     "cli": "the command `formation`",
     "pytest_plugin": "scenario files as tests",
     "swap": "a foreign FMU: words, proposals",
+    "studies": "many runs, judged together",
     "compare": "two plants, same torques",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
