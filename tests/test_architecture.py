@@ -63,7 +63,7 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
                 "control/installed_laws.py",
                 "control/leader_view.py",
                 "control/team.py",
-                "master/recorded_result.py",
+                "master/recorded_signals.py",
                 "master/robot.py",
                 "master/robots.py",
                 "master/setup.py",
