@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -23,7 +24,10 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
+from cosim.tests.driving import scenario
 from cosim.tests.studies import LAST, SEEDS, UNIFORM, Here, small_study, write_study
+
+from .stub.stub import make_fmu
 
 NOISE = '<vary name="noise" select="sensor/noise/@x"><list values="0 mm, 5 mm"/></vary>'
 CASES = """<vary name="law" cross="yes">
@@ -47,14 +51,14 @@ def test_each_run_is_the_run_of_its_scenario_alone(tmp_path: Path) -> None:
     for index in (0, 5, 11):
         file = tmp_path / f"run_{index}.xml"
         file.write_text(as_variant(outcome.study, plan[index], tmp_path))
-        scenario = cosim.read_scenario(file)
-        result = cosim.run(scenario)
+        read = cosim.read_scenario(file)
+        result = cosim.run(read)
         row = outcome.rows[index]
         last = max(float(abs(result["range_error"].sel(robot=name)[-1])) for name in result["robot"].values)
         assert row.measures[0] == pytest.approx(1000 * last, rel=1e-14)
-        (verdict, *_) = judge(scenario.expectations, result, None)
+        (verdict, *_) = judge(read.expectations, result, None)
         assert row.status == (PASSED if verdict.passed else FAILED)
-        assert row.margins == (min(v.margin for v in judge(scenario.expectations, result, None)),)
+        assert row.margins == (min(v.margin for v in judge(read.expectations, result, None)),)
     assert len({row.measures[0] for row in outcome.rows}) == 12
 
 
@@ -235,6 +239,24 @@ def test_a_killed_or_interrupted_study_goes_on(tmp_path: Path) -> None:
     study = read_study(tmp_path / "study.xml")
     again = conduct(study, rows.parent, executor=Here())
     assert (len(again.rows), again.made) == (150, 150 - kept)
+
+
+def test_an_fmu_that_crashes_costs_the_run_that_it_has_ended(tmp_path: Path) -> None:
+    make_fmu(tmp_path, name="car", behaviour="segfault", when=9)
+    plant = '<plant id="car" fmu="car.fmu"><parameter name="when" value="9 s"/></plant>'
+    small_study(tmp_path)
+    scenario(tmp_path / "base.xml", plant, followers=["car"], horizon="0.4 s")
+    times = """<vary name="when" select="plant/parameter/@value"><list values="9 s, 8 s, 0.2 s, 7 s"/></vary>"""
+    text = (tmp_path / "study.xml").read_text().replace(UNIFORM + SEEDS, times)
+    (tmp_path / "study.xml").write_text(text.replace('method="random" runs="6"', 'method="grid"'))
+    study = read_study(tmp_path / "study.xml")
+    outcome = conduct(study, tmp_path, workers=1)
+    assert [row.status for row in outcome.rows] == [PASSED, PASSED, BROKEN, PASSED]
+    assert re.search("leader at t = 0.2 s: the plant car.fmu did not complete the step", outcome.rows[2].message)
+    seen = tmp_path / "elsewhere" / "deep"
+    seen.mkdir(parents=True)
+    (seen / "run.xml").write_text(as_variant(study, Plan(study)[2], seen))
+    assert cosim.read_scenario(seen / "run.xml").plants["car"].fmu == tmp_path / "elsewhere" / "deep" / "../../car.fmu"
 
 
 def _wait_for(condition: Callable[[], bool]) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import os
+from functools import cache
 from pathlib import Path
 
 from lxml import etree
 
 from cosim.scenario.edits import split_setting
-from cosim.scenario.grammar import NAMESPACE, attributes_of, local_name
+from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name
 from cosim.studies.plan import Run
 from cosim.studies.study import Study
 
@@ -39,6 +40,9 @@ def as_variant(study: Study, run: Run, folder: Path) -> str:
     for change in run.changes:
         select, value = split_setting(change)
         etree.SubElement(variant, "set", {"select": select, "value": value})
+    for rule in variant.iterchildren("set"):
+        if rule.get("select", "").rpartition("/@")[2] in _path_attributes():
+            rule.set("value", _moved(rule.get("value", ""), here, folder))
     etree.indent(variant)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(variant, encoding="unicode")}\n'
 
@@ -47,6 +51,12 @@ def _cases(root: etree._Element, chosen: tuple[int, ...]) -> list[etree._Element
     tag = f"{{{NAMESPACE}}}case"
     having = [vary for vary in root.iterchildren(f"{{{NAMESPACE}}}vary") if vary.find(tag) is not None]
     return [vary.findall(tag)[index] for vary, index in zip(having, chosen, strict=True)]
+
+
+@cache
+def _path_attributes() -> frozenset[str]:
+    """Return the names of attributes that are paths, of any element."""
+    return frozenset().union(*attributes_of_types("path").values())
 
 
 def _moved(path: str, here: Path, folder: Path) -> str:
