@@ -56,13 +56,15 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
 def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Sequence[Team]) -> dict[str, Floats]:
     """Return the variables that are computed from recorded ones."""
     desired = setup.desired.q[:samples]
-    found = np.full((len(DERIVED), desired.shape[1], samples), np.nan)
+    found = np.empty((len(DERIVED), desired.shape[1], samples))
     for team in teams:
-        if formation_of(team.vehicle) is not None:
-            own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
-            if own != tuple(range(pose.shape[-1])):
-                pose = pose[..., own]
-            found[:, team.place] = formation_courses(pose, arrays["leader_pose"], desired[:, team.place], team.vehicle)
+        if formation_of(team.vehicle) is None:
+            found[:, team.place] = np.nan
+            continue
+        own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
+        if own != tuple(range(pose.shape[-1])):
+            pose = pose[..., own]
+        found[:, team.place] = formation_courses(pose, arrays["leader_pose"], desired[:, team.place], team.vehicle)
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
 
 

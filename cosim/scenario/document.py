@@ -197,7 +197,8 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
         for change in changes:
             change(root)
             for element in root.iter("*"):
-                places.setdefault(element, Location(in_words(change)))
+                if element not in places:
+                    places[element] = Location(in_words(change))
     finally:
         _add_namespace(root)
     _collapse(root)

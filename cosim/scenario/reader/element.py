@@ -33,6 +33,9 @@ class Element(Written):
     inside: tuple[Element, ...]
     text: str
 
+    __eq__ = object.__eq__  # not that of `Written`, which does not look inside
+    __hash__ = object.__hash__
+
     @classmethod
     def root(cls, document: Document, before: Element | None = None) -> Element:
         """Return the root element of a document; it and those within it are earlier ones where these are equal."""
