@@ -186,7 +186,7 @@ class Prepared:
         """Put the plants at the start of a run, at whose end they stay."""
         if not self.resets:
             self._end_plants()
-        members = members_of(robots, horizon, columns)
+        members = members_of(robots, horizon, columns, self._known)
         self._reset = self._fleet is not None
         if self._fleet is None:
             self._fleet = Fleet(members, state)
