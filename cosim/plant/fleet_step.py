@@ -83,7 +83,7 @@ NO_FLEET = CompiledFleet(
 
 def other_address(rows: Rows) -> int:
     """Return ``other`` of `FleetArrays`."""
-    if np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
+    if {EXTERNAL, SLAVE}.issuperset(rows.rows["kind"].tolist()):
         return 0
     return address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
 
