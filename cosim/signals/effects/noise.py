@@ -14,6 +14,13 @@ _AHEAD, _STREAMS = 4, 64
 """Windows of ticks that are drawn at once, and how many streams draw so far ahead in one window each."""
 
 
+def _as_index(columns: list[int]) -> slice | list[int]:
+    """Return columns as an index: a slice, which NumPy takes in a fifth of the time, where they are neighbours."""
+    first = columns[0] if columns else 0
+    neighbours = slice(first, first + len(columns))
+    return neighbours if columns == list(range(first, first + len(columns))) else columns
+
+
 class Noise(OfEntries):
     """``<noise>``."""
 
@@ -31,7 +38,7 @@ class Noise(OfEntries):
             if any(effect.kind == self.element and name in (effect.channels or names) for effect in rows.effects[row])
         ]
         self._streams = [stream for *_, stream in found]
-        self._columns = np.array([row * rows.width + column for row, column, _ in found], dtype=np.int_)
+        self._columns = _as_index([row * rows.width + column for row, column, _ in found])
         self._drawn = np.empty((0, 0))
         self._used = 0
 
