@@ -1,10 +1,13 @@
 """Temporary folders. What a killed process left is removed by the next one that makes a folder of the same kind.
 
+What an interrupt of Python has kept a process from removing is removed when it ends.
+
 A process holds a lock (flock) on each of its folders for as long as it lives, and the folder's name has its number.
 Only folders of the same user are removed whose lock is free and whose process lives no more: an FMU within the process
 may have closed the descriptor of the lock. Windows has no such locks; there the folders of a killed process stay.
 """
 
+import atexit
 import os
 import re
 import shutil
@@ -55,6 +58,18 @@ def remove(folder: Path) -> None:
     with suppress(OSError):  # an FMU may have closed it, and another file may have its number now
         if identity is not None and _identity(descriptor) == identity:
             os.close(descriptor)
+
+
+def remembered() -> list[Path]:
+    """Return the folders that this process has made and not removed."""
+    return list(_locks)
+
+
+@atexit.register
+def _remove_at_exit() -> None:
+    for made in remembered():
+        if f"{os.getpid()}-" in made.name:  # and no other process has forked this one
+            remove(made)
 
 
 @contextmanager

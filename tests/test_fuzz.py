@@ -1,17 +1,24 @@
 """A short run of the fuzzers; ``python -m tests.fuzz`` is the long one."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.fuzz.fuzz import run
+from tests.fuzz.fuzz import run, run_limited
+from tests.fuzz.seeds import seeds
 
 
-@pytest.mark.parametrize(("kind", "seeds"), [("scenarios", range(150)), ("fmus", range(60))])
+@pytest.mark.parametrize(("kind", "cases"), [("scenarios", range(150)), ("fmus", range(60))])
 def test_nothing_but_results_and_refusals(
-    kind: str, seeds: range, tmp_path: Path, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+    kind: str, cases: range, tmp_path: Path, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tests.fuzz.fuzz.SECONDS", 60.0)  # the machine may be busy
-    fmus = tuple(make(fmi=version).read_bytes() for version in ("1.0", "2.0", "3.0"))
-    assert list(run(kind, seeds, tmp_path, fmus)) == []
+    assert list(run(kind, cases, tmp_path, seeds(make) if kind == "fmus" else ())) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes and files that Linux shows")
+def test_nothing_but_results_and_errors_of_sequences_of_calls(tmp_path: Path) -> None:
+    """In a process of their own, as they are about all that a process holds."""
+    assert list(run_limited("calls", range(1, 7), tmp_path)) == []

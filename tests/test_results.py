@@ -116,6 +116,25 @@ def test_earlier_results_that_cannot_be_kept_are_told(
     assert load(tmp_path / "clmr_line" / "result.nc").attrs["seed"] == "1"
 
 
+def test_a_run_that_does_not_begin_leaves_no_verdict_of_an_earlier_one(
+    line: str, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its result is kept until there is another one."""
+    folder = tmp_path / "clmr_line"
+    shutil.copytree(ran, folder)
+    earlier = (folder / "result.nc").read_bytes()
+    arguments = ["run", line, "--seed", "3", "--out", str(tmp_path), "--no-figure"]
+    assert main([*arguments, "--pace", "0"]) == 2
+    assert {path.name for path in folder.iterdir()} == {*FILES}, "it is refused before anything is touched"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cosim.cli.run.whole_run", lambda *_: (_ for _ in ()).throw(cosim.InputError("no plant")))
+        for _ in range(2):
+            assert main(arguments) == 2
+            assert {path.name: path.read_bytes() for path in folder.iterdir()} == {"result.before.nc": earlier}
+    assert main(arguments) == 1
+    assert {path.name for path in folder.iterdir()} == {"result.nc", "summary.json"}
+
+
 def test_nothing_is_said_to_be_changed_where_nothing_is(line: str, tmp_path: Path, capsys) -> None:
     printed = run(capsys, line, "--out", str(tmp_path))
     assert "changed" not in printed

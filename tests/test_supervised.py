@@ -248,7 +248,7 @@ def test_a_crash_outside_of_any_call(make: Make, tmp_path: Path, monkeypatch: py
     assert main(["run", str(path), "--out", str(tmp_path), "--no-figure"]) == 3
     summary = json.loads((tmp_path / "s" / "summary.json").read_text("utf-8"))
     assert not summary["passed"]
-    assert "the process of the run has ended: its process crashed (SIGABRT)" in summary["failure"]["message"]
+    assert "the process that runs car.fmu has ended: its process crashed (SIGABRT)" in summary["failure"]["message"]
 
 
 def test_the_process_begins_while_no_other_thread_compiles(

@@ -1,41 +1,77 @@
-"""Keeps the results of an earlier run of a scenario when a run with other changes takes their place."""
+"""Takes the results of an earlier run of a scenario out of the way before a new one begins.
+
+So no summary of an earlier run is taken for that of a run that was killed.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import re
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from cosim.results.netcdf import attributes_of
 from cosim.results.provenance import Provenance
 
-RESULT, FILES = "result.nc", ("summary.json", "figure.png", "result.nc")
+RESULT, VERDICTS = "result.nc", ("summary.json", "figure.png")
+FILES = (*VERDICTS, RESULT)
 """The files of a run. The result is moved last, because it identifies the run."""
+BEFORE = "result.before.nc"
+"""The result of an earlier run of the same file and changes, until the new one is complete."""
 _LONGEST = 60
 
 
-def set_aside(folder: Path, coming: Provenance) -> tuple[Path, Provenance] | None:
-    """Move the files of an earlier run out of a folder if it was of another file or changed otherwise.
+def set_aside(folder: Path, file: Path, changes: tuple[str, ...]) -> tuple[Path, Provenance] | None:
+    """Take the files of an earlier run away before a run begins; all but a result can be made anew from it.
 
-    They go to a folder beside it that is named after its changes. An earlier run of the same file and changes stays
-    where it is, to be overwritten.
+    If it was of another file or changed otherwise, they go to a folder beside it that is named after its changes. If
+    not, its result is renamed to `BEFORE`, the other files are removed, and `replaced` removes that result.
 
     Returns
     -------
     tuple or None
         The new place of the files, and their provenance; None if there is nothing to keep.
+
+    Raises
+    ------
+    OSError
+        They cannot be kept.
     """
-    earlier = _provenance(folder / RESULT)
-    if earlier is None or earlier.variant == coming.variant:
+    if not folder.is_dir():
         return None
-    place = folder.with_name(f"{folder.name}+{_label(earlier, folder.name)}")
-    place.mkdir(exist_ok=True)
-    for name in FILES:
-        (place / name).unlink(missing_ok=True)
-        if (folder / name).exists():
-            os.replace(folder / name, place / name)
-    return place, earlier
+    if not (folder / RESULT).exists():  # the last run has left none: the one before has not been replaced
+        with suppress(FileNotFoundError):
+            os.replace(folder / BEFORE, folder / RESULT)
+    earlier = _provenance(folder / RESULT)
+    if earlier is not None and earlier.variant != (file.name, changes):
+        place = folder.with_name(f"{folder.name}+{_label(earlier, folder.name)}")
+        try:
+            place.mkdir(exist_ok=True)
+            for name in FILES:
+                (place / name).unlink(missing_ok=True)
+                if (folder / name).exists():
+                    os.replace(folder / name, place / name)
+        except OSError:
+            _remove(folder, VERDICTS)
+            raise
+        return place, earlier
+    _remove(folder, VERDICTS)
+    if earlier is not None:
+        os.replace(folder / RESULT, folder / BEFORE)
+    return None
+
+
+def replaced(folder: Path) -> None:
+    """Remove the result of an earlier run of the same file and changes, as there is a new one."""
+    _remove(folder, (BEFORE,))
+
+
+def _remove(folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        with suppress(OSError):
+            (folder / name).unlink(missing_ok=True)
 
 
 def _provenance(path: Path) -> Provenance | None:

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
-from cosim.cli.earlier_results import set_aside
+from cosim.cli.earlier_results import RESULT, replaced, set_aside
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
@@ -106,6 +106,7 @@ def _run_one(
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
+        kept = _set_aside(options.out / scenario.name, scenario)
         with taking_a_while("building and loading plants, which is slow the first time"):
             prepared = [_set_up_by_the_rules(scenario, ending, timing)] if options.strict else []
             simulation = whole_run(scenario, *prepared)
@@ -124,7 +125,7 @@ def _run_one(
             if drawn:
                 figures.start()  # loads its libraries beside the writing
             with timed(timing, "write"):
-                kept = _save(result, folder)
+                _save(result, folder)
             if drawn:
                 figures.draw(result, folder / "figure.png")
         if signals.received and failure is None:  # while the result was being written
@@ -186,29 +187,24 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 # Files ------------------------------------------------------------------------------------------------------
 
 
-def _save(result: Result, folder: Path) -> tuple[Path, Provenance] | None:
-    """Write the result; if that fails, keep it in a temporary folder, which the error names.
-
-    Returns
-    -------
-    tuple or None
-        The place and the provenance of an earlier result; see `set_aside`.
-    """
-    aside = None
+def _set_aside(folder: Path, scenario: Scenario) -> tuple[Path, Provenance] | None:
+    """Take the results of the run before away; see `set_aside`."""
     try:
-        aside = set_aside(folder, Provenance.of(result.attrs))
-    except OSError as error:  # nothing that was computed may be lost for this
+        return set_aside(folder, scenario.path, scenario.changes)
+    except OSError as error:  # a run that can be computed is not refused for this
         warn(f"the results of the run before could not be kept and are overwritten: {error}")
-    for name in ("figure.png", "summary.json"):  # of an earlier run
-        with suppress(OSError):
-            (folder / name).unlink()
+        return None
+
+
+def _save(result: Result, folder: Path) -> None:
+    """Write the result; if that fails, keep it in a temporary folder, which the error names."""
     try:
-        save(result, folder / "result.nc")
+        save(result, folder / RESULT)
     except OutputError as error:
-        kept = Path(tempfile.mkdtemp(prefix="formation-")) / "result.nc"
+        kept = Path(tempfile.mkdtemp(prefix="formation-")) / RESULT
         save(result, kept)
         raise OutputError(f"{error}; it is kept in {kept}") from None
-    return aside
+    replaced(folder)
 
 
 # The terminal -----------------------------------------------------------------------------------------------

@@ -205,7 +205,8 @@ class SupervisedRun:
             spec = self._fleet.members[index].spec
             robot, what = spec.robot, f"the plant {spec.file} did not complete the step"
         else:
-            robot, what = "a plant", "the process of the run has ended"
+            files = dict.fromkeys(member.spec.file for member in self._fleet.members)
+            robot, what = "a plant", f"the process that runs {', '.join(files)} has ended"
         return Failure(robot, self._tick * self.scenario.step, "", f"{what}{self._how()}{self._last_words()}")
 
     def _check_known(self, kind: Told, body: dict[str, Any]) -> None:

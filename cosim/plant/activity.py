@@ -62,13 +62,16 @@ class Activity(NamedTuple):
     def listen(self) -> None:
         """Write the messages of all FMUs of this process from now on."""
         Log.pending = self.pending
-        Log.listener = self._write
+        slots, logged = memoryview(self.said.reshape(-1)), self.logged
 
-    def _write(self, message: Message) -> None:
-        data = message.to_bytes()[: _SLOT - 4]
-        slot = len(data).to_bytes(4, "little") + data
-        self.said[int(self.logged[0]) % KEPT_AT_ONCE, : len(slot)] = np.frombuffer(slot, np.uint8)
-        self.logged[0] += 1
+        def write(message: Message) -> None:  # an FMU may log a million of them
+            data = message.to_bytes()[: _SLOT - 4]
+            slot = len(data).to_bytes(4, "little") + data
+            at = int(logged[0]) % KEPT_AT_ONCE * _SLOT
+            slots[at : at + len(slot)] = slot
+            logged[0] += 1
+
+        Log.listener = write
 
 
 def activity() -> Activity:

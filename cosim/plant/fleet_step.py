@@ -83,7 +83,7 @@ NO_FLEET = CompiledFleet(
 
 def other_address(rows: Rows) -> int:
     """Return ``other`` of `FleetArrays`."""
-    if {EXTERNAL, SLAVE}.issuperset(rows.rows["kind"].tolist()):
+    if np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
         return 0
     return address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
 

@@ -46,6 +46,10 @@ class Message:
         name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
         return cls(name, _decoded(category, MAX_CATEGORY), _decoded(text, MAX_LENGTH))
 
+    def repeats(self, other: Message) -> bool:
+        """Return whether it equals another message in all but its count."""
+        return (self.text, self.category, self.status) == (other.text, other.category, other.status)
+
     @property
     def in_a_line(self) -> Self:
         """The message for a reader: category and text printable, in one line."""
@@ -89,7 +93,7 @@ class LastMessages:
         """Keep messages."""
         for message in messages:
             last = self._kept[-1] if self._kept else None
-            if last is not None and replace(last, count=message.count) == message:
+            if last is not None and last.repeats(message):
                 self._kept[-1] = replace(last, count=last.count + message.count)
             else:
                 self._kept.append(message)

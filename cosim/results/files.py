@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from cosim.errors import InputError, OutputError
 from cosim.results.netcdf import annotated, netcdf
 from cosim.results.result import Result
+from plants import scratch
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,19 +72,14 @@ def write(path: Path, data: bytes | memoryview) -> None:
     OutputError
         The file cannot be written.
     """
-    partial = None
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name + ".", delete=False) as partial:
-            partial.write(data)
-        os.chmod(partial.name, 0o666 & ~_umask())
-        os.replace(partial.name, path)
-    except BaseException as error:
-        if partial is not None:
-            with suppress(OSError):
-                os.unlink(partial.name)
-        if isinstance(error, OSError):
-            raise OutputError(f"{path} cannot be written: {error.strerror}") from None
-        raise
+        with scratch.folder(path.absolute().parent, ".formation-") as folder:  # which a killed process leaves behind
+            partial = folder / path.name
+            partial.write_bytes(data)
+            os.chmod(partial, 0o666 & ~_umask())
+            os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _umask() -> int:

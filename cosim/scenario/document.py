@@ -61,19 +61,6 @@ class Document:
         """The places of all elements, in the order of the text."""
         return tuple(self._places[element] for element in self.root.iter("*"))
 
-    def changed(self, changes: Sequence[Change]) -> Document:
-        """Return the document with changes; this one stays as it is.
-
-        Raises
-        ------
-        InputError
-            A change does not apply, or breaks the schema.
-        """
-        root = copy.deepcopy(self.root)
-        return _changed(
-            Document(self.path, self.text, root, dict(zip(root.iter("*"), self.places, strict=True))), changes
-        )
-
 
 def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
@@ -197,8 +184,7 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
         for change in changes:
             change(root)
             for element in root.iter("*"):
-                if element not in places:
-                    places[element] = Location(in_words(change))
+                places.setdefault(element, Location(in_words(change)))
     finally:
         _add_namespace(root)
     _collapse(root)
@@ -295,10 +281,8 @@ def _collapse(root: etree._Element) -> None:
     kept = attributes_of_types("path", "variable")  # a file or a variable of an FMU may be named so
     for element in root.iter("*"):
         own = kept.get(local_name(element), ())
-        for name, value in element.items():
-            collapsed = value.strip() if name in own else " ".join(value.split())
-            if collapsed != value:
-                element.set(name, collapsed)
+        for name, value in element.attrib.items():
+            element.set(name, value.strip() if name in own else " ".join(value.split()))
 
 
 def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:

@@ -188,3 +188,19 @@ def test_where_nothing_can_be_locked_nothing_is_removed(tmp_path: Path, monkeypa
     assert (tmp_path / "test-999999999-abc").exists()
     scratch.remove(made)
     assert not made.exists()
+
+
+def test_what_is_not_removed_goes_when_the_process_ends(tmp_path: Path) -> None:
+    """A process that it has forked leaves it alone."""
+    program = f"""
+import os, pathlib, sys
+from plants import scratch
+made = scratch.make(pathlib.Path({str(tmp_path)!r}), "test-")
+if os.fork() == 0:
+    sys.exit(0)
+os.wait()
+print(made.exists())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "True\n"
+    assert list(tmp_path.iterdir()) == []

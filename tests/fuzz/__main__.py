@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 from tests.fuzz.fuzz import BATCH, CASES, batch, run_limited
+from tests.fuzz.seeds import seeds
 from tests.stub.stub import make_fmu
 
 
@@ -24,8 +25,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         folder = Path(name)
         (folder / "seeds").mkdir()
-        for version in ("1.0", "2.0", "3.0"):
-            shutil.move(make_fmu(folder, fmi=version), folder / "seeds" / f"{version}.fmu")
+        for number, data in enumerate(seeds(partial(make_fmu, folder))):
+            (folder / "seeds" / f"{number}.fmu").write_bytes(data)
         for kind in [options.only] if options.only else CASES:
             started = time.monotonic()
             for first in range(options.seed, options.seed + options.runs, BATCH):

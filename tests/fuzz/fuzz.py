@@ -16,6 +16,7 @@ from cosim.fmu.package import open_fmu
 from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from tests.fuzz import mutations
+from tests.fuzz.calls import calls_case, warm
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 2.0
@@ -52,7 +53,11 @@ def fmu_case(seed: int, folder: Path, fmus: tuple[bytes, ...]) -> None:
     _refused(lambda: open_fmu(path).close())
 
 
-CASES: dict[str, Callable[[int, Path, tuple[bytes, ...]], None]] = {"scenarios": scenario_case, "fmus": fmu_case}
+CASES: dict[str, Callable[[int, Path, tuple[bytes, ...]], None]] = {
+    "scenarios": scenario_case,
+    "fmus": fmu_case,
+    "calls": calls_case,
+}
 
 
 def run(kind: str, seeds: range, folder: Path, fmus: tuple[bytes, ...]) -> Iterator[str]:
@@ -85,6 +90,8 @@ def run_limited(kind: str, seeds: range, folder: Path) -> Iterator[str]:
 def batch(kind: str, first: int, last: int, folder: Path) -> None:
     """Run cases under limits of CPU time and memory, and print each before it runs, and what fails."""
     fmus = tuple(path.read_bytes() for path in sorted(folder.glob("seeds/*.fmu")))
+    if kind == "calls":
+        warm(folder)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + BYTES, size + BYTES))
     for seed in range(first, last):

@@ -26,6 +26,10 @@ BEHAVIOURS = {
     "exit": "calls exit(7)",
     "exit_0": "calls exit(0)",
     "abort": "calls abort()",
+    "overflow": "calls itself without end, until the stack is full",
+    "thread_crash": "starts a thread, which crashes a little after the next call, while that one waits",
+    "garbage": "writes bytes without sense into all pipes that its process has open, once",
+    "garbage_endless": "likewise, without end",
     "hang": "sleeps for ever",
     "hang_stubborn": "sleeps for ever, and ignores SIGTERM and SIGINT",
     "spin": "computes for ever",
@@ -60,6 +64,7 @@ BEHAVIOURS = {
 """What a stub can be made to do at its `place`. Before what ends or hangs the process it logs a line."""
 
 PLACES = {
+    "load": "when its library is loaded; only what ends or hangs the process",
     "instantiate": "where an error gives no instance",
     "initialization": "on leaving the initialization mode",
     "set": "on setting an input, from the time `when`",
@@ -359,6 +364,8 @@ def make_fmu(where: Path, **options: object) -> Path:
     }
     if chosen.vendor is not None:
         content[str(Path(binary_path(chosen)).with_name(VENDOR))] = vendor_library(chosen.vendor)
+    if chosen.place == "load":
+        content["resources/at_load.txt"] = chosen.behaviour.encode()
     if chosen.mass is not None:
         content["resources/mass.txt"] = f"{chosen.mass!r}\n".encode()
     return write(where / f"{chosen.name}.fmu", content)

@@ -9,6 +9,7 @@
  * fmi1.c, fmi2.c and fmi3.c are thin layers over it. In Co-Simulation one explicit Euler step is taken per
  * communication step. */
 #define _GNU_SOURCE
+#include <dlfcn.h>
 #include <fenv.h>
 #include <math.h>
 #include <pthread.h>
@@ -18,6 +19,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -163,6 +165,99 @@ static inline void leave_a_daemon(void)
     hang();
 }
 
+/* A recursion without end, which no compiler can make a loop. */
+static inline int overflow(volatile char *above)
+{
+    volatile char block[4096];
+    block[0] = above[0];
+    return overflow(block) + block[0];
+}
+
+/* End this process, or hang for ever, if that is what is asked for. */
+static inline void end_or_hang(const char *how)
+{
+    if (strcmp(how, "daemon_exit") == 0) _exit(7);
+    if (strcmp(how, "segfault") == 0) segfault();
+    if (strcmp(how, "overflow") == 0) {
+        volatile char first[1] = {0};
+        exit(overflow(first));
+    }
+    if (strcmp(how, "exit") == 0) exit(7);
+    if (strcmp(how, "exit_0") == 0) exit(0);
+    if (strcmp(how, "abort") == 0) abort();
+    if (strcmp(how, "hang_stubborn") == 0) {
+        signal(SIGTERM, SIG_IGN);
+        signal(SIGINT, SIG_IGN);
+        hang();
+    }
+    if (strcmp(how, "hang") == 0 || strcmp(how, "daemon_hang") == 0) hang();
+    if (strcmp(how, "spin") == 0) {
+        for (volatile long i = 0;; i++) {}
+    }
+}
+
+/* When it is loaded, it does what a file among its resources asks for, before anyone can call it. */
+__attribute__((constructor)) static void loaded(void)
+{
+    Dl_info about;
+    char path[4096], how[32] = "";
+    if (dladdr((void *)&loaded, &about) == 0) return;
+    snprintf(path, sizeof path, "%s", about.dli_fname);
+    for (int i = 0; i < 3; i++) {
+        char *const slash = strrchr(path, '/');
+        if (slash == NULL) return;
+        *slash = '\0';
+    }
+    strncat(path, "/resources/at_load.txt", sizeof path - strlen(path) - 1);
+    FILE *const file = fopen(path, "r");
+    if (file == NULL) return;
+    if (fscanf(file, "%31s", how) != 1) how[0] = '\0';
+    fclose(file);
+    end_or_hang(how);
+}
+
+/* A thread that crashes a little after it was told to. */
+static volatile bool crash_now = false;
+
+static inline void *wait_and_crash(void *nothing)
+{
+    while (!crash_now) usleep(1000);
+    usleep(10000);
+    segfault();
+    return nothing;
+}
+
+/* Start it in the first call; in the second one let it crash, and wait for that. */
+static inline void crash_in_a_thread(void)
+{
+    static bool started = false;
+    pthread_t thread;
+    if (!started) {
+        started = pthread_create(&thread, NULL, wait_and_crash, NULL) == 0;
+        return;
+    }
+    crash_now = true;
+    hang();
+}
+
+/* Write what makes no sense into every pipe that this process has open, apart from the standard streams, and go no
+ * further. */
+static inline void write_garbage(bool endless)
+{
+    static bool written = false;
+    static const char garbage[4096] = "\xff\xff\xff\xffThis is no reply.";
+    struct stat about;
+    if (written) return;
+    written = true;
+    do {
+        for (int descriptor = 3; descriptor < 4096; descriptor++) {
+            if (fstat(descriptor, &about) != 0 || !S_ISFIFO(about.st_mode)) continue;
+            if (write(descriptor, garbage, sizeof garbage) < 0) continue; /* the end from which one reads */
+        }
+    } while (endless);
+    hang();
+}
+
 /* Do what this stub does in a function of the importer's interface: mostly nothing. */
 static inline Status act(Stub *s, const char *place)
 {
@@ -175,26 +270,15 @@ static inline Status act(Stub *s, const char *place)
     const bool timed = strcmp(place, "step") == 0 || strcmp(place, "set") == 0 || strcmp(place, "get") == 0;
     if (timed && car->time < car->when - EPSILON) return OK;
     static const char *const deadly[] = {"segfault", "exit", "exit_0", "abort", "hang", "hang_stubborn", "spin",
-                                         "daemon_exit", "daemon_hang"};
+                                         "daemon_exit", "daemon_hang", "overflow", "thread_crash", "garbage_endless"};
     for (size_t i = 0; i < sizeof deadly / sizeof deadly[0]; i++) {
         if (is(s, deadly[i])) say(s, OK, "%s goes into %s at t = %g s, as it was made to", place, s->behaviour, car->time);
     }
     if (strncmp(s->behaviour, "daemon", 6) == 0) leave_a_daemon();
-    if (is(s, "daemon_exit")) _exit(7);
-    if (is(s, "daemon_hang")) hang();
-    if (is(s, "segfault")) segfault();
-    if (is(s, "exit")) exit(7);
-    if (is(s, "exit_0")) exit(0);
-    if (is(s, "abort")) abort();
-    if (is(s, "hang")) hang();
-    if (is(s, "hang_stubborn")) {
-        signal(SIGTERM, SIG_IGN);
-        signal(SIGINT, SIG_IGN);
-        hang();
-    }
-    if (is(s, "spin")) {
-        for (volatile long i = 0;; i++) {}
-    }
+    if (is(s, "thread_crash")) crash_in_a_thread();
+    if (is(s, "garbage")) write_garbage(false);
+    if (is(s, "garbage_endless")) write_garbage(true);
+    end_or_hang(s->behaviour);
     if (is(s, "slow")) usleep((useconds_t)(s->seconds * 1e6));
     if (is(s, "print")) {
         printf("%s prints at t = %g s\n", s->name, car->time);

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from cosim.errors import InputError, printable
-from cosim.known import Known
 from cosim.scenario.document import Document, parse_document, read_document
 from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.reader.effects import effects
@@ -21,7 +20,7 @@ from cosim.scenario.reader.robots import follower, leader
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, Expectation, Scenario
 
-__all__ = ["Variations", "read_binding", "read_expectations", "read_scenario", "scenario_in"]
+__all__ = ["read_binding", "read_expectations", "read_scenario", "scenario_in"]
 
 
 def read_scenario(
@@ -49,48 +48,9 @@ def read_scenario(
 
 def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
     """Read the text of a scenario with more changes, for `Scenario.edited`."""
-    return Variations(scenario).edited(changes)
-
-
-class Variations:
-    """A scenario that is changed often: its text is parsed once, and only elements that have changed are read again.
-
-    Parameters
-    ----------
-    scenario
-        The scenario.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
-        self._known = Known()
-
-    def edited(self, changes: Iterable[str | Change]) -> Scenario:
-        """Return the scenario with changes, as `Scenario.edited` does.
-
-        Raises
-        ------
-        InputError
-            As there.
-        """
-        made, scenario = as_changes(changes), self._scenario
-        if not made or scenario.read_again is not _read_again:
-            return scenario.edited(made)
-        document, before = self._known.of("", _document, scenario)
-        changed = document.changed(made)
-        again = _scenario(
-            changed,
-            scenario.untrusted,
-            (*scenario.changes, *map(in_words, made)),
-            Element.root(changed, before),
-            self._known,
-        )
-        return replace(again, path=scenario.path)
-
-
-def _document(scenario: Scenario) -> tuple[Document, Element]:
-    document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places)
-    return document, Element.root(document)
+    document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places, changes)
+    again = _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
+    return replace(again, path=scenario.path)
 
 
 def scenario_in(document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()) -> Scenario:
@@ -115,27 +75,18 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     """
     document = parse_document(text, Path(path))
     root = Element.root(document)
-    followers = tuple(element.get("id") for element in root.children("follower"))
-    return expectations(tuple(root.children("expect")), Times.of(root.child("simulation")), followers)
+    return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")])
 
 
-def _scenario(
-    document: Document,
-    untrusted: tuple[Path, ...],
-    changes: Iterable[str],
-    root: Element | None = None,
-    known: Known | None = None,
-) -> Scenario:
-    """Read a document; what is known of elements of an earlier one is not read again."""
-    root, known = root or Element.root(document), known or Known()
-    times = known.of("", Times.of, root.child("simulation"))
+def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable[str]) -> Scenario:
+    root = Element.root(document)
+    times = Times.of(root)
     simulation = root.child("simulation")
-    plants = table(root, "plant", lambda e: known.of(e.get("id"), plant, e, times, untrusted))
-    controllers = table(root, "controller", lambda e: known.of(e.get("id"), controller, e))
-    ids = tuple(plants), tuple(controllers)
-    leading = known.of("", leader, root.child("leader"), times, ids[0])
-    sensor, actuator = (known.of(tag, effects, tuple(root.children(tag)), times) for tag in ("sensor", "actuator"))
-    followers = table(root, "follower", lambda e: known.of(e.get("id"), follower, e, times, *ids, sensor, actuator))
+    plants = table(root, "plant", lambda element: plant(element, times, untrusted))
+    controllers = table(root, "controller", controller)
+    leading = leader(root.child("leader"), times, plants)
+    sensor, actuator = effects(root, "sensor", times), effects(root, "actuator", times)
+    followers = table(root, "follower", lambda e: follower(e, times, plants, controllers, sensor, actuator))
     if LEADER in followers:
         raise InputError(f"a follower cannot have the id {LEADER!r}", followers[LEADER].where)
     happening = [event for element in root.children("event") for event in events(element, times, list(followers))]
@@ -152,11 +103,11 @@ def _scenario(
         controllers=controllers,
         sensor=sensor,
         actuator=actuator,
-        inputs=known.of("", inputs, tuple(root.children("input")), times),
+        inputs=inputs(root, times),
         leader=leading,
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
-        expectations=known.of("", expectations, tuple(root.children("expect")), times, tuple(followers)),
+        expectations=expectations(root, times, list(followers)),
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 from lxml import etree
 
@@ -33,30 +32,21 @@ class Element(Written):
     inside: tuple[Element, ...]
     text: str
 
-    __eq__ = object.__eq__  # not that of `Written`, which does not look inside
-    __hash__ = object.__hash__
+    @classmethod
+    def root(cls, document: Document) -> Self:
+        """Return the root element of a document."""
+        return cls._of(document.root, document, document.path.parent)
 
     @classmethod
-    def root(cls, document: Document, before: Element | None = None) -> Element:
-        """Return the root element of a document; it and those within it are earlier ones where these are equal."""
-        return cls._of(document.root, document, document.path.parent, before)
-
-    @classmethod
-    def _of(cls, node: etree._Element, document: Document, folder: Path, before: Element | None) -> Element:
-        nodes, earlier = list(node.iterchildren("*")), () if before is None else before.inside
-        inside = tuple(
-            cls._of(child, document, folder, was) for child, was in zip_longest(nodes, earlier[: len(nodes)])
+    def _of(cls, node: etree._Element, document: Document, folder: Path) -> Self:
+        return cls(
+            kind=node.tag.rpartition("}")[2],
+            attributes=dict(node.attrib),
+            where=document.where(node),
+            folder=folder,
+            inside=tuple(cls._of(child, document, folder) for child in node.iterchildren("*")),
+            text=" ".join((node.text or "").split()),
         )
-        kind, attributes = node.tag.rpartition("}")[2], dict(node.items())
-        where, text = document.where(node), " ".join((node.text or "").split())
-        facts = (kind, attributes, where, folder, inside, text)
-        if before is not None and before._facts == facts:
-            return before
-        return cls(*facts)
-
-    @property
-    def _facts(self) -> tuple[object, ...]:
-        return self.kind, self.attributes, self.where, self.folder, self.inside, self.text
 
     def children(self, kind: str) -> Iterator[Element]:
         """Return the elements of a kind within it."""
@@ -99,7 +89,7 @@ def settings(element: Element, tag: str) -> tuple[Setting, ...]:
     return tuple(found)
 
 
-def known(element: Element, what: str, among: Sequence[str]) -> str:
+def known(element: Element, what: str, among: Mapping[str, object]) -> str:
     """Return the id that an attribute names; refuse an unknown one."""
     key = element.get(what)
     if key not in among:
@@ -107,12 +97,12 @@ def known(element: Element, what: str, among: Sequence[str]) -> str:
     return key
 
 
-def robots(element: Element, among: Sequence[str]) -> tuple[str, ...]:
+def robots(element: Element, among: list[str]) -> tuple[str, ...]:
     """Return the ids in the attribute ``robots``; each must be a robot of the scenario."""
     named = tuple(dict.fromkeys(element.get("robots").split()))
     for robot in named:
         if robot not in among:
-            raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, list(among))}")
+            raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, among)}")
     return named
 
 

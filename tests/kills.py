@@ -1,0 +1,217 @@
+"""Kills commands and their processes at random moments: ``python -m tests.kills --count 1000 --seed 1`` from the root.
+
+Commands are forked from a process that has imported everything, so that the moments fall into their work. After some
+kills the command runs to its end, and its files, its status and what is left are checked. Exit status 1: a finding.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import secrets
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+from lxml import etree
+
+from cosim.cli import entry
+from cosim.cli.earlier_results import BEFORE
+from cosim.tests.driving import scenario
+from plants import scratch
+from tests.safety import passed
+from tests.stub.stub import make_fmu
+
+KILLS = 4
+"""Kills of a command before it runs to its end once."""
+LAST_MOMENT = 20.0
+"""Time [s] within which the processes of a killed command must have ended."""
+MARK = "FORMATION_KILLS"
+STATUSES = {0, 1, 2, 3, 70, 71, -signal.SIGKILL}
+"""How a command may end of which some process was killed."""
+
+
+class Bench:
+    """A folder with scenarios, and commands that run, check, build and test in it again and again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        fmu = make_fmu(folder / "fmus", name="car")
+        self.names = ("built_in", "supervised", "isolated")
+        plants = ('model="car_like"', f'fmu="{fmu}"', f'fmu="{fmu}" isolate="process"')
+        expect = '<expect><peak signal="pose" component="x" below="1 km"/></expect>'
+        self.paths = [
+            scenario(folder / "s" / f"{name}.xml", f'<plant id="car" {plant}/>', more=expect)
+            for name, plant in zip(self.names, plants, strict=True)
+        ]
+        for name in ("tmp", "cache"):
+            (folder / name).mkdir()
+        os.environ["TMPDIR"], os.environ["FORMATION_CACHE"] = str(folder / "tmp"), str(folder / "cache")
+        tempfile.tempdir = None
+        paths = [str(path) for path in self.paths]
+        self.commands = {
+            "run": ["run", *paths, "--out", str(folder / "runs"), "--junit", str(folder / "all.xml")],
+            "check": ["check", *paths],
+            "build": ["build", "car_like", "--out", str(folder / "built")],
+            "pytest": ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *paths],
+        }
+
+    def call(self, kind: str) -> None:
+        """Give a command, in this process."""
+        if kind == "pytest":
+            import pytest
+
+            sys.exit(pytest.main(self.commands[kind]))
+        sys.argv[1:] = self.commands[kind]
+        entry()
+
+    def start(self, kind: str) -> tuple[int, str]:
+        """Start a command in a process of its own; return that with the mark of all that it starts."""
+        mark = secrets.token_hex(8)
+        if (pid := os.fork()) == 0:
+            status = 70
+            try:
+                scratch._remove_left.cache_clear()  # as in a process that has only begun
+                os.environ[MARK] = mark
+                with (self.folder / "log").open("ab") as log:
+                    os.dup2(log.fileno(), 1)
+                    os.dup2(log.fileno(), 2)
+                self.call(kind)
+            except SystemExit as error:
+                status = int(error.code or 0)
+            finally:
+                os._exit(status)
+        return pid, mark
+
+    # What must hold -----------------------------------------------------------------------------------------
+
+    def findings(self) -> Iterator[str]:
+        """Return what is wrong with the files: each is whole, and no summary is one of a run that did not end."""
+        for pattern, read in READERS.items():
+            for path in self.folder.glob(pattern):
+                try:
+                    read(path)
+                except Exception as error:
+                    yield f"{path} is not whole: {type(error).__name__}: {error}"
+        for name in self.names:
+            folder = self.folder / "runs" / name
+            if (folder / BEFORE).exists() and passed(folder):
+                yield f"{folder} says that a run has passed, which did not end"
+
+    def left(self) -> list[str]:
+        """Return what is left after a command that ended by itself."""
+        places = ("tmp/*", "runs/*/.*", "runs/*/*.before.nc", ".formation-*", "built/.*", "cache/**/.build-*")
+        return [str(path) for place in places for path in self.folder.glob(place)]
+
+
+def _result(path: Path) -> None:
+    with h5py.File(path) as file:
+        if file["pose"].shape[0] != file["time"].shape[0]:
+            raise ValueError("pose and time have different lengths")
+        file["pose"][:]
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "runs/*/*.nc": _result,
+    "runs/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
+    "all.xml": etree.parse,
+    "built/*.fmu": lambda path: zipfile.ZipFile(path).testzip(),
+    "runs/*/figure.png": lambda path: path.read_bytes().index(b"IEND"),
+}
+
+
+def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterator[str]:
+    """Kill a command, or a process that it has started, at a random moment; return the findings."""
+    pid, mark = bench.start(kind)
+    time.sleep(rng.uniform(0.0, 1.1 * seconds))
+    others = [other for other in living(mark) if other != pid]
+    victim = rng.choice(others) if others and rng.random() < 0.5 else pid
+    with suppress(ProcessLookupError):
+        os.kill(victim, signal.SIGKILL)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    if status not in STATUSES:
+        yield f"it ends with status {status}"
+    deadline = time.monotonic() + LAST_MOMENT
+    while (left := living(mark)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    if left:
+        yield f"the processes {left} are left"
+        for process in left:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+    yield from bench.findings()
+
+
+def living(mark: str) -> list[int]:
+    """Return the processes that have a mark in their environment, or that such a process has started."""
+    found = []
+    sought = f"{MARK}={mark}".encode()
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if sought in (process / "environ").read_bytes():
+                found.append(int(process.name))
+    return found
+
+
+def whole(bench: Bench, kind: str) -> Iterator[str]:
+    """Let a command run to its end; return the findings."""
+    pid, _ = bench.start(kind)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    if status != 0:
+        yield f"the next command ends with status {status}: {(bench.folder / 'log').read_text('utf-8')[-1500:]}"
+    yield from bench.findings()
+    yield from (f"{path} is left" for path in bench.left())
+    if kind == "run":
+        yield from (f"{name} has not passed" for name in bench.names if not passed(bench.folder / "runs" / name))
+
+
+def main() -> int:
+    """Kill, and print every finding."""
+    parser = argparse.ArgumentParser(prog="python -m tests.kills", description=__doc__)
+    parser.add_argument("--count", type=int, default=1000, help="number of kills (1000)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the moments and of what is killed (1)")
+    parser.add_argument("--only", choices=["run", "check", "build", "pytest"], help="one command")
+    options = parser.parse_args()
+    rng, findings, done = random.Random(options.seed), 0, 0
+    kinds = [options.only] if options.only else ["run", "run", "run", "build", "check", "pytest"]
+    with tempfile.TemporaryDirectory(prefix="kills-") as name:
+        bench = Bench(Path(name))
+        took: dict[str, float] = {}
+        for kind in dict.fromkeys(kinds):
+            with suppress(SystemExit):
+                bench.call(kind)  # imports and compiles for all that are forked
+            for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+                signal.signal(number, signal.SIG_DFL)
+            begin = time.monotonic()
+            findings += sum(1 for found in whole(bench, kind) if print(f"{kind}: {found}", flush=True) is None)
+            took[kind] = time.monotonic() - begin
+        while done < options.count:
+            kind = rng.choice(kinds)
+            if kind == "build" and rng.random() < 0.5:
+                shutil.rmtree(bench.folder / "cache")
+                (bench.folder / "cache").mkdir()
+            for _ in range(min(KILLS, options.count - done)):
+                done += 1
+                for found in kill(bench, kind, rng, took[kind]):
+                    findings += 1
+                    print(f"kill {done} of {kind}: {found}", flush=True)
+            for found in whole(bench, kind):
+                findings += 1
+                print(f"after kill {done} of {kind}: {found}", flush=True)
+            if done % 100 < KILLS:
+                print(f"{done} kills, {findings} findings", flush=True)
+    print(f"{done} kills, {findings} findings")
+    return min(findings, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
