@@ -62,7 +62,7 @@ class Activity(NamedTuple):
     def listen(self) -> None:
         """Write the messages of all FMUs of this process from now on."""
         Log.pending = self.pending
-        slots, logged = memoryview(self.said.reshape(-1)), self.logged
+        slots, logged = self.said.reshape(-1).data, self.logged
 
         def write(message: Message) -> None:  # an FMU may log a million of them
             data = message.to_bytes()[: _SLOT - 4]
