@@ -62,13 +62,24 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
             raise
     write(folder / "runs.csv", as_csv(outcome).encode())
     write(folder / "summary.json", as_json(outcome).encode())
+    if options.figure:
+        with taking_a_while("drawing the figure"):
+            write(folder / "figure.png", _picture(outcome))
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     _print(out(), outcome)
     where = options.out / read.name
-    out().print(f"results in {where}/: runs.csv, summary.json", markup=False, soft_wrap=True)
+    out().print(
+        f"results in {where}/: runs.csv, summary.json{', figure.png' * options.figure}", markup=False, soft_wrap=True
+    )
     if written:
         out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
     return outcome
+
+
+def _picture(outcome: StudyOutcome) -> bytes:
+    from cosim.studies.figure import picture
+
+    return picture(outcome)
 
 
 def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:

@@ -1,0 +1,70 @@
+"""The picture of a study shows what its rows hold."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.studies.conduct import StudyOutcome
+from cosim.studies.figure import draw, picture
+from cosim.studies.plan import Plan
+from cosim.studies.row import BROKEN, FAILED, PASSED, Row
+from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study
+
+X = '<vary name="x" select="leader/pose/@x"><list values="0 m, 1 m, 2 m"/></vary>'
+HEAVY = f'<vary name="mass" select="{MASS}"><list values="25 kg, 30 kg"/></vary>'
+LAWS = """<vary name="law" cross="yes"><case name="a"/><case name="b"/></vary>"""
+WORST = '<worst of="last" below="20 mm"/>'
+
+
+def outcome(folder: Path, vary: str, sample: str, figures: list[float], statuses: list[str]) -> StudyOutcome:
+    study = small_study(folder, vary, sample, LAST + WORST)
+    rows = [
+        Row("", run.number, run.draw, run.values, status, (figure,), (), "")
+        for run, figure, status in zip(Plan(study), figures, statuses, strict=True)
+    ]
+    return StudyOutcome(study, tuple(rows), len(rows), (), len(rows), False)
+
+
+def test_distribution_and_scatter(tmp_path: Path) -> None:
+    figures = [5.0, 1.0, 3.0, math.inf, math.nan, 2.0]
+    statuses = [FAILED, PASSED, PASSED, FAILED, BROKEN, PASSED]
+    figure = draw(outcome(tmp_path, UNIFORM + SEEDS, '<sample method="random" runs="6"/>', figures, statuses))
+    share, scatter = figure.axes
+    assert (share.get_xlabel(), scatter.get_xlabel(), scatter.get_ylabel()) == ("last [mm]", "mass [kg]", "last [mm]")
+    steps, bound = share.lines
+    assert steps.get_xdata().tolist() == [1.0, 2.0, 3.0, 5.0]
+    assert np.allclose(steps.get_ydata(), np.arange(1, 5) / 6), "runs without a figure count"
+    assert set(bound.get_xdata()) == {20.0}
+    assert [text.get_text() for text in share.texts] == ["2 of 6 runs without a figure"]
+    passed, failed = scatter.collections
+    assert sorted(passed.get_offsets()[:, 1]) == [1.0, 2.0, 3.0]
+    assert failed.get_offsets()[:, 1].tolist() == [5.0]
+    (endless,) = scatter.lines
+    assert len(endless.get_xdata()) == 1
+
+
+def test_cases_are_words_side_by_side(tmp_path: Path) -> None:
+    made = outcome(tmp_path, LAWS + SEEDS, '<sample method="random" runs="2"/>', [1.0, 2.0, 3.0, 4.0], [PASSED] * 4)
+    _, scatter = draw(made).axes
+    assert [label.get_text() for label in scatter.get_xticklabels()] == ["a", "b"]
+    offsets = scatter.collections[0].get_offsets()
+    assert [round(x) for x in offsets[:, 0]] == [0, 1, 0, 1]
+
+
+def test_a_grid_of_two_values_is_a_map(tmp_path: Path) -> None:
+    figures = [1.0, 2.0, 3.0, 4.0, math.inf, 6.0]
+    _, shown, colours = draw(outcome(tmp_path, X + HEAVY, '<sample method="grid"/>', figures, [PASSED] * 6)).axes
+    (image,) = shown.images
+    assert np.array_equal(image.get_array().filled(math.nan), [[1.0, 3.0, math.nan], [2.0, 4.0, 6.0]], equal_nan=True)
+    assert (shown.get_xlabel(), shown.get_ylabel()) == ("x [m]", "mass [kg]")
+    assert colours.get_ylabel() == "worst last [mm]; white: none"
+
+
+@pytest.mark.parametrize("rest", ["", LAST])
+def test_whatever_the_study_there_is_a_picture(tmp_path: Path, rest: str) -> None:
+    study = small_study(tmp_path, rest=rest)
+    assert picture(StudyOutcome(study, (), 6, (), 0, False)).startswith(b"\x89PNG")
+    broken = Row("", 1, 1, ("30 kg", "7"), BROKEN, (math.nan,) * len(study.measures), (), "x")
+    assert picture(StudyOutcome(study, (broken,), 6, (), 0, False)).startswith(b"\x89PNG")
