@@ -35,10 +35,9 @@ from teams import SCENARIO
 import cosim
 from cosim.master import prepared as parts_of_a_run
 from cosim.master.simulation import Simulation
-from cosim.scenario.scenario import Scenario
 
 PARTS: dict[str, tuple[Any, str]] = {
-    "reading the changed scenario": (Scenario, "edited"),
+    "reading the changed scenario": (parts_of_a_run.Variations, "edited"),
     "setting up": (parts_of_a_run, "set_up"),
     "restarting plants, laws, records": (Simulation, "__init__"),
     "loop, noise and result": (Simulation, "run_to_end"),
