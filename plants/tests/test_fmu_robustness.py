@@ -93,7 +93,7 @@ def sanitized(fmu: Fmu, folder: Path) -> tuple[Path, dict[str, str]]:
         pytest.skip("needs gcc with its sanitizers, on Linux")
     library = folder / "sanitized.so"
     sources = sorted(map(str, (fmu.folder / "sources").glob("*.c")))
-    flags = ["-std=c11", "-g", "-O1", "-fPIC", "-shared", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags = ["-std=c11", "-g1", "-O0", "-fPIC", "-shared", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     result = subprocess.run([compiler, *flags, "-o", library, *sources, "-lm"], capture_output=True, text=True)
     if result.returncode != 0:
         pytest.skip(f"gcc has no sanitizers here: {result.stderr.strip().splitlines()[-1]}")
