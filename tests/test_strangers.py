@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import brief
-from cosim.fmu.package import open_package
+from cosim.fmu.package import Package, as_vehicle, open_package
 from cosim.pytest_plugin import is_scenario
 from cosim.tests.driving import SHORT
 
@@ -131,9 +131,17 @@ def test_an_fmu_of_many_unused_plants_is_opened_once(
         opened.append(fmu)
         return open_package(fmu, *arguments)  # type: ignore[arg-type]
 
+    looked: list[Path] = []
+
+    def as_vehicle_counted(package: Package, *arguments: object) -> object:
+        looked.append(package.path)
+        return as_vehicle(package, *arguments)  # type: ignore[arg-type]
+
     monkeypatch.setattr("cosim.fmu.package.open_package", counted)
+    monkeypatch.setattr("cosim.master.used_fmus.as_vehicle", as_vehicle_counted)
     command(capsys, "check", path)
     assert len(opened) == 2, "for the plant that is used, and for all others"
+    assert not looked, "they have one binding and one interface"
     path.write_text(path.read_text(encoding="utf-8").replace('"2 m"', '"2 kg"'), encoding="utf-8")
     assert "'2 kg'" in failed(capsys, 2, "check", str(path)), "each plant is checked"
 

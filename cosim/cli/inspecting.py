@@ -11,11 +11,11 @@ from rich.console import Console
 
 from cosim.cli.console import broken, out, safe, table, warn
 from cosim.cli.fmi_rules import rules_kept
+from cosim.collection import without_collection
 from cosim.errors import printable
 from cosim.fmu.archive import size
 from cosim.fmu.binding import match, shape_of
 from cosim.fmu.capabilities import NAMES, obstacle
-from cosim.fmu.description import without_collection
 from cosim.fmu.model_description import DefaultExperiment, Variable
 from cosim.fmu.package import Package, has_sources, interfaces, machines, open_package, this_machine
 from cosim.fmu.reference_experiments import carries_experiments

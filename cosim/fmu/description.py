@@ -5,11 +5,10 @@ Many FMUs in use break a rule of their standard and run all the same: breaches a
 
 from __future__ import annotations
 
-import gc
 import os
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -19,6 +18,7 @@ import fmpy
 from fmpy import validation
 from lxml import etree
 
+from cosim.collection import without_collection
 from cosim.errors import printable
 from cosim.fmu.alike import all_without_numbers
 from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
@@ -98,18 +98,6 @@ def shortened(problem: str) -> str:
     """Return a problem that is not too long to read."""
     text = printable(problem)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-
-
-@contextmanager
-def without_collection() -> Iterator[None]:
-    """Stop garbage collection, which would take as long as reading the file."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _version(data: bytes) -> str:

@@ -6,6 +6,7 @@ import math
 import os
 import re
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 
 import fmpy
@@ -74,6 +75,23 @@ class Fmu(Package):
     def about_interface(self) -> Interface:
         """The FMU's description of the interface that is used."""
         return interfaces(self.description)[self.interface]
+
+    @cached_property
+    def inputs(self) -> dict[str, Variable]:
+        """Its inputs, by name."""
+        return {v.name: v for v in self.description.modelVariables if v.causality == "input"}
+
+    @cached_property
+    def settable(self) -> dict[str, Variable]:
+        """The variables that a scenario can set by their own names: parameters, and inputs that do not drive it."""
+        kind = self.binding.kind
+        driven = self.binding.of((*kind.command, *kind.disturbance))
+        commands = {id(b.played_by.variable) for b in driven if b is not None and b.played_by is not None}
+        return {
+            v.name: v
+            for v in self.description.modelVariables
+            if v.causality == "parameter" or (v.causality == "input" and id(v) not in commands)
+        }
 
 
 def open_package(path: Path, where: Location | None = None) -> Package:

@@ -60,7 +60,7 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
     InputError
         The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
     """
-    parameters = _settable(fmu)
+    parameters = fmu.settable
     values = []
     for setting in settings:
         variable = parameters.get(setting.name)
@@ -120,18 +120,6 @@ def needs_a_role(description: ModelDescription, variable: Variable, text: str) -
         with suppress(ValueError):
             return split(text)[1] != "1"
     return False
-
-
-def _settable(fmu: Fmu) -> dict[str, Variable]:
-    """Return the variables that a scenario can set by their own names."""
-    kind = fmu.binding.kind
-    driven = fmu.binding.of((*kind.command, *kind.disturbance))
-    commands = {id(b.played_by.variable) for b in driven if b is not None and b.played_by is not None}
-    return {
-        v.name: v
-        for v in fmu.description.modelVariables
-        if v.causality == "parameter" or (v.causality == "input" and id(v) not in commands)
-    }
 
 
 def _player(bound: BoundRole | None) -> BoundVariable | None:

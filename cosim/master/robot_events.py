@@ -10,20 +10,15 @@ from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.robot_inputs import RobotInputs
 from cosim.master.used_fmus import understood
-from cosim.scenario.scenario import Event, PlantSource, Scenario
+from cosim.scenario.scenario import PlantSource, Scenario
 from cosim.signals.effects import Effect
-
-
-def events_of(scenario: Scenario, robot: str) -> Iterable[Event]:
-    """Return the events of a robot, in the order of time."""
-    return (event for event in scenario.events if event.robot == robot)
 
 
 def stops(scenario: Scenario, robot: str) -> Iterable[Effect]:
     """Return the ends of a robot's actuators, as losses of all effectiveness."""
     return (
         Effect("effectiveness", 0.0, (), event.time, float("inf"), event.where)
-        for event in events_of(scenario, robot)
+        for event in scenario.events_by_robot.get(robot, ())
         if event.stops
     )
 
@@ -42,8 +37,8 @@ def changes_of(
     InputError
         An event sets a variable that the FMU does not have, or one that cannot change during a run.
     """
-    changes = {tick: values for tick, values in inputs.discrete.items() if tick > 0}
-    for event in events_of(scenario, robot):
+    changes = {tick: list(values) for tick, values in inputs.discrete.items() if tick > 0}
+    for event in scenario.events_by_robot.get(robot, ()):
         values = understood(fmu, source, event.parameters)
         for value in values:
             if value.variable.variability != "tunable" and not value.is_input:
@@ -53,6 +48,5 @@ def changes_of(
                     value.where,
                 )
         inputs.check_free(values)
-        tick = tick_at(event.time, scenario.step)
-        changes[tick] = (*changes.get(tick, ()), *values)
-    return changes
+        changes.setdefault(tick_at(event.time, scenario.step), []).extend(values)
+    return {tick: tuple(values) for tick, values in changes.items()}

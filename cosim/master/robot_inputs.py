@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cosim.clock import tick_at
 from cosim.errors import InputError, nearest
@@ -19,7 +20,7 @@ from cosim.fmu.units import unit_of_values
 from cosim.master.discrete_inputs import input_course
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
-from cosim.scenario.scenario import InputSource, Scenario, Setting, WaveSource
+from cosim.scenario.scenario import InputSource, Scenario, Setting
 from cosim.signals.waves import input_samples, understood
 from cosim.vehicle.kind import Role
 from plants import UnitError, units
@@ -46,6 +47,11 @@ class RobotInputs:
     samples: dict[str, tuple[BoundRole, NDArray[np.float64]]] = field(default_factory=dict)
     discrete: dict[int, tuple[ParameterValue, ...]] = field(default_factory=dict)
 
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        discrete = (value.variable.name for given in self.discrete.values() for value in given)
+        return frozenset((*self.samples, *discrete))
+
     def check_free(self, values: Iterable[ParameterValue]) -> None:
         """Refuse an input that has a value and signals.
 
@@ -54,9 +60,8 @@ class RobotInputs:
         InputError
             There is such an input.
         """
-        names = {*self.samples, *(value.variable.name for given in self.discrete.values() for value in given)}
         for value in values:
-            if value.is_input and value.variable.name in names:
+            if value.is_input and value.variable.name in self._names:
                 raise InputError(
                     f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: remove one",
                     value.where,
@@ -85,8 +90,8 @@ def robot_inputs(
     found = RobotInputs()
     torques = [role.name for role in fmu.binding.kind.command]
     later: dict[str, list[tuple[int, Setting]]] = {}
-    for event in scenario.events:
-        for setting in event.inputs if event.robot == robot else ():
+    for event in scenario.events_by_robot.get(robot, ()):
+        for setting in event.inputs:
             later.setdefault(setting.name, []).append((tick_at(event.time, scenario.step), setting))
     for source in _joined([*sources, *(InputSource(name, (), given[0][1].where) for name, given in later.items())]):
         events = later.get(source.name, [])
@@ -105,8 +110,7 @@ def robot_inputs(
         samples = input_samples(source, unit, times, scenario.step, scenario.seed, robot)
         if not source.waves:
             samples[:] = _at_rest(fmu, bound)
-        for tick, setting in events:
-            samples[tick:] = _number(setting, unit)
+        hold(samples, [(tick, _number(setting, unit)) for tick, setting in events])
         if source.name in torques:
             found.torque[torques.index(source.name)] = samples
         else:
@@ -114,14 +118,21 @@ def robot_inputs(
     return found
 
 
-def _joined(sources: Iterable[InputSource]) -> Iterable[InputSource]:
+def hold(samples: NDArray[np.float64], values: Sequence[tuple[int, ArrayLike]]) -> None:
+    """Let each of some values, in the order of their ticks, hold until the tick of the next one."""
+    until = len(samples)
+    for tick, value in reversed(values):
+        samples[tick:until] = value
+        until = tick
+
+
+def _joined(sources: Iterable[InputSource]) -> Iterator[InputSource]:
     """Return one source for each name, with the signals of all: each of them then has random numbers of its own."""
-    joined: dict[str, InputSource] = {}
+    joined: dict[str, list[InputSource]] = {}
     for source in sources:
-        before = joined.get(source.name)
-        waves: tuple[WaveSource, ...] = (*before.waves, *source.waves) if before else source.waves
-        joined[source.name] = InputSource(source.name, waves, before.where if before else source.where)
-    return joined.values()
+        joined.setdefault(source.name, []).append(source)
+    for name, same in joined.items():
+        yield InputSource(name, tuple(wave for source in same for wave in source.waves), same[0].where)
 
 
 def _player(fmu: Fmu, source: InputSource) -> BoundRole | Variable:
@@ -131,12 +142,12 @@ def _player(fmu: Fmu, source: InputSource) -> BoundRole | Variable:
     for bound in roles:
         if bound is not None and bound.role.name == source.name:
             return bound
-    known = {v.name: v for v in fmu.description.modelVariables if v.causality == "input" and v.type in INPUT_TYPES}
-    if source.name not in known:
+    variable = fmu.inputs.get(source.name)
+    if variable is None or variable.type not in INPUT_TYPES:
+        known = [name for name, v in fmu.inputs.items() if v.type in INPUT_TYPES]
         raise InputError(
-            f"the FMU {fmu.path.name} has no input {source.name!r}: {nearest(source.name, list(known))}", source.where
+            f"the FMU {fmu.path.name} has no input {source.name!r}: {nearest(source.name, known)}", source.where
         )
-    variable = known[source.name]
     for bound in roles:
         if bound is not None and bound.played_by is not None and bound.played_by.variable is variable:
             raise InputError(
@@ -202,11 +213,13 @@ def _course(
 ) -> dict[int, Discrete]:
     """Return the values of an input that is no real number, by the ticks at which it changes."""
     course = input_course(source, variable, times) if source.waves else {}
+    if events:
+        course = {tick: value for tick, value in course.items() if tick < events[0][0]}
     for tick, setting in events:
         try:
             value = discrete_value(variable, setting.value)
             check_whole(variable, value, setting.value)
         except ValueError as error:
             raise _refused(setting, error) from None
-        course = {k: before for k, before in course.items() if k < tick} | {tick: value}
+        course[tick] = value
     return course

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import formation_controllers as fc
 import numpy as np
 from formation_controllers.vehicles import Vehicle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cosim.clock import tick_at
 from cosim.errors import InputError, Location
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue, geometry
 from cosim.master.robot import RobotSetup
-from cosim.master.robot_events import changes_of, events_of, stops
-from cosim.master.robot_inputs import robot_inputs
+from cosim.master.robot_events import changes_of, stops
+from cosim.master.robot_inputs import hold, robot_inputs
 from cosim.master.used_fmus import understood
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import (
@@ -58,20 +59,24 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | 
     torque = np.zeros((scenario.ticks + 1, len(kind.command)))
     if leader.trajectory is None:
         torque[:] = _entries(leader.torque, kind, kind.command, missing=0.0)
-    for event in events_of(scenario, LEADER):
+    events = scenario.events_by_robot.get(LEADER, ())
+    stopped = min((event.time for event in events if event.stops), default=math.inf)
+    torques: list[tuple[int, ArrayLike]] = []
+    for event in events:
         if leader.trajectory is not None:
             raise InputError(
                 "a leader with a <trajectory> takes no event: its motion follows from the path", event.where
             )
         if event.torque is not None:
-            if any(other.stops and other.time <= event.time for other in events_of(scenario, LEADER)):
+            if stopped <= event.time:
                 raise InputError(
                     "this torque comes after the <stop> of the leader, which is for good: to let the leader go on "
                     "later, give it torques of zero instead of a <stop>",
                     event.where,
                 )
-            start = tick_at(event.time, scenario.step)
-            torque[start:] = _entries(event.torque, kind, kind.command, missing=0.0)
+            entries = _entries(event.torque, kind, kind.command, missing=0.0)
+            torques.append((tick_at(event.time, scenario.step), entries))
+    hold(torque, torques)
     pose = None if leader.trajectory is not None else leader.pose
     return _robot(scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torque, leader.inputs)
 
@@ -97,7 +102,14 @@ def followers_of(
 def _origin(scenario: Scenario, name: str, about: Leader | Follower, inputs: Sequence[InputSource]) -> object:
     """Return everything in a scenario from which the set-up of a robot follows, to be compared."""
     seed = scenario.seed if inputs else None  # their noise
-    return about, scenario.plants[about.plant], tuple(inputs), tuple(events_of(scenario, name)), scenario.clock, seed
+    return (
+        about,
+        scenario.plants[about.plant],
+        tuple(inputs),
+        scenario.events_by_robot.get(name, ()),
+        scenario.clock,
+        seed,
+    )
 
 
 def _robot(
@@ -128,9 +140,9 @@ def _robot(
     given.check_free(parameters)
     for column, samples in given.torque.items():
         torque[:, column] += samples
-    for event in events_of(scenario, name):
-        if event.stops:
-            torque[tick_at(event.time, scenario.step) :] = 0.0
+    stopping = (event for event in scenario.events_by_robot.get(name, ()) if event.stops)
+    if (first := next(stopping, None)) is not None:
+        torque[tick_at(first.time, scenario.step) :] = 0.0
     return RobotSetup(
         name=name,
         where=source.where,

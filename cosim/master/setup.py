@@ -118,6 +118,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
     _check_views(leader, followers)
     check_velocities(scenario, leader, followers, laws)
     columns = run_columns([robot.kind for robot in (leader, *followers)])
+    used = set(_plants_of(scenario))
     variables = result_variables_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
     _check_size(scenario, sum(variable.bytes_per_sample for variable in variables))
     signals = recorded_signals(scenario, variables, columns, laws)
@@ -139,7 +140,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
         motion=motion,
         desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
         opened=fmus,
-        fmus={name: fmu for name, fmu in fmus.items() if name in _plants_of(scenario)},
+        fmus={name: fmu for name, fmu in fmus.items() if name in used},
         laws=laws,
         gains=gains,
         result_variables=variables,

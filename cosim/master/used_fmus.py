@@ -40,8 +40,8 @@ def open_fmus(
     """
     fmus = {}
     used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
-    checked: dict[Path, Fmu] = {}
-    """FMUs of unused plants by their file, each opened once: it is never run."""
+    checked: dict[Path, dict[str | None, Fmu]] = {}
+    """FMUs of unused plants by their file, which is opened once as it is never run; of an interface those unbound."""
     built: dict[str | None, Path] = {}
     sharing = Counter(fmu.directory for fmu in opened.values())
     for source in scenario.plants.values():
@@ -51,13 +51,16 @@ def open_fmus(
                 path = built[source.model] if source.model in built else _fmu_path(source)
                 built |= {source.model: path} if source.model else {}
             with timed(timing, "load"):
-                if path in checked and source.id not in used:
-                    fmu = as_vehicle(checked[path], source.where, source.binding, source.interface)
+                unused = checked.get(path, {}) if source.id not in used else {}
+                if source.binding is None and source.interface in unused:
+                    fmu = unused[source.interface]
+                elif unused:
+                    fmu = as_vehicle(next(iter(unused.values())), source.where, source.binding, source.interface)
                 else:
                     fmu = open_fmu(path, source.where, source.binding, source.interface)
                     cleanup.callback(fmu.close)
             if source.id not in used:
-                checked[path] = fmu
+                checked.setdefault(path, {}).setdefault(source.interface if source.binding is None else None, fmu)
         fmus[source.id] = fmu
         understood(fmu, source, source.parameters)
         check_solver(fmu, source)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import os
 import stat
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from xml.parsers import expat
@@ -27,8 +27,10 @@ from cosim.scenario.variant import MAX_ELEMENTS, vary
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 50
-MAX_ATTRIBUTES = 1000
+MAX_ATTRIBUTES = 100
+"""Of an element; the schema knows at most a fifth of them."""
 MAX_VARIANTS = 20
+_PREFIX = f"{{{NAMESPACE}}}"
 _ARCHIVE = b"PK\x03\x04"
 """How a zip archive begins."""
 
@@ -97,7 +99,6 @@ def parse_document(text: str, path: Path, places: Sequence[Location] = (), chang
     """
     root, found = _parse(text.encode(), path)
     _check_names(root, found, "scenario")
-    _collapse(root)
     known = dict(zip(root.iter("*"), places, strict=True)) if places else found
     return _changed(Document(path, text, root, known), changes)
 
@@ -168,7 +169,6 @@ def _read(path: Path, kind: str) -> Document:
     data = _read_bytes(path)
     root, places = _parse(data, path)
     _check_names(root, places, kind)
-    _collapse(root)
     _validate(root, places)
     return Document(path, _decode(data, root), root, places)
 
@@ -194,12 +194,11 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
 
 def _check_names(root: etree._Element, places: Mapping[etree._Element, Location], *roots: str) -> None:
     """Refuse a tree with another root element, or with elements of another namespace."""
+    if root.tag not in [f"{_PREFIX}{expected}" for expected in roots]:
+        raise InputError(f"the root element is {root.tag}; expected <{roots[0]} xmlns={NAMESPACE!r}>", places[root])
     for element, place in places.items():
-        name = etree.QName(element)
-        if element is root and name.text not in [f"{{{NAMESPACE}}}{expected}" for expected in roots]:
-            raise InputError(f"the root element is {name.text}; expected <{roots[0]} xmlns={NAMESPACE!r}>", place)
-        if name.namespace != NAMESPACE:
-            raise InputError(f"the element {name.text} is not part of the scenario language", place)
+        if not element.tag.startswith(_PREFIX):
+            raise InputError(f"the element {element.tag} is not part of the scenario language", place)
 
 
 def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
@@ -215,7 +214,6 @@ def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
     data = _read_bytes(path)
     root, places = _parse(data, path)
     _check_names(root, places, "scenario", "variant")
-    _collapse(root)
     if local_name(root) == "scenario":
         return Document(path, _decode(data, root), root, places)
 
@@ -278,11 +276,21 @@ def _add_namespace(root: etree._Element) -> None:
 
 
 def _collapse(root: etree._Element) -> None:
-    kept = attributes_of_types("path", "variable")  # a file or a variable of an FMU may be named so
+    """Collapse the white space in a tree that has been changed."""
+    kept = _kept()
     for element in root.iter("*"):
-        own = kept.get(local_name(element), ())
-        for name, value in element.attrib.items():
-            element.set(name, value.strip() if name in own else " ".join(value.split()))
+        for name, value in element.items():
+            if (collapsed := _collapsed(kept, local_name(element), name, value)) != value:
+                element.set(name, collapsed)
+
+
+def _kept() -> Mapping[str, Collection[str]]:
+    """Return, by the element, the attributes that keep white space within: a file or a variable may be named so."""
+    return attributes_of_types("path", "variable")
+
+
+def _collapsed(kept: Mapping[str, Collection[str]], tag: str, name: str, value: str) -> str:
+    return value.strip() if name in kept.get(tag, ()) else " ".join(value.split())
 
 
 def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:
@@ -342,7 +350,7 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     opened: list[tuple[str, int]] = []
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
-    file = str(path)
+    file, kept = str(path), _kept()
 
     def here() -> Location:
         return Location(file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
@@ -351,26 +359,23 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         return "{" + name if "}" in name else name
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        opened.append((name.rpartition("}")[2], parser.CurrentLineNumber))
+        place = here()
+        tag = name.rpartition("}")[2]
+        opened.append((tag, place.line))
         if len(opened) > MAX_DEPTH:
-            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", here())
+            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", place)
         if len(places) >= MAX_ELEMENTS:
-            raise InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", here())
+            raise InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", place)
         if len(attributes) > MAX_ATTRIBUTES:
-            raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", here())
+            raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", place)
+        values = {qualified(key): _collapsed(kept, tag, key, value) for key, value in attributes.items()}
         try:
-            element = builder.start(
-                qualified(name),
-                {qualified(key): value for key, value in attributes.items()}
-                if "}" in "".join(attributes)
-                else attributes,
-                {None: NAMESPACE} if not places else None,
-            )
+            element = builder.start(qualified(name), values, {None: NAMESPACE} if not places else None)
         except ValueError as error:  # a name or a namespace that expat takes and lxml refuses
             raise InputError(
-                f"is not well-formed XML: {error}; expected elements of xmlns={NAMESPACE!r}", here()
+                f"is not well-formed XML: {error}; expected elements of xmlns={NAMESPACE!r}", place
             ) from None
-        places[element] = here()
+        places[element] = place
 
     def end(name: str) -> None:
         opened.pop()

@@ -32,7 +32,8 @@ def local_name(element: etree._Element) -> str:
 def violation(root: etree._Element) -> tuple[etree._Element, str] | None:
     """Return the first element that breaks the schema, with a sentence on the breach; None if none does."""
     schema = _schema()
-    if schema.validate(_up_to_a_breach(root)):
+    begun = _up_to_a_breach(root)
+    if begun is None or schema.validate(begun):
         return None
     error = schema.error_log[0]
     found = root.getroottree().xpath(error.path)
@@ -40,8 +41,8 @@ def violation(root: etree._Element) -> tuple[etree._Element, str] | None:
     return element, _sentence(error.message, element)
 
 
-def _up_to_a_breach(root: etree._Element) -> etree._Element:
-    """Return a tree without most of the breaches after the first one; the tree itself if it is small or has none.
+def _up_to_a_breach(root: etree._Element) -> etree._Element | None:
+    """Return a tree without most of the breaches after the first one; itself if it is small, None if it has none.
 
     libxml2 reports all of them, and the place of each takes the longer the more elements are before it.
     """
@@ -56,7 +57,7 @@ def _up_to_a_breach(root: etree._Element) -> etree._Element:
         if len(parser.feed_error_log):
             break
     else:
-        return root
+        return None
     copied = copy.deepcopy(root)
     last = next(islice(copied.iter("*"), kept - 1, None))
     for element in (last, *last.iterancestors()):

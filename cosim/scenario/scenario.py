@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NoReturn
 
@@ -357,6 +358,14 @@ class Scenario:
         """
         made = as_changes(changes, horizon, expectations)
         return self.read_again(self, made) if made else self
+
+    @cached_property
+    def events_by_robot(self) -> Mapping[str, tuple[Event, ...]]:
+        """The events of each robot that has some, in the order of time."""
+        found: dict[str, list[Event]] = {}
+        for event in self.events:
+            found.setdefault(event.robot, []).append(event)
+        return {robot: tuple(events) for robot, events in found.items()}
 
     @property
     def horizon(self) -> float:

@@ -18,7 +18,7 @@ from cosim.scenario.tree_edits import insert, is_element, put, take_out
 from cosim.scenario.xpath_cost import BUDGET, cost, text_of
 from cosim.scenario.xpath_selection import assign, select, selected_or_added
 
-MAX_ELEMENTS = 200_000
+MAX_ELEMENTS = 50_000
 """Of a scenario with all its variants: a rule that inserts many elements into many multiplies them."""
 
 Places = MutableMapping[etree._Element, Location]

@@ -18,6 +18,7 @@ import cosim
 import plants
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError
 from cosim.fmu.units import UnitContradiction
+from cosim.master.robot_inputs import hold
 from cosim.master.setup import set_up
 from cosim.results.result import Result, Variable
 from cosim.results.summary import summarise
@@ -190,3 +191,15 @@ def test_a_run_that_was_pickled_gives_the_same_result() -> None:
     for summary in (summarise(scenario, result), cosim.summary_of(result)):
         assert again(summary) == summary
         assert again(summary).to_json() == summary.to_json()
+
+
+def test_events_that_hold_until_the_next_one() -> None:
+    values = [(1, 1.0), (3, 2.0), (3, 3.0), (7, 4.0), (9, 5.0)]
+    one_by_one = np.zeros(8)
+    for tick, value in values:
+        one_by_one[tick:] = value
+    held = np.zeros(8)
+    hold(held, values)
+    assert held.tolist() == one_by_one.tolist()
+    hold(held, [])
+    assert held.tolist() == one_by_one.tolist()

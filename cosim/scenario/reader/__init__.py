@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from cosim.collection import without_collection
 from cosim.errors import InputError, printable
 from cosim.scenario.document import Document, parse_document, read_document
 from cosim.scenario.edits import Change, as_changes, in_words
@@ -18,11 +19,15 @@ from cosim.scenario.reader.inputs import inputs
 from cosim.scenario.reader.plants import controller, plant, read_binding
 from cosim.scenario.reader.robots import follower, leader
 from cosim.scenario.reader.times import Times
-from cosim.scenario.scenario import LEADER, Expectation, Scenario
+from cosim.scenario.scenario import LEADER, Event, Expectation, Scenario
+
+MAX_EVENTS = 100_000
+"""Of all robots together."""
 
 __all__ = ["read_binding", "read_expectations", "read_scenario", "scenario_in"]
 
 
+@without_collection()
 def read_scenario(
     path: str | Path, changes: Iterable[str | Change] = (), untrusted: Iterable[str | Path] = ()
 ) -> Scenario:
@@ -75,7 +80,20 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     """
     document = parse_document(text, Path(path))
     root = Element.root(document)
-    return expectations(root, Times.of(root), [element.get("id") for element in root.children("follower")])
+    return expectations(root, Times.of(root), {element.get("id"): None for element in root.children("follower")})
+
+
+def _expanded(root: Element, times: Times, robots: Mapping[str, object]) -> list[Event]:
+    """Return the events of each robot."""
+    found: list[Event] = []
+    for element in root.children("event"):
+        found += events(element, times, robots)
+        if len(found) > MAX_EVENTS:
+            raise element.error(
+                f"up to here there are {len(found)} events, each counted once for each robot that it names; "
+                f"at most {MAX_EVENTS} are read"
+            )
+    return found
 
 
 def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable[str]) -> Scenario:
@@ -89,7 +107,7 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
     followers = table(root, "follower", lambda e: follower(e, times, plants, controllers, sensor, actuator))
     if LEADER in followers:
         raise InputError(f"a follower cannot have the id {LEADER!r}", followers[LEADER].where)
-    happening = [event for element in root.children("event") for event in events(element, times, list(followers))]
+    happening = _expanded(root, times, {LEADER: None, **followers})
     return Scenario(
         path=document.path,
         text=document.text,
@@ -107,7 +125,7 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
         leader=leading,
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
-        expectations=expectations(root, times, list(followers)),
+        expectations=expectations(root, times, followers),
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,

@@ -97,12 +97,12 @@ def known(element: Element, what: str, among: Mapping[str, object]) -> str:
     return key
 
 
-def robots(element: Element, among: list[str]) -> tuple[str, ...]:
+def robots(element: Element, among: Mapping[str, object]) -> tuple[str, ...]:
     """Return the ids in the attribute ``robots``; each must be a robot of the scenario."""
     named = tuple(dict.fromkeys(element.get("robots").split()))
     for robot in named:
         if robot not in among:
-            raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, among)}")
+            raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, list(among))}")
     return named
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from cosim.scenario.reader.element import Element, robots, settings
 from cosim.scenario.reader.entries import commands, driving
@@ -10,10 +10,10 @@ from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import LEADER, Event
 
 
-def events(element: Element, times: Times, followers: list[str]) -> Iterator[Event]:
-    """Read an event as one event for each robot that it names."""
+def events(element: Element, times: Times, among: Mapping[str, object]) -> Iterator[Event]:
+    """Read an event as one event for each robot that it names, all of them among the known ones."""
     time = times.beginning(element, "at")
-    named = robots(element, [LEADER, *followers])
+    named = robots(element, among)
     driven = driving(element)
     if len(stops := list(element.children("stop"))) > 1:
         raise stops[1].error("an event takes one <stop>: remove this second one")
@@ -24,13 +24,15 @@ def events(element: Element, times: Times, followers: list[str]) -> Iterator[Eve
         raise driven.error(
             f'<{driven.kind}> needs robots="leader": a follower gets its {driven.kind}s from its controller'
         )
+    parameters, inputs = settings(element, "parameter"), settings(element, "input")
+    torque = None if driven is None else commands(driven)
     for robot in named:
         yield Event(
             time=time,
             robot=robot,
-            parameters=settings(element, "parameter"),
-            inputs=settings(element, "input"),
-            torque=None if driven is None else commands(driven),
+            parameters=parameters,
+            inputs=inputs,
+            torque=torque,
             stops=bool(stops),
             where=element.where,
         )

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from cosim.scenario.reader.element import Element, robots
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import Expectation
 
 
-def expectations(root: Element, times: Times, followers: list[str]) -> tuple[Expectation, ...]:
+def expectations(root: Element, times: Times, followers: Mapping[str, object]) -> tuple[Expectation, ...]:
     """Read the expectations of a scenario: windows and robots; their kinds read the rest."""
     return tuple(
         _expectation(element, times, followers) for group in root.children("expect") for element in group.inside
     )
 
 
-def _expectation(element: Element, times: Times, followers: list[str]) -> Expectation:
+def _expectation(element: Element, times: Times, followers: Mapping[str, object]) -> Expectation:
     start, stop = times.window(element, times.horizon)
     named = robots(element, followers) if "robots" in element else ()
     return Expectation(element.kind, element.attributes, element.where, element.folder, start, stop, named)
