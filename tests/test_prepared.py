@@ -258,6 +258,20 @@ def test_fmus_of_others(
     assert outcome.status == "completed"
 
 
+@pytest.mark.parametrize("behaviour", ["good", "stale"])
+def test_resets_are_compared_in_all_variables(make: Make, tmp_path: Path, behaviour: str) -> None:
+    """Whatever outcomes hold; and all of them hold the same signals."""
+    fmu = make(name="stub", fmi="2.0", interface="co_simulation", behaviour=behaviour, place="reset")
+    path = tmp_path / "two.xml"
+    path.write_text(two_followers(f'<plant id="car" fmu="{fmu}"/>', horizon="0.1 s"))
+    with Prepared(cosim.read_scenario(path), ["torque"]) as prepared:
+        outcomes = [prepared.run([f"leader/torque/@tau_drive={torque} N.m"]) for torque in (3, 20, 4)]
+        assert prepared.resets == (behaviour == "good")
+    held = [outcome.result.data_vars.keys() for outcome in outcomes]
+    assert held[0] == held[1] == held[2]
+    assert "velocity" not in held[0]
+
+
 # What can be run -------------------------------------------------------------------------------------------------
 
 

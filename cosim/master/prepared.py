@@ -25,6 +25,7 @@ from cosim.plant.fleet import Fleet
 from cosim.results.expectations import judge, needed, needs_outlines
 from cosim.results.follower_figures import NEEDED, follower_figures
 from cosim.results.outcome import RunOutcome
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.edits import Change
 from cosim.scenario.scenario import LEADER, PlantSource, Scenario
@@ -113,9 +114,9 @@ class Prepared:
             recorder = self._recorder(scenario, setup, memory)
             outcome = self._run(scenario, setup, recorder)
             if self._reset and self._unverified:
+                expected = self._recorder(scenario, setup, [])
                 self._unverified = False
                 self._end_plants()
-                expected = self._recorder(scenario, setup, [])
                 anew = self._run(scenario, setup, expected)
                 self.resets = outcome.failure == anew.failure and _equal(recorder.arrays(), expected.arrays())
                 return anew
@@ -159,14 +160,24 @@ class Prepared:
             figures=follower_figures(scenario.horizon, scenario.step, result),
             failure=failure,
             plant_messages=messages,
-            result=result if self._keeps else None,
+            result=self._kept(scenario, setup, result),
         )
 
     def _recorder(self, scenario: Scenario, setup: Setup, memory: list[NDArray[Any]]) -> Recorder:
-        wanted = None
-        if self._record != EVERYTHING:
-            wanted = {*needed(scenario.expectations, setup.signals), *NEEDED, *(self._record or ())}
+        wanted = None if self._unverified else self._wanted(scenario, setup)  # all variables are compared
         return Recorder(scenario.ticks + 1, setup.result_variables, wanted, memory)
+
+    def _wanted(self, scenario: Scenario, setup: Setup) -> set[str] | None:
+        """Return the signals of an outcome and those that it follows from; None for all."""
+        if self._record == EVERYTHING:
+            return None
+        return {*needed(scenario.expectations, setup.signals), *NEEDED, *(self._record or ())}
+
+    def _kept(self, scenario: Scenario, setup: Setup, result: Result) -> Result | None:
+        """Return what an outcome holds of a result."""
+        if not self._keeps or (wanted := self._wanted(scenario, setup)) is None:
+            return result if self._keeps else None
+        return replace(result, data_vars={name: one for name, one in result.data_vars.items() if name in wanted})
 
     @property
     def _keeps(self) -> bool:
