@@ -31,6 +31,8 @@ from plants import scratch
 from tests.safety import passed
 from tests.stub.stub import make_fmu
 
+KINDS = ["run", "run", "figure", "build", "check", "pytest"]
+"""Commands, those twice that are given more often."""
 KILLS = 4
 """Kills of a command before it runs to its end once."""
 LAST_MOMENT = 20.0
@@ -58,8 +60,10 @@ class Bench:
         os.environ["TMPDIR"], os.environ["FORMATION_CACHE"] = str(folder / "tmp"), str(folder / "cache")
         tempfile.tempdir = None
         paths = [str(path) for path in self.paths]
+        to = [*paths, "--out", str(folder / "runs"), "--junit", str(folder / "all.xml")]
         self.commands = {
-            "run": ["run", *paths, "--out", str(folder / "runs"), "--junit", str(folder / "all.xml")],
+            "run": ["run", "--no-figure", *to],
+            "figure": ["run", *to],
             "check": ["check", *paths],
             "build": ["build", "car_like", "--out", str(folder / "built")],
             "pytest": ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *paths],
@@ -170,7 +174,7 @@ def whole(bench: Bench, kind: str) -> Iterator[str]:
         yield f"the next command ends with status {status}: {(bench.folder / 'log').read_text('utf-8')[-1500:]}"
     yield from bench.findings()
     yield from (f"{path} is left" for path in bench.left())
-    if kind == "run":
+    if kind in ("run", "figure"):
         yield from (f"{name} has not passed" for name in bench.names if not passed(bench.folder / "runs" / name))
 
 
@@ -179,10 +183,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=1000, help="number of kills (1000)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the moments and of what is killed (1)")
-    parser.add_argument("--only", choices=["run", "check", "build", "pytest"], help="one command")
+    parser.add_argument("--only", choices=KINDS, help="one command")
     options = parser.parse_args()
     rng, findings, done = random.Random(options.seed), 0, 0
-    kinds = [options.only] if options.only else ["run", "run", "run", "build", "check", "pytest"]
+    kinds = [options.only] if options.only else KINDS
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         bench = Bench(Path(name))
         took: dict[str, float] = {}
@@ -207,7 +211,7 @@ def main() -> int:
             for found in whole(bench, kind):
                 findings += 1
                 print(f"after kill {done} of {kind}: {found}", flush=True)
-            if done % 100 < KILLS:
+            if done % 20 < KILLS:
                 print(f"{done} kills, {findings} findings", flush=True)
     print(f"{done} kills, {findings} findings")
     return min(findings, 1)
