@@ -1,17 +1,83 @@
-"""Arrays in memory that this process shares with the processes that are forked from it."""
+"""Arrays in memory that this process shares with others."""
 
 from __future__ import annotations
 
 import math
 import mmap
+import os
+import secrets
+import sys
+import tempfile
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+_LINE = 64
+"""Bytes of a cache line, at which arrays begin."""
+
 
 def shared(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return zeros in shared memory."""
+    """Return zeros in memory that this process shares with the processes that are forked from it."""
     of = np.dtype(dtype)
     size = math.prod(shape)
     return np.frombuffer(mmap.mmap(-1, max(size * of.itemsize, 1)), of, size).reshape(shape)
+
+
+class MappedMemory:
+    """Zeros in memory that a process maps which this one starts; nothing is left of them once both have ended.
+
+    Parameters
+    ----------
+    size
+        Bytes.
+    name
+        The `name` of the memory of another process; empty for new memory.
+
+    Attributes
+    ----------
+    name : str
+        Its name for a process that is started with `descriptors`.
+    descriptors : tuple of int
+        What such a process must inherit.
+    """
+
+    def __init__(self, size: int, name: str = "") -> None:
+        self._used = 0
+        self.name = name
+        self.descriptors: tuple[int, ...] = ()
+        if sys.platform == "win32":
+            self.name = name or f"formation-{secrets.token_hex(16)}"
+            self._memory = mmap.mmap(-1, size, self.name)
+            return
+        descriptor = int(name) if name else _file(size)
+        self._memory = mmap.mmap(descriptor, size)
+        if name:
+            os.close(descriptor)
+        else:
+            self.name, self.descriptors = str(descriptor), (descriptor,)
+
+    def take(self, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+        """Return the next array: whoever maps the memory takes the same ones in the same order."""
+        of = np.dtype(dtype)
+        size = math.prod(shape)
+        array = np.frombuffer(self._memory, of, size, self._used).reshape(shape)
+        self._used += -(-size * of.itemsize // _LINE) * _LINE
+        return array
+
+    def is_inherited(self) -> None:
+        """Give up the descriptors: the other process has them now."""
+        for descriptor in self.descriptors:
+            os.close(descriptor)
+        self.descriptors = ()
+
+
+def _file(size: int) -> int:
+    """Return the descriptor of a file without a name."""
+    if hasattr(os, "memfd_create"):
+        descriptor: int = os.memfd_create("formation")
+    else:
+        with tempfile.TemporaryFile() as file:
+            descriptor = os.dup(file.fileno())
+    os.truncate(descriptor, size)
+    return descriptor

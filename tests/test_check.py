@@ -62,7 +62,7 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
     names = {"x": "px", "y": "py"}
     kinds = {
         "plain": ({}, "", "FMI 2.0 Co-Simulation, in the harness"),
-        "apart": ({"fmi": "3.0"}, 'isolate="process"', "FMI 3.0 Co-Simulation, each robot in a process of its own"),
+        "apart": ({"fmi": "3.0"}, 'isolate="process"', "FMI 3.0 Co-Simulation, its robots in a process of their own"),
         "once": (
             {"once": True},
             "",
@@ -91,7 +91,7 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
     for name, (_, _, said) in kinds.items():
         line = f"plant {name}: stub.fmu, {said}; x: px; y: -1 * py; all other roles by their names"
         assert line in printed.splitlines()
-    assert "plant ours_apart: each robot in a process of its own" in printed
+    assert "plant ours_apart: its robots in a process of their own" in printed
     assert "plant ours:" not in printed
 
 

@@ -22,8 +22,9 @@ import xarray as xr
 import cosim.plant.process
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.plant.bells import Heard, bells_of, listen, ring
 from cosim.plant.failures import PlantError
-from cosim.plant.process import ProcessPlant
+from cosim.plant.process import PlantProcess
 from cosim.plant.protocol import HEADER, Reply
 from cosim.plant.spec import Block, Exchanged, PlantSpec
 from cosim.tests.driving import scenario
@@ -445,6 +446,45 @@ def test_a_parameter_that_is_refused_in_the_course_of_a_run(make: Make, tmp_path
                 cosim.run(path)
 
 
+# How many processes there are --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "isolate", "horizon", "processes"),
+    [
+        ({}, "process", "0.6 s", 1),
+        ({}, "process", "8 s", 1),
+        ({"interface": "model_exchange"}, "process", "0.6 s", 1),
+        ({}, "robot", "0.6 s", 3),
+        ({"once": True}, "process", "0.6 s", 3),
+        ({"once": True, "says_once": False}, "process", "0.6 s", 3),
+    ],
+    ids=["together", "compiled", "model_exchange", "apart", "once", "once_unsaid"],
+)
+def test_all_robots_of_an_fmu_share_a_process_if_it_allows_that(
+    make: Make,
+    tmp_path: Path,
+    nothing_left: None,
+    options: dict[str, Any],
+    isolate: str,
+    horizon: str,
+    processes: int,
+) -> None:
+    """The longer run is stepped by compiled code in that process as well: the bits are those of the harness."""
+
+    def written(fmu: Path, isolate: str) -> Path:
+        plant = f'<plant id="car" fmu="{fmu}" isolate="{isolate}" time_limit="30 s"/>'
+        return scenario(tmp_path / "s.xml", plant, followers=["car", "car"], horizon=horizon)
+
+    with cosim.Simulation(cosim.read_scenario(written(make(**options), isolate))) as run:
+        assert len(workers(os.getpid())) == processes
+        found = run.run_to_end().dataset
+    several = {name: value for name, value in options.items() if name == "interface"}
+    expected = cosim.run(written(make(**several), "no"))
+    for name in expected.data_vars:
+        assert np.array_equal(found[name].values, expected[name].values, equal_nan=True), name
+
+
 # Who stops --------------------------------------------------------------------------------------------------
 
 
@@ -506,7 +546,7 @@ def harness(make: Make, tmp_path: Path, compiled: None) -> Iterator[Callable[...
 def slow(harness: Callable[..., Harness], tmp_path: Path) -> Harness:
     """Return a harness in the midst of a run that takes long."""
     one = harness(behaviour="slow", seconds=0.01, when=0.0)
-    one.wait_for(lambda: len(one.workers()) == 2 and (tmp_path / "bad").is_dir())
+    one.wait_for(lambda: len(one.workers()) == 1 and (tmp_path / "bad").is_dir())
     time.sleep(0.5)
     return one
 
@@ -531,7 +571,7 @@ def test_a_harness_that_is_killed_leaves_no_process(
     harness: Callable[..., Harness], tmp_path: Path, behaviour: str
 ) -> None:
     one = slow(harness, tmp_path) if behaviour == "slow" else harness(behaviour=behaviour)
-    one.wait_for(lambda: len(one.workers()) >= 2)
+    one.wait_for(lambda: len(one.workers()) >= 1)
     time.sleep(1.0)
     one.process.kill()
     one.process.wait()
@@ -540,7 +580,7 @@ def test_a_harness_that_is_killed_leaves_no_process(
 
 def test_ctrl_c_while_plants_start(harness: Callable[..., Harness], tmp_path: Path) -> None:
     one = harness(behaviour="hang", place="instantiate")
-    one.wait_for(lambda: len(one.workers()) == 2)
+    one.wait_for(lambda: len(one.workers()) == 1)
     time.sleep(0.5)
     begin = time.monotonic()
     one.process.send_signal(signal.SIGINT)
@@ -552,7 +592,7 @@ def test_ctrl_c_while_plants_start(harness: Callable[..., Harness], tmp_path: Pa
 
 def test_ctrl_c_twice_in_a_step_that_does_not_end(harness: Callable[..., Harness], tmp_path: Path) -> None:
     one = harness(behaviour="hang")
-    one.wait_for(lambda: len(one.workers()) == 2 and (tmp_path / "bad").is_dir())
+    one.wait_for(lambda: len(one.workers()) == 1 and (tmp_path / "bad").is_dir())
     time.sleep(1.0)
     begin = time.monotonic()
     one.process.send_signal(signal.SIGINT)
@@ -582,26 +622,27 @@ SPEC = PlantSpec(
     time_limit=1.0,
 )
 HELLO = HEADER.pack(Reply.DONE, 0)
-STARTED = HELLO + HEADER.pack(Reply.DONE, 8) + bytes(8)
+STARTED = HELLO + HEADER.pack(Reply.DONE, 0)
+NO_REPLY = "its process answers with bytes that are no reply"
 
 
 @pytest.fixture
-def answering(monkeypatch: pytest.MonkeyPatch, nothing_left: None) -> Iterator[Callable[..., ProcessPlant]]:
+def answering(monkeypatch: pytest.MonkeyPatch, nothing_left: None) -> Iterator[Callable[..., PlantProcess]]:
     """Return a function that starts a process which writes some bytes and then runs a program."""
-    plants = []
+    processes = []
 
-    def start(answer: bytes, program: str = "sys.stdin.read()") -> ProcessPlant:
+    def start(answer: bytes, program: str = "sys.stdin.read()") -> PlantProcess:
         code = f"import os, subprocess, sys, time\nos.write(1, {answer!r})\n{program}"
         monkeypatch.setattr(cosim.plant.process, "WORKER", ("-c", code))
-        plants.append(ProcessPlant(SPEC))
-        return plants[-1]
+        processes.append(PlantProcess([SPEC]))
+        return processes[-1]
 
     yield start
     begin = time.monotonic()
-    for plant in plants:
-        plant.close()
+    for process in processes:
+        process.close()
     assert time.monotonic() - begin < 3.0
-    assert all(plant._process.returncode is not None for plant in plants)
+    assert all(process._process.returncode is not None for process in processes)
 
 
 def reason(call: Callable[[], object]) -> str:
@@ -610,13 +651,9 @@ def reason(call: Callable[[], object]) -> str:
     return str(caught.value)
 
 
-def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
-    plant = answering(
-        HELLO + HEADER.pack(Reply.SAID, 2) + b"hm" + HEADER.pack(Reply.DONE, 10) + np.array([7.0]).tobytes() + b"ok"
-    )
-    plant.wait_until_started()
-    assert plant.first_outputs == [7.0]
-    assert plant.take_messages() == "ok"
+def reply(kind: Reply, told: object) -> bytes:
+    body = json.dumps(told).encode()
+    return HEADER.pack(kind, len(body)) + body
 
 
 @pytest.mark.parametrize(
@@ -625,55 +662,72 @@ def test_an_honest_answer(answering: Callable[..., ProcessPlant]) -> None:
         (b"", "its process did not start: its process exited with status 3"),
         (HELLO, "it did not start: its process exited with status 3"),
         (HELLO[:3], "its process did not start: its process exited"),
-        (
-            b"nonsense of many bytes",
-            "its process did not start: its process answers with bytes that are no reply",
-        ),
-        (HELLO + HEADER.pack(Reply.DONE, 7) + bytes(7), "it did not start: its process answers with bytes"),
-        (HELLO + HEADER.pack(Reply.DONE, 2**32 - 1), "it did not start: its process answers with bytes"),
+        (b"nonsense of many bytes", f"its process did not start: {NO_REPLY}"),
+        (HELLO + HEADER.pack(Reply.DONE, 7) + bytes(7), f"it did not start: {NO_REPLY}"),
+        (HELLO + HEADER.pack(Reply.DONE, 2**32 - 1), f"it did not start: {NO_REPLY}"),
         (HELLO + HEADER.pack(Reply.DONE, 100) + bytes(8), "it did not start: its process exited with status 3"),
-        (HELLO + HEADER.pack(Reply.FAILED, 9) + b"it \x1b[31m\xff", "it ?[31m\ufffd"),
-        (HELLO + HEADER.pack(99, 4) + b"what", "what"),
-        (
-            HELLO + 50 * (HEADER.pack(Reply.SAID, 1) + b"x"),
-            "it did not start: its process exited with status 3; it had logged: x; x",
-        ),
+        (HELLO + HEADER.pack(99, 0), f"it did not start: {NO_REPLY}"),
+        (HELLO + reply(Reply.DONE, [0, "it \x1b[31m", False]), "it ?[31m"),
+        (HELLO + reply(Reply.DONE, [9, "it", False]), f"it did not start: {NO_REPLY}"),
+        (HELLO + reply(Reply.DONE, {"a": 1}), f"it did not start: {NO_REPLY}"),
+        (HELLO + reply(Reply.FAILED, "what"), "what"),
     ],
 )
-def test_other_answers_when_it_starts(answering: Callable[..., ProcessPlant], answer: bytes, sentence: str) -> None:
-    plant = answering(answer, "sys.exit(3)")
-    assert reason(plant.wait_until_started).startswith(sentence)
+def test_other_answers_when_it_starts(answering: Callable[..., PlantProcess], answer: bytes, sentence: str) -> None:
+    process = answering(answer, "sys.exit(3)")
+    assert reason(process.wait_until_started).startswith(sentence)
 
 
-def test_messages_without_end(answering: Callable[..., ProcessPlant]) -> None:
-    plant = answering(HELLO, f"while True: os.write(1, {HEADER.pack(Reply.SAID, 1000) + bytes(1000)!r})")
-    said = reason(plant.wait_until_started)
-    assert said.startswith("it did not start within 1 s; its process was ended; it had logged: ")
-    assert len(said) < 25_000
-
-
-def test_a_process_that_closes_its_pipe_and_goes_on(
-    answering: Callable[..., ProcessPlant], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize(
+    ("program", "sentence"),
+    [
+        ("os.write(1, b'nonsense of many bytes')", NO_REPLY),
+        (f"os.write(1, {HEADER.pack(99, 0)!r})", NO_REPLY),
+        ("sys.exit(3)", "its process exited with status 3"),
+        ("os.close(1); time.sleep(100)", "its process has closed the pipe to the harness"),
+    ],
+)
+def test_other_answers_to_a_step(
+    answering: Callable[..., PlantProcess],
+    monkeypatch: pytest.MonkeyPatch,
+    program: str,
+    sentence: str,
+    compiled: bool,
 ) -> None:
     monkeypatch.setattr(cosim.plant.process, "_EXIT_LIMIT", 0.2)
-    plant = answering(STARTED, "os.close(1); time.sleep(100)")
-    plant.wait_until_started()
-    plant.begin(0.0, 0.02, np.zeros(0))
-    assert (
-        reason(lambda: plant.finish(np.zeros(1)))
-        == "did not complete the step: its process has closed the pipe to the harness"
-    )
+    process = answering(STARTED, f"frame = sys.stdin.buffer.read(5)\n{program}\nsys.stdin.read()")
+    process.wait_until_started()
+    if compiled:
+        places = np.arange(0), np.arange(1)
+        bells = bells_of(process.bell, [process.board], [places], np.zeros(0), np.zeros(1))
+        process._interval = 10.0
+        ring(bells.bells, bells.gives, 0.0, 0.02)
+        process.bell["patience"] = 10_000
+        listen(bells.bells, bells.takes)
+        assert process.heard in (Heard.GONE, Heard.NONSENSE)
+    else:
+        process.begin(0.0, 0.02)
+        process.finish()
+    assert process.failures() == {0: f"did not complete the step: {sentence}"}
+
+
+def test_messages_without_end(make: Make, run: Run) -> None:
+    status, printed, _ = run(MODES[1], LIMIT, behaviour="log_million", lines=100_000_000)
+    assert status == 3
+    assert "did not complete the step within 0.5 s; its process was ended; it had logged: " in printed
+    assert len(printed) < 25_000
 
 
 def test_an_interpreter_that_does_not_come(
-    answering: Callable[..., ProcessPlant], monkeypatch: pytest.MonkeyPatch
+    answering: Callable[..., PlantProcess], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cosim.plant.process, "_LAUNCH_LIMIT", 0.2)
     plant = answering(b"", "time.sleep(100)")
     assert reason(plant.wait_until_started) == "its process did not start within 0.2 s; its process was ended"
 
 
-def test_what_a_plant_starts_is_ended_with_it(answering: Callable[..., ProcessPlant]) -> None:
+def test_what_a_plant_starts_is_ended_with_it(answering: Callable[..., PlantProcess]) -> None:
     program = "p = subprocess.Popen(['sleep', '1000']); open(PATH, 'w').write(str(p.pid)); sys.stdin.read()"
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pid"

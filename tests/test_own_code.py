@@ -171,7 +171,7 @@ def test_it_is_said(written: Scenario, request: pytest.FixtureRequest, capsys: p
     path = written("said", "a", "a")
     assert main(["check", str(path)]) == 0
     what = f"a library of its own ({VENDOR})" if "linked" in request.node.name else "Python code (late.py)"
-    assert f"each robot in a process of its own, as it brings {what}; " in capsys.readouterr().out
+    assert f"its robots in a process of their own, as it brings {what}; " in capsys.readouterr().out
     assert json.loads(cosim.run(path).attrs["plants"])["a"]["process"] == "its own"
 
 

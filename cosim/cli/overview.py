@@ -12,7 +12,7 @@ from rich.console import Console
 from cosim.cli.console import broken, safe, table
 from cosim.fmu.capabilities import NAMES
 from cosim.fmu.solver import usual_step
-from cosim.master.robot_plants import in_own_process, tolerance_of, why_own_process
+from cosim.master.robot_plants import each_alone, in_own_process, tolerance_of, why_own_process
 from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
@@ -96,7 +96,10 @@ def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
     """Return how each FMU is run and the players of its roles; for a built-in model only unusual settings."""
     for name, fmu in setup.fmus.items():
         source = scenario.plants[name]
-        how = "each robot in a process of its own" if in_own_process(fmu, source) else "in the harness"
+        how = "in the harness"
+        if in_own_process(fmu, source):
+            how = f"{'each robot' if each_alone(fmu, source) else 'its robots'} in a process of "
+            how += "its own" if each_alone(fmu, source) else "their own"
         if not source.isolated and (why := why_own_process(fmu)):
             how += f", as it {why}"
         if source.model is not None:

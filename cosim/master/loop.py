@@ -1,7 +1,7 @@
 """The ticks of a run in compiled code: sense, control, actuate, record and step, segment by segment.
 
-`advance` runs a segment of ticks in one call. Where Python has a share in a tick - a law in plain Python, a plant in a
-process of its own, commands by hand - it runs one part of one tick. The numbers are the same bit for bit.
+`advance` runs a segment of ticks in one call. Where Python has a share in a tick - a law in plain Python, a plant that
+CVODE integrates, commands by hand - it runs one part of one tick. The numbers are the same bit for bit.
 
 Whatever only moves numbers is a table of moves, and whatever a law or a plant does is called by its address. So there
 is one `advance` for all scenarios, and it is compiled once.

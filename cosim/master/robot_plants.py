@@ -129,6 +129,7 @@ def plant(
         ),
         pose=tuple(pose),
         isolated=in_own_process(fmu, source),
+        alone=each_alone(fmu, source),
         needs_tool=bool(fmu.about_interface.needsExecutionTool),
         usual_step=usual_step(fmu),
         where=source.where,
@@ -150,8 +151,13 @@ def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
 
 
 def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
-    """Return whether each robot's FMU runs in a process of its own, because the scenario or the FMU needs it."""
+    """Return whether an FMU runs in a process of its own, because the scenario or the FMU needs it."""
     return source.isolated or bool(why_own_process(fmu))
+
+
+def each_alone(fmu: Fmu, source: PlantSource) -> bool:
+    """Return whether each robot has such a process of its own, and not all robots of the FMU together."""
+    return source.apart or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
 
 
 def why_own_process(fmu: Fmu) -> str:

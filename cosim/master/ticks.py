@@ -148,7 +148,9 @@ class Ticks:
         self.tick, ended = self._advance(self._loop, Part.ALL.value, first, last)
         self.recorder.recorded = self.tick + (ended == Ended.PLANTS)
         if ended == Ended.PLANTS:
-            self._fleet.settle(self.tick, step, int(self._loop.fleet.found[0]))
+            self._fleet.settle(self.tick, step, int(self._loop.fleet.found[0]))  # raises, unless a plant takes long
+            self._do(Part.LEAD, self.tick)
+            self.tick += 1
         self._fleet.settle(min(self.tick, horizon) - 1, step, 0)  # at the horizon no plant is stepped
         if ended == Ended.COMMANDS:
             self._raise_not_finite()

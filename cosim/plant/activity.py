@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from cosim.plant.log import Log
 from cosim.plant.message import KEPT_AT_ONCE, MAX_CATEGORY, MAX_LENGTH, Message
@@ -51,12 +51,17 @@ class Activity(NamedTuple):
 
     @property
     def last_words(self) -> list[str]:
+        """The texts of `last_messages`."""
+        return [message.text for message in self.last_messages]
+
+    @property
+    def last_messages(self) -> list[Message]:
         """The messages that nobody has asked for yet, the last ones; none of it is trusted."""
         count = int(self.logged[0])
         found = []
         for number in range(max(count - min(int(self.pending[0]), KEPT_AT_ONCE), 0), count):
             slot = self.said[number % KEPT_AT_ONCE].tobytes()
-            found.append(Message.from_bytes(slot[4 : 4 + int.from_bytes(slot[:4], "little")]).text)
+            found.append(Message.from_bytes(slot[4 : 4 + int.from_bytes(slot[:4], "little")]))
         return found
 
     def listen(self) -> None:
@@ -74,14 +79,14 @@ class Activity(NamedTuple):
         Log.listener = write
 
 
-def activity() -> Activity:
-    """Return that of a fleet that has not begun."""
+def activity(take: Callable[[tuple[int, ...], DTypeLike], NDArray[Any]] = shared) -> Activity:
+    """Return that of a fleet that has not begun, in arrays that a function makes."""
     made = Activity(
-        shared((2,), np.float64),
-        shared((1,), np.int64),
-        shared((1,), np.int64),
-        shared((KEPT_AT_ONCE, _SLOT), np.uint8),
-        shared((1,), np.int64),
+        take((2,), np.float64),
+        take((1,), np.int64),
+        take((1,), np.int64),
+        take((KEPT_AT_ONCE, _SLOT), np.uint8),
+        take((1,), np.int64),
     )
     made.current[0] = -1
     return made

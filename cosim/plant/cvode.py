@@ -62,11 +62,7 @@ class CvodePlant:
                 raise
             raise PlantError(said) from None
 
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Do nothing yet."""
-        self._pending = (time, step, inputs)
-
-    def finish(self, outputs: NDArray[np.float64]) -> None:
+    def step(self, time: float, step: float, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
         """Take the step and write the outputs.
 
         Raises
@@ -74,7 +70,6 @@ class CvodePlant:
         PlantError
             The FMU or CVODE failed.
         """
-        time, step, inputs = self._pending
         try:
             if self.spec.inputs.references and not np.array_equal(inputs, self._given):
                 self._given = inputs.copy()

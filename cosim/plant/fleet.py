@@ -10,34 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import entry_of
-from cosim.errors import InputError, SimulationError
+from cosim.errors import SimulationError
 from cosim.frames import Bound
 from cosim.plant.activity import Activity
 from cosim.plant.activity import activity as new_activity
 from cosim.plant.constant_step import misfit
-from cosim.plant.failures import COMPLETE, FAILURES, FINE, PlantError
+from cosim.plant.elsewhere import Elsewhere
+from cosim.plant.failures import COMPLETE, FAILURES, PlantError
 from cosim.plant.fleet_step import (
     LINK,
     CompiledFleet,
-    FleetArrays,
     Found,
-    advance_all,
+    fleet_arrays,
     give_inputs,
-    load_libraries,
-    other_address,
+    load_step,
     run_fleet,
     step_fleet,
     take_outputs,
 )
-from cosim.plant.instance import Instance
+from cosim.plant.local import LocalPlants, NotStarted
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
 from cosim.plant.message import Message, RobotMessage
-from cosim.plant.process import ProcessPlant, end
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
-from cosim.plant.stepping import Rows
-from cosim.plant.stepwise import StepwisePlant, stepper
 
 HARNESS = "the harness"
 """The process of plants that run where the harness does."""
@@ -79,21 +75,22 @@ class Fleet:
     """
 
     def __init__(self, members: Sequence[Member], state: NDArray[np.float64], activity: Activity | None = None) -> None:
-        load_libraries()
+        load_step()
         self.process = HARNESS
         self._activity = activity or new_activity()
-        self._clock, self._found = self._activity.clock, np.zeros(1, dtype=np.int64)
+        self._clock, self._found = self._activity.clock, np.zeros(2, dtype=np.int64)
         with ExitStack() as cleanup:
-            self._external: dict[int, StepwisePlant] = {}
-            self._instances: dict[int, Instance] = {}
-            cleanup.callback(self._end)
+            self._local = LocalPlants(self._activity)
+            cleanup.callback(self._local.close)
+            self._elsewhere = Elsewhere()
+            cleanup.callback(self._elsewhere.close)
             self._start(members, state)
             self._cleanup = cleanup.pop_all()
 
     def restart(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
         """Put all plants at the start of another run, with other values; nothing is left of the run before.
 
-        FMUs are reset. An FMU that cannot be, and one in a process of its own, is started anew.
+        FMUs are reset. An FMU that cannot be, and one in another process, is started anew.
 
         Parameters
         ----------
@@ -116,35 +113,32 @@ class Fleet:
         self._state = state
         self._state[:] = np.nan
         self._kept = [0] * len(members)
-        sizes = [(len(member.spec.inputs.start), len(member.spec.outputs.start)) for member in members]
         with returning():
-            self._end_external()
-            self._start_processes()
-            self._start_stepwise()
-            self._start_instances()
-            self._rows = rows = Rows([self._instances.get(index) for index in range(len(members))], sizes)
+            try:
+                self._elsewhere.start(members)
+                here = [index for index, member in enumerate(members) if not member.isolated]
+                self._local.start([member.spec for member in members], here)
+            except NotStarted as error:
+                raise not_started(self.members, error.index, error.error) from None
+            rows = self._local.rows
             inputs = [range(len(member.inputs)) for member in members]
             self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
-            self._arrays = FleetArrays(
-                rows.rows,
-                rows.inputs,
-                rows.outputs,
-                rows.scratch,
-                rows.work,
+            self._arrays = fleet_arrays(
+                rows,
                 _links([member.inputs for member in members], rows.first_input, inputs),
                 _links([member.outputs for member in members], rows.first_output, self._columns),
                 state,
                 self._activity.current,
-                other_address(rows),
+                Log.pending,
+                self._elsewhere.bells(rows),
             )
-            for index, plant in self._external.items():
-                self._slice(rows.outputs, rows.first_output, index)[:] = plant.first_outputs
+            self._one_by_one = bool(self._local.stepwise) or not self._elsewhere.can_ring
             given = np.zeros(len(self._arrays.in_links))
             self._call = entry_of(step_fleet, self._arrays, given, self._clock, self._found)
             found = self._step(given, 0.0, 0.0)  # reads the outputs
-            for index, failure in self._failed().items() if found == Found.FAILED else ():
-                raise self._not_started(index, PlantError(f"it {failure}"))
-            self._check(0.0, found, 0.0)
+            for index, failure in self._local.failures().items() if found == Found.FAILED else ():
+                raise not_started(self.members, index, PlantError(f"it {failure}"))
+            self._check(0.0, found, {}, 0.0)
             for member, found_there in zip(self.members, self._state, strict=True):
                 check_pose(member, found_there)
             self._late = [index for index, member in enumerate(self.members) if member.spec.late_outputs]
@@ -166,10 +160,12 @@ class Fleet:
             messages.
         """
         time, after = tick * step, (tick + 1) * step
-        if self._external:
-            self._step_all(time, step, given, after)
+        if self._one_by_one:
+            give_inputs(self._arrays, given)
+            self._elsewhere.begin(time, step)
+            self._check(time, *self._outcome(self._local.advance(self._arrays, time, step)), after)
         else:
-            self._check(time, self._step(given, time, step), after)
+            self.settle(tick, step, self._step(given, time, step))
         if self._late:
             self._check_first_step(after)
 
@@ -178,10 +174,11 @@ class Fleet:
 
         It is good for as long as the fleet is not closed, and reads the inputs from an array.
         """
-        if self._external or self._late:
+        if self._one_by_one or self._late:
             return None
         self._bound = Bound(step_fleet, self._arrays, given, self._clock, self._found)
-        return CompiledFleet(np.array(self._bound.numbers, dtype=np.int64), self._clock, self._found, Log.pending)
+        numbers = np.array(self._bound.numbers, dtype=np.int64)
+        return CompiledFleet(numbers, self._clock, self._found[:1], self._found[1:])
 
     def _step(self, given: NDArray[np.float64], time: float, step: float) -> int:
         """Give inputs, take a step and read the outputs; if it has no length, read them only."""
@@ -191,26 +188,20 @@ class Fleet:
         return int(self._found[0])
 
     def settle(self, tick: int, step: float, found: int) -> None:
-        """Keep the messages of a step of `compiled` code from a tick, and raise its failures as `step` does."""
-        self._check(tick * step, found, (tick + 1) * step)
+        """Keep the messages of a step of `compiled` code from a tick, and raise its failures as `step` does.
 
-    def _step_all(self, time: float, step: float, given: NDArray[np.float64], after: float) -> None:
-        """Step the plants here and those that are stepped elsewhere side by side."""
-        rows = self._rows
-        give_inputs(self._arrays, given)
-        self._activity.clock[:] = time, step
-        for index, plant in self._external.items():
-            plant.begin(time, step, self._slice(rows.inputs, rows.first_input, index))
-        failed = advance_all(self._arrays, time, step)
-        failures = {}
-        for index, plant in self._external.items():
-            try:
-                with self._activity.of(-1 if isinstance(plant, ProcessPlant) else index):
-                    plant.finish(self._slice(rows.outputs, rows.first_output, index))
-            except PlantError as error:
-                failures[index] = str(error)
-        found = Found.FAILED if failed or failures else take_outputs(self._arrays)
-        self._check(time, found, after, failures)
+        If plants in another process take long, they are waited for here.
+        """
+        failures: dict[int, str] = {}
+        if found == Found.FAILED:
+            found, failures = self._outcome(self._local.failures())
+        self._check(tick * step, found, failures, (tick + 1) * step)
+
+    def _outcome(self, failures: dict[int, str]) -> tuple[int, dict[int, str]]:
+        """Wait for plants elsewhere, and return what a step has come to, with all failures; those here are given."""
+        self._elsewhere.finish()
+        failures = failures | self._elsewhere.failures()
+        return (Found.FAILED if failures else take_outputs(self._arrays)), failures
 
     def run(self, first: int, step: float, given: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Take many steps in one call, with all inputs given.
@@ -229,14 +220,16 @@ class Fleet:
         SimulationError
             See `step`; `out` holds the samples up to then.
         """
-        one_by_one = len(given) if self._external else min(len(given), 1 if self._late else 0)
-        for k in range(one_by_one):
-            self.step(first + k, step, given[k])
-            out[k] = self._state
-        if one_by_one == len(given):
-            return
-        tick, found = run_fleet(self._arrays, given[one_by_one:], first + one_by_one, step, out[one_by_one:])
-        self._check(tick * step, found, (tick + 1) * step)
+        done = 0
+        while done < len(given):
+            if self._one_by_one or self._late:
+                self.step(first + done, step, given[done])
+            else:
+                tick, found = run_fleet(self._arrays, given[done:], first + done, step, out[done:])
+                done = tick - first
+                self.settle(tick, step, found)
+            out[done] = self._state
+            done += 1
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Give parameters of a plant other values at a communication point [s].
@@ -246,81 +239,17 @@ class Fleet:
         SimulationError
             The FMU refuses a value: its own messages.
         """
-        plant = self._external.get(index) or self._instances[index]
         try:
-            with self._activity.of(-1 if isinstance(plant, ProcessPlant) else index):
-                plant.change(values)
+            if self.members[index].isolated:
+                self._elsewhere.change(index, values)
+            else:
+                self._local.change(index, values)
         except PlantError as error:
             raise SimulationError(*self._failures({index: str(error)}, time)) from None
-        if isinstance(plant, Instance):
-            self._rows.rows["next_event"][index] = plant.next_event
 
     def close(self) -> None:
         """End all plants."""
         self._cleanup.close()
-
-    # Starting ----------------------------------------------------------------------------------------------------
-
-    def _start_processes(self) -> None:
-        processes: dict[int, ProcessPlant] = {}
-        for index, member in enumerate(self.members):
-            if member.isolated:
-                try:
-                    self._external[index] = processes[index] = ProcessPlant(member.spec)
-                except PlantError as error:
-                    raise self._not_started(index, error) from None
-        for index, process in processes.items():
-            try:
-                process.wait_until_started()
-            except PlantError as error:
-                raise self._not_started(index, error) from None
-
-    def _start_stepwise(self) -> None:
-        for index, member in enumerate(self.members):
-            make = None if member.isolated else stepper(member.spec)
-            if make is not None:
-                try:
-                    with self._activity.of(index):
-                        self._external[index] = make(member.spec)
-                except PlantError as error:
-                    raise self._not_started(index, error) from None
-
-    def _start_instances(self) -> None:
-        for index, member in enumerate(self.members):
-            if index not in self._external:
-                try:
-                    with self._activity.of(index):
-                        before = self._instances.pop(index, None)  # back once it is restarted
-                        if before is None or not before.restart(member.spec):
-                            if before is not None:
-                                before.close()
-                            before = Instance(member.spec)
-                        self._instances[index] = before
-                except PlantError as error:
-                    raise self._not_started(index, error) from None
-
-    def _end(self) -> None:
-        with ExitStack() as closing:  # whatever happens to one of them
-            closing.callback(self._end_external)
-            for index, instance in self._instances.items():
-                closing.callback(self._end_one, index, instance)
-            self._instances = {}
-
-    def _end_external(self) -> None:
-        processes = [plant for plant in self._external.values() if isinstance(plant, ProcessPlant)]
-        with ExitStack() as closing:
-            closing.callback(end, processes)
-            for index, plant in self._external.items():
-                if not isinstance(plant, ProcessPlant):
-                    closing.callback(self._end_one, index, plant)
-            self._external = {}
-
-    def _end_one(self, index: int, plant: Instance | StepwisePlant) -> None:
-        with self._activity.of(index):
-            plant.close()
-
-    def _not_started(self, index: int, error: PlantError) -> InputError:
-        return not_started(self.members, index, error)
 
     def _check_first_step(self, time: float) -> None:
         """Refuse a plant whose outputs, which show its pose from now on, show another one than its initial pose."""
@@ -333,22 +262,19 @@ class Fleet:
 
     # Outcome of a step ----------------------------------------------------------------------------------
 
-    def _check(self, time: float, found: int, after: float, failures: dict[int, str] | None = None) -> None:
+    def _check(self, time: float, found: int, failures: dict[int, str], after: float) -> None:
         """Keep the messages, and raise the failures at a communication point or after the step from there."""
-        failures = dict(failures or {})
         if found == Found.FAILED:
-            failures |= self._failed()
             last = max(failures)  # the remedy is named once
             failures[last] = self._with_doubt(last, failures[last], after - time)
         elif found == Found.DIVERGED:
             time, failures = after, self._diverged()
             if after == 0.0:
                 failures = {index: f"{said}; {SHOWN_LATE}" for index, said in failures.items()}
-        if Log.pending[0]:
-            for index, instance in self._instances.items():
-                self._keep(index, instance.log.take(), instance.log.take_data(), time)
-        for index, plant in self._external.items():
-            self._keep(index, plant.take_messages(), plant.take_data(), time)
+        for index, said, data in self._local.messages() if Log.pending[0] else ():
+            self._keep(index, said, data, time)
+        for index, said, data in self._elsewhere.messages():
+            self._keep(index, said, data, time)
         if failures:
             variable = self._diverging(min(failures))[0][0].name if found == Found.DIVERGED else ""
             raise SimulationError(*self._failures(failures, time), variable)
@@ -357,12 +283,6 @@ class Fleet:
         """Return the failure of a plant, with a possible cause if it has not completed a step of this length."""
         doubt = misfit(self.members[index].usual_step, step) if said.startswith(FAILURES[COMPLETE]) else ""
         return f"{said}; it {doubt}" if doubt else said
-
-    def _failed(self) -> dict[int, str]:
-        """Return the failure of each plant that is called here and has failed."""
-        failed = np.flatnonzero(self._rows.rows["what"] != FINE).tolist()
-        told = {index: (int(self._rows.rows[index]["what"]), int(self._rows.rows[index]["status"])) for index in failed}
-        return {index: self._instances[index].failure(*outcome) for index, outcome in told.items()}
 
     def _diverged(self) -> dict[int, str]:
         """Return how the motion of each plant has diverged whose motion has."""
@@ -397,10 +317,6 @@ class Fleet:
         if self._kept[index] > KEPT_MESSAGES:
             said = "more messages, which are not kept"
         self.messages.append(f"{robot}, t = {time:.6g} s: {said}")
-
-    @staticmethod
-    def _slice(values: NDArray[np.float64], first: NDArray[np.int64], index: int) -> NDArray[np.float64]:
-        return values[first[index] : first[index + 1]]
 
 
 @contextmanager

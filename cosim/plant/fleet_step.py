@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import address_of, call, compiled, part
+from cosim.frames import Bound
+from cosim.plant.bells import HEARD_DONE, Bells, no_bells
 from cosim.plant.failures import FINE
 from cosim.plant.stepping import EXTERNAL, SLAVE, Rows, advance_at, advance_slave, read_at_start
 
@@ -37,9 +39,10 @@ _FINE, _FAILED, _DIVERGED = map(int, Found)
 class FleetArrays(NamedTuple):
     """A fleet for compiled code: the arrays of `Rows`, the links of inputs and outputs, and the state.
 
-    ``current`` gets the number of the plant that is called, -1 in between. ``other`` is the address of the function for
-    plants that are not Co-Simulation of FMI 1.0 or 2.0, zero without any: it is a large function, which most runs need
-    not compile.
+    ``current`` gets the number of the plant that is called, -1 in between. ``pending`` is how many messages of FMUs
+    here wait to be taken. ``other`` is the address of the function for plants that are not Co-Simulation of FMI 1.0 or
+    2.0, zero without any: it is a large function, which most runs need not compile. ``elsewhere`` are plants in other
+    processes.
     """
 
     rows: NDArray[np.void]
@@ -51,7 +54,9 @@ class FleetArrays(NamedTuple):
     out_links: NDArray[np.void]
     state: NDArray[np.float64]
     current: NDArray[np.int64]
+    pending: NDArray[np.int64]
     other: int
+    elsewhere: Bells
 
 
 class CompiledFleet(NamedTuple):
@@ -81,16 +86,42 @@ NO_FLEET = CompiledFleet(
 """For plants that are stepped from Python."""
 
 
-def other_address(rows: Rows) -> int:
-    """Return ``other`` of `FleetArrays`."""
-    if np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
-        return 0
-    return address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
+def fleet_arrays(
+    rows: Rows,
+    in_links: NDArray[np.void],
+    out_links: NDArray[np.void],
+    state: NDArray[np.float64],
+    current: NDArray[np.int64],
+    pending: NDArray[np.int64],
+    elsewhere: Bells,
+) -> FleetArrays:
+    """Return a fleet for compiled code; see `FleetArrays`."""
+    other = 0
+    if not np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
+        other = address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
+    own = rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work
+    return FleetArrays(*own, in_links, out_links, state, current, pending, other, elsewhere)
 
 
 @compiled
 def load_libraries() -> None:
     """Do nothing: the first call lets Numba load libraries, whose threads are then not taken for a plant's."""
+
+
+def load_step(others: bool = False) -> None:
+    """Load the compiled step of a fleet, or compile it, before anything is timed.
+
+    Parameters
+    ----------
+    others
+        Whether there are plants that are not Co-Simulation of FMI 1.0 or 2.0.
+    """
+    load_libraries()
+    rows, links, numbers = Rows([], []), np.zeros(0, LINK), np.zeros(2, dtype=np.int64)
+    arrays = fleet_arrays(rows, links, links, np.zeros((0, 0)), numbers, numbers, no_bells())
+    Bound(step_fleet, arrays, np.zeros(0), np.zeros(2), numbers)
+    if others:
+        address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
 
 
 @part
@@ -141,12 +172,22 @@ def advance_all(plants: FleetArrays, time: float, step: float) -> bool:
 
 
 @part
-def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> int:
+def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: float) -> tuple[int, int]:
+    """Return the finding, and how many messages of FMUs wait to be taken."""
+    bells = plants.elsewhere.bells
+    rings = step > 0.0 and len(bells) > 0
     if step > 0.0:
         give_inputs(plants, given)
-    if advance_all(plants, time, step):
-        return _FAILED
-    return take_outputs(plants)
+    if rings:
+        call(plants.elsewhere.ring, (bells, plants.elsewhere.gives, time, step))
+    failed = advance_all(plants, time, step)
+    said = plants.pending[0]
+    if rings:
+        call(plants.elsewhere.listen, (bells, plants.elsewhere.takes))
+        for i in range(len(bells)):
+            failed = failed or bells[i]["heard"] != HEARD_DONE
+            said += bells[i]["pending"]
+    return (_FAILED if failed else take_outputs(plants)), said
 
 
 @compiled
@@ -160,19 +201,25 @@ def step_fleet(
     plants, given, clock
         The plants, their inputs, and communication point and step [s]. A step of no length only reads the outputs.
     found
-        Gets the finding, of `Found`.
+        Gets the finding, of `Found`, and how many messages of FMUs wait to be taken.
     """
-    found[0] = _tick(plants, given, clock[0], clock[1])
+    found[0], found[1] = _tick(plants, given, clock[0], clock[1])
 
 
 @compiled
 def run_fleet(
     plants: FleetArrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
 ) -> tuple[int, int]:
-    """Take many steps, with inputs (ticks, ...) for each; return the last tick and the finding there."""
+    """Take steps, with inputs (ticks, ...) for each, until one fails or an FMU says something.
+
+    Returns
+    -------
+    tuple of int
+        The last tick, whose state is not written yet, and the finding there.
+    """
     for k in range(len(given)):
-        found = _tick(plants, given[k], (first + k) * step, step)
-        if found != _FINE:
+        found, said = _tick(plants, given[k], (first + k) * step, step)
+        if found != _FINE or said != 0 or k + 1 == len(given):
             return first + k, found
         out[k] = plants.state
-    return first + len(given) - 1, _FINE
+    return first, _FINE

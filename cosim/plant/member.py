@@ -50,7 +50,9 @@ class Member:
     pose : tuple of float
         The initial pose, which the first outputs must show at the start; empty for any pose.
     isolated : bool
-        Whether it runs in a process of its own.
+        Whether it runs in another process than the harness's, with the other robots of its FMU.
+    alone : bool
+        Whether that process holds no other robot.
     needs_tool : bool
         Whether the FMU states that it needs another program.
     usual_step : float
@@ -66,6 +68,7 @@ class Member:
     outputs: tuple[Link, ...]
     pose: tuple[float, ...] = ()
     isolated: bool = False
+    alone: bool = False
     needs_tool: bool = False
     usual_step: float = 0.0
     where: Location | None = None

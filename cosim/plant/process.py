@@ -1,4 +1,4 @@
-"""A plant in a process of its own: the harness goes on when the plant crashes, exits or hangs.
+"""Plants in a process of their own: the harness goes on when a plant crashes, exits or hangs.
 
 It is no sandbox: the process has the user's rights.
 """
@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import json
 import os
-import select
+import pkgutil
 import signal
 import site
 import subprocess
 import sys
-import threading
 import time
-from collections import deque
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,186 +25,282 @@ from numpy.typing import NDArray
 from cosim import process_tree
 from cosim.compiled import PLAIN
 from cosim.errors import printable
-from cosim.plant.failures import PlantError
-from cosim.plant.message import LastMessages, Message
-from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, send
+from cosim.plant.awaiting import Awaited
+from cosim.plant.bells import BELL, STEP, Heard, board, board_size, core_now, fill, watch
+from cosim.plant.failures import NoInstance, PlantError
+from cosim.plant.local import NotStarted
+from cosim.plant.message import Message
+from cosim.plant.protocol import HEADER, MOST, Reply, Request, send
 from cosim.plant.spec import PlantSpec, Value
+from cosim.shared_memory import MappedMemory
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
 """Options of the interpreter."""
 
 _LAUNCH_LIMIT = 60.0
-"""Time limit [s] for the interpreter of a new process to start, before the plant's own time limit counts."""
+"""Time limit [s] for the interpreter of a new process to start, before a plant's own time limit counts."""
 _EXIT_LIMIT = 5.0
 """Time limit [s] for a process that has closed its pipes to exit."""
+_SOON_OVER = 20.0
+"""Simulated time [s] of all plants up to which compiled code takes longer to load than it saves."""
 
 
-class ProcessPlant:
-    """A plant in a process of its own, with the interface of a plant that is stepped one call at a time.
+class PlantProcess:
+    """Plants in a process of their own, all of one FMU.
 
-    The process starts at once; `wait_until_started` waits for it, so that several can start side by side.
+    The process starts at once; `wait_until_started` waits for it, so that several can start side by side. A step is
+    begun and awaited by `begin` and `finish`, or by the compiled code of `cosim.plant.bells`.
 
     Parameters
     ----------
-    spec
-        The plant.
+    specs
+        The plants.
+    bell
+        An array with one record, which the process fills.
 
     Attributes
     ----------
-    first_outputs : list of float
-        Its outputs at the start.
+    board : Board
+        Its inputs are given before a step, its outputs are those of the last step, or of the start.
 
     Raises
     ------
-    PlantError
+    NotStarted
         The system refuses another process.
     """
 
-    def __init__(self, spec: PlantSpec) -> None:
-        self.spec = spec
-        self.first_outputs: list[float] = []
-        self._messages = ""
-        self._last_words: deque[str] = deque(maxlen=MAX_SAID)
-        self._data = LastMessages()
-        self._waiting = False  # whether the process waits for a request
+    def __init__(self, specs: Sequence[PlantSpec], bell: NDArray[np.void] | None = None) -> None:
+        self.specs = tuple(specs)
+        self.bell = np.zeros(1, BELL) if bell is None else bell
+        self._limits = [spec.time_limit for spec in specs]
+        self._launching = True  # until its interpreter has started
+        self._waits = False  # whether it waits for a request
         self._ending = self._closed = False
-        self._limit = _LAUNCH_LIMIT
+        self._expired: float | None = None
+        self._failure = ""
+        inputs, outputs = (
+            sum(len(block.start) for block in blocks)
+            for blocks in ([spec.inputs for spec in specs], [spec.outputs for spec in specs])
+        )
+        size = board_size(inputs, outputs)
+        memory = MappedMemory(size)
+        self.board = board(memory, inputs, outputs)
         self._mark = process_tree.new_mark()
-        self._process = _launched(self._mark)
+        try:
+            self._process = _launched(environment(self._mark, plain=_plain(specs)), memory.descriptors)
+        except PlantError as error:
+            raise NotStarted(0, error) from None
+        finally:
+            memory.is_inherited()
         try:
             assert self._process.stdin is not None
             assert self._process.stdout is not None
             self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
-            self._end = _End(self._process, self._replies)
-            self._watchdog = _Watchdog(self._process, self._mark, spec.time_limit / 10)
-            self._watchdog.allow(self._limit)
-            self._send(Request.START, spec.to_json())
+            self._awaited = Awaited(self._process.pid, self._replies)
+            self._interval = min(max(min(self._limits) / 10, 0.02), 0.5)
+            fill(self.bell, self._requests, self._replies, STEP)
+            self._timer = watch(self.bell, self._awaited.descriptor, self._interval)
+            about = {"memory": memory.name, "size": size, "specs": [spec.to_json().decode() for spec in specs]}
+            self._ask(Request.START, about)
         except BaseException:
             kill(self._process, self._mark)
             raise
 
     def wait_until_started(self) -> None:
-        """Wait for the plant.
+        """Wait for the plants.
 
         Raises
         ------
-        PlantError
-            It cannot be started.
+        NotStarted
+            One of them cannot be started.
         """
-        self._receive("its process did not start", 0)
-        self._limit = self.spec.time_limit
-        self._watchdog.allow(self._limit)
-        self._waiting = False
-        self.first_outputs = self._receive("it did not start", len(self.spec.outputs.start)).tolist()
+        try:
+            self._receive("its process did not start")
+            self._launching = False
+            self._working()
+            told = self._receive("it did not start")
+            if told is None:
+                return
+            with self._sense("it did not start"):
+                index, said, no_instance = int(told[0]), printable(str(told[1])), bool(told[2])
+                self.specs[index]
+        except PlantError as error:
+            raise NotStarted(self._culprit, error) from None
+        raise NotStarted(index, (NoInstance if no_instance else PlantError)(said))
 
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Let the plant begin a step; it goes on beside the harness."""
-        self._request(Request.STEP, np.concatenate(([time, step], inputs)).tobytes())
+    def begin(self, time: float, step: float) -> None:
+        """Let the plants begin a step; they go on beside the harness."""
+        self.board.told[:2] = time, step
+        self.board.told[2:].view(np.int64)[0] = core_now()
+        self.bell["heard"] = Heard.NOTHING
+        self._ask(Request.STEP)
 
-    def finish(self, outputs: NDArray[np.float64]) -> None:
-        """Wait for the end of the step and write the outputs.
+    def finish(self) -> None:
+        """Wait for the end of the step, and take down how it has ended."""
+        self._working()
+        self.bell["heard"] = Heard.GONE
+        try:
+            self._receive("did not complete the step")
+        except PlantError as error:
+            self._failure = str(error)
+        else:
+            self.bell["heard"] = Heard.FAILED if self.board.tells[0] else Heard.DONE
 
-        Raises
-        ------
-        PlantError
-            The plant failed, its process ended, or the time limit has passed.
-        """
-        outputs[:] = self._receive("did not complete the step", len(outputs))
+    @property
+    def heard(self) -> int:
+        """What is heard of its last step, of `Heard`."""
+        return int(self.bell["heard"][0])
 
-    def change(self, values: Sequence[Value]) -> None:
-        """Give parameters other values at a communication point.
+    def failures(self) -> dict[int, str]:
+        """Return the failure of each plant that has failed in the last step, by its place among the plants."""
+        if self.heard == Heard.DONE:
+            return {}
+        failed = "did not complete the step"
+        try:
+            if self._failure:
+                raise PlantError(self._failure)
+            if self.heard == Heard.NONSENSE:
+                raise self._nonsense(failed)
+            if self.heard == Heard.GONE:
+                raise self._ended(failed)
+            self._ask(Request.FAILURES)
+            told = self._receive(failed)
+            with self._sense(failed):
+                failures = {range(len(self.specs))[int(index)]: printable(str(said)) for index, said in told}
+                if not failures:
+                    raise ValueError
+                return failures
+        except PlantError as error:
+            return {self._culprit: str(error)}
+
+    def change(self, index: int, values: Sequence[Value]) -> None:
+        """Give parameters of a plant other values at a communication point.
 
         Raises
         ------
         PlantError
             The FMU refuses a value, or the process ended.
         """
-        self._request(Request.CHANGE, json.dumps([asdict(value) for value in values]).encode())
-        self._receive("did not change its parameters", 0)
+        self._ask(Request.CHANGE, [index, [asdict(value) for value in values]])
+        self._receive("did not change its parameters")
 
-    def take_messages(self) -> str:
-        """Return the FMU's messages since the last call."""
-        said, self._messages = self._messages, ""
-        return said
-
-    def take_data(self) -> list[Message]:
-        """Return the messages since the last call, the first ones of each request."""
-        return self._data.take()
+    def messages(self) -> list[tuple[int, str, list[Message]]]:
+        """Take the FMUs' messages since the last time: by plant, one text, and all that is not taken yet."""
+        if not self.board.activity.pending[0]:
+            return []
+        if not self._waits:
+            last = self.board.activity.last_messages
+            self.board.activity.pending[0] = 0
+            return [(self._culprit, "", last)]
+        failed = "did not tell its messages"
+        try:
+            self._ask(Request.MESSAGES)
+            told = self._receive(failed)
+            with self._sense(failed):
+                return [
+                    (range(len(self.specs))[int(index)], printable(str(said)), [_message(*about) for about in data])
+                    for index, said, data in told
+                ]
+        except PlantError:
+            return []
 
     def begin_to_end(self) -> None:
-        """Let the plant end, if it waits; it goes on beside the harness, and `close` waits for it."""
-        if self._waiting:
-            self._request(Request.END, b"")
+        """Let the plants end, if they wait; they go on beside the harness, and `close` waits for them."""
+        if self._waits and not self._ending:
+            self._ask(Request.END)
             self._ending = True
 
     def close(self) -> None:
-        """End the plant and its process: within the time limit if it waits for a request, else at once."""
+        """End the plants and their process: within the time limit if it waits for a request, else at once."""
         if self._closed:
             return
         self._closed = True
         try:
-            if not self._ending:
-                self.begin_to_end()
+            self.begin_to_end()
             if self._ending:
                 with suppress(PlantError):
-                    self._receive("did not end", 0)
+                    self._receive("did not end")
         finally:
-            self._watchdog.stop()
             kill(self._process, self._mark)
-            self._end.close()
+            self._awaited.close()
+            if self._timer >= 0:
+                os.close(self._timer)
 
-    def _request(self, kind: Request, body: bytes) -> None:
-        self._watchdog.allow(self._limit)
-        self._waiting = False
-        self._send(kind, body)
+    # Requests and replies -----------------------------------------------------------------------------------
 
-    def _send(self, kind: Request, body: bytes) -> None:
+    def _ask(self, kind: Request, about: object = None) -> None:
+        self._working()
         with suppress(OSError):  # the process has ended: reading its reply shows how
-            send(self._requests, kind, body)
+            send(self._requests, kind, b"" if about is None else json.dumps(about).encode())
 
-    def _receive(self, failed: str, numbers: int) -> NDArray[np.float64]:
-        """Return the numbers of a reply, which is not trusted, and keep its messages."""
-        self._last_words.clear()
-        kind, body = self._frame(failed, numbers)
-        while kind == Reply.SAID:  # until the watchdog ends it
-            message = Message.from_bytes(body)
-            self._last_words.append(message.text)
-            self._data.add([message])
-            kind, body = self._frame(failed, numbers)
-        self._watchdog.rest()
-        self._waiting = True
-        size = 8 * numbers if kind == Reply.DONE else 0
-        said = _text(body[size:])
-        if kind != Reply.DONE:
-            raise PlantError(said)
-        if said:
-            self._messages = f"{self._messages}; {said}" if self._messages else said
-        return np.frombuffer(body[:size], dtype=np.float64)
+    def _working(self) -> None:
+        """Note that the process works from now on."""
+        self._waits = False
+        self._seen, self._since = self._culprit, time.monotonic()
 
-    def _frame(self, failed: str, numbers: int) -> tuple[int, bytes]:
+    def _receive(self, failed: str) -> Any:
+        """Return what is in a reply, which is not trusted."""
         kind, length = HEADER.unpack(self._exactly(HEADER.size, failed))
-        if length > 8 * numbers + MAX_TEXT or (kind == Reply.DONE and length < 8 * numbers):
-            raise PlantError(f"{failed}: its process answers with bytes that are no reply")
-        return kind, self._exactly(length, failed)
+        if length > MOST:
+            raise self._nonsense(failed)
+        body = self._exactly(length, failed)
+        with self._sense(failed):
+            kind, told = Reply(kind), json.loads(body) if body else None
+        self._waits = True
+        if kind == Reply.FAILED:
+            raise PlantError(printable(str(told)))
+        return told
 
     def _exactly(self, length: int, failed: str) -> bytes:
         data = b""
-        while len(data) < length and not self._watchdog.expired and self._end.wait():
+        while len(data) < length and self._is_readable():
             part = os.read(self._replies, length - len(data))
             if not part:
                 break
             data += part
         if len(data) < length:
-            last = f"; it had logged: {'; '.join(self._last_words)}" if self._last_words else ""
-            raise PlantError(f"{failed}{self._how_it_ended()}{last}")
+            raise self._ended(failed)
         return data
 
-    def _how_it_ended(self) -> str:
+    def _is_readable(self) -> bool:
+        """Wait until a reply can be read, be it to find the end; False if the process has ended or takes too long."""
+        while (ready := self._awaited.wait(self._interval)) is None:
+            current, now = self._culprit, time.monotonic()
+            if current != self._seen and len(self.specs) > 1:  # each of the plants may take its time
+                self._seen, self._since = current, now
+            limit = _LAUNCH_LIMIT if self._launching else self._limits[current]
+            if now - self._since > limit:
+                self._expired = limit
+                _kill(self._process, self._mark)
+                return False
+        return ready
+
+    @property
+    def _culprit(self) -> int:
+        """The plant whose FMU is called; the first one if there is none, or no sense in what the process tells."""
+        current = int(self.board.activity.current[0])
+        return current if 0 <= current < len(self.specs) else 0
+
+    @contextmanager
+    def _sense(self, failed: str) -> Iterator[None]:
+        """Raise PlantError if what the process has told makes no sense."""
         try:
-            status = self._process.wait(_EXIT_LIMIT)
+            yield
+        except (ValueError, TypeError, LookupError, RecursionError):
+            raise self._nonsense(failed) from None
+
+    def _nonsense(self, failed: str) -> PlantError:
+        self._waits = False
+        return PlantError(f"{failed}: its process answers with bytes that are no reply")
+
+    def _ended(self, failed: str) -> PlantError:
+        self._waits = False
+        try:
+            how = how_it_ended(self._process.wait(_EXIT_LIMIT), self._expired)
         except subprocess.TimeoutExpired:
-            return ": its process has closed the pipe to the harness"
-        return how_it_ended(status, self._limit if self._watchdog.expired else None)
+            how = ": its process has closed the pipe to the harness"
+        last = self.board.activity.last_words
+        return PlantError(f"{failed}{how}" + (f"; it had logged: {'; '.join(last)}" if last else ""))
 
 
 def how_it_ended(status: int, limit: float | None = None) -> str:
@@ -226,37 +321,51 @@ def how_it_ended(status: int, limit: float | None = None) -> str:
     return f": its process exited with status {status}"
 
 
-def end(plants: Iterable[ProcessPlant]) -> None:
-    """Close plants that end side by side."""
+def end(processes: Sequence[PlantProcess]) -> None:
+    """Close processes that end side by side."""
     with ExitStack() as closing:
-        for plant in plants:
-            closing.callback(plant.close)
-        for plant in plants:
-            plant.begin_to_end()
+        for process in processes:
+            closing.callback(process.close)
+        for process in processes:
+            process.begin_to_end()
 
 
-def environment(mark: str) -> dict[str, str]:
-    """Return the environment of a process that runs one FMU: it finds this package where the harness has found it.
+def environment(mark: str, plain: bool = True) -> dict[str, str]:
+    """Return the environment of a process that runs FMUs: it finds this package where the harness has found it.
 
     Parameters
     ----------
     mark
         That of the process, by which `kill` knows what it has started.
+    plain
+        Whether it does without compiled code.
     """
-    variables = {**os.environ, PLAIN: "1", mark: "1"}  # compiling for one plant would take longer than it saves
+    variables = {**os.environ, mark: "1", **({PLAIN: "1"} if plain else {})}
     root = str(Path(__file__).parents[2])
     if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
         variables["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     return variables
 
 
-def _launched(mark: str) -> subprocess.Popen[bytes]:
+def _plain(specs: Sequence[PlantSpec]) -> bool:
+    """Return whether a process does without compiled code, as that gains little or the FMU has Python code."""
+    if len(specs) == 1 or sum(spec.stop_time for spec in specs) <= _SOON_OVER:
+        return True
+    return any(pkgutil.iter_modules([str(Path(specs[0].directory, "resources"))]))
+
+
+def _message(status: object, category: object, text: object, count: int) -> Message:
+    return Message(str(status), str(category), str(text), int(count))
+
+
+def _launched(variables: dict[str, str], inherited: tuple[int, ...]) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
             [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=environment(mark),
+            env=variables,
+            pass_fds=inherited,
             stderr=None if _standard_error() else subprocess.DEVNULL,
             bufsize=0,
             start_new_session=os.name == "posix",  # Ctrl-C is the harness's
@@ -287,78 +396,3 @@ def kill(process: subprocess.Popen[bytes], mark: str) -> None:
 def _kill(process: subprocess.Popen[bytes], mark: str) -> None:
     process_tree.end(process.pid, mark)
     process.kill()
-
-
-def _text(body: bytes) -> str:
-    return printable(body.decode("utf-8", "replace"))
-
-
-class _End:
-    """Notices a reply of a process, or its end, whichever comes first: something that it started may hold its pipe.
-
-    Only Linux tells of the end in this way; elsewhere the end of the pipe has to do.
-    """
-
-    def __init__(self, process: subprocess.Popen[bytes], replies: int) -> None:
-        self._replies = replies
-        self._descriptor = -1
-        if sys.platform == "linux":
-            with suppress(OSError):
-                self._descriptor = os.pidfd_open(process.pid)
-        if self._descriptor >= 0:
-            self._either, self._reply = select.poll(), select.poll()
-            self._either.register(self._descriptor, select.POLLIN)
-            for poll in (self._either, self._reply):
-                poll.register(replies, select.POLLIN)
-
-    def wait(self) -> bool:
-        """Wait for either; return whether the pipe can be read, be it to find its end."""
-        if self._descriptor < 0 or any(ready == self._replies for ready, _ in self._either.poll()):
-            return True
-        return bool(self._reply.poll(0))
-
-    def close(self) -> None:
-        """Watch no more."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
-class _Watchdog:
-    """Ends a process that takes longer than it is allowed, with everything that it has started.
-
-    Parameters
-    ----------
-    process, mark
-        The process, and the mark of what it starts.
-    interval
-        How often to look [s]; at least 0.02 s, at most 0.5 s.
-    """
-
-    def __init__(self, process: subprocess.Popen[bytes], mark: str, interval: float) -> None:
-        self.expired = False
-        self._process = process
-        self._mark = mark
-        self._interval = min(max(interval, 0.02), 0.5)
-        self._deadline = float("inf")
-        self._stopped = threading.Event()
-        threading.Thread(target=self._watch, daemon=True).start()
-
-    def allow(self, seconds: float) -> None:
-        """Let the process work for so long from now."""
-        self._deadline = time.monotonic() + seconds
-
-    def rest(self) -> None:
-        """Let the process wait for the harness without a limit."""
-        self._deadline = float("inf")
-
-    def stop(self) -> None:
-        """End the watch."""
-        self._stopped.set()
-
-    def _watch(self) -> None:
-        while not self._stopped.wait(self._interval):
-            if time.monotonic() > self._deadline:
-                self.expired = True
-                _kill(self._process, self._mark)
-                return

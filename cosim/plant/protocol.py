@@ -1,10 +1,10 @@
-"""Messages between the harness and a plant's own process, through a pipe each way.
+"""Messages between the harness and a process that runs plants, through a pipe each way.
 
-A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes. The plant's
-process sends numbers and text only, and the harness executes none of it: the FMU may have written it.
+A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes: JSON, or nothing.
+The numbers of a step go through shared memory, see `cosim.plant.bells`. The harness executes nothing of what comes
+back, and trusts none of it: an FMU may have written it.
 
-The process sends `Reply.DONE` when it has started. After that each request has one reply. Before the reply it sends the
-messages that the FMU logs meanwhile, so that they arrive even if there is no reply.
+The process sends `Reply.DONE` when it has started. After that each request has one reply.
 """
 
 from __future__ import annotations
@@ -14,25 +14,26 @@ import struct
 from enum import IntEnum
 
 HEADER = struct.Struct("<BI")
-MAX_TEXT = 65536
-"""Bytes of text in a reply."""
-MAX_SAID = 20
-"""Upper limit for messages that are sent at once, for each request."""
+MOST = 64 * 1024**2
+"""Bytes of a reply."""
 
 
 class Request(IntEnum):
-    """Kinds of requests: a PlantSpec as JSON; time, step and inputs as doubles; values as JSON; nothing."""
+    """Kinds of requests.
 
-    START, STEP, CHANGE, END = range(4)
+    Start plants, or change values of one; take a step; the words of the failures in it; the messages of the FMUs; end.
+    """
+
+    START, STEP, CHANGE, FAILURES, MESSAGES, END = range(6)
 
 
 class Reply(IntEnum):
-    """Kinds of replies: outputs as doubles, if any, and log; the text of a failure; a `Message` as it comes."""
+    """Kinds of replies: what was asked for; why that failed."""
 
-    DONE, FAILED, SAID = range(3)
+    DONE, FAILED = range(2)
 
 
-def send(pipe: int, kind: IntEnum, body: bytes) -> None:
+def send(pipe: int, kind: IntEnum, body: bytes = b"") -> None:
     """Write a frame."""
     data = HEADER.pack(kind, len(body)) + body
     while data:

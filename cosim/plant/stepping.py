@@ -62,9 +62,11 @@ class Rows:
     Parameters
     ----------
     instances
-        The plants; None for one that is stepped elsewhere, such as in a process of its own.
+        The plants; None for one that is stepped elsewhere, such as in another process.
     sizes
         Number of inputs and of outputs of each plant.
+    outputs
+        Where numbers are returned; an array of its own if left out.
 
     Attributes
     ----------
@@ -79,13 +81,18 @@ class Rows:
         Space for values that functions return through pointers, and for solvers.
     """
 
-    def __init__(self, instances: Sequence[Instance | None], sizes: Sequence[tuple[int, int]]) -> None:
+    def __init__(
+        self,
+        instances: Sequence[Instance | None],
+        sizes: Sequence[tuple[int, int]],
+        outputs: NDArray[np.float64] | None = None,
+    ) -> None:
         n = len(instances)
         self.first_input, self.first_output = (
             np.cumsum([0, *column], dtype=np.int64) for column in (zip(*sizes, strict=True) if n else ((), ()))
         )
         self.inputs = np.zeros(self.first_input[-1])
-        self.outputs = np.zeros(self.first_output[-1])
+        self.outputs = np.zeros(self.first_output[-1]) if outputs is None else outputs
         self.rows = np.zeros(n, ROW)
         self.scratch = np.zeros((n, SCRATCH))
         self.work = np.zeros(sum(work_size(i.states, i.event_indicators) for i in instances if i is not None))
@@ -95,6 +102,14 @@ class Rows:
             if instance is not None:
                 self._fill(index, instance, first)
                 first += work_size(instance.states, instance.event_indicators)
+
+    def inputs_of(self, index: int) -> NDArray[np.float64]:
+        """Return the inputs of a plant."""
+        return self.inputs[self.first_input[index] : self.first_input[index + 1]]
+
+    def outputs_of(self, index: int) -> NDArray[np.float64]:
+        """Return the outputs of a plant."""
+        return self.outputs[self.first_output[index] : self.first_output[index + 1]]
 
     def _fill(self, index: int, instance: Instance, first: int) -> None:
         spec, row = instance.spec, self.rows[index]

@@ -15,16 +15,13 @@ from cosim.plant.spec import PlantSpec, Value
 class StepwisePlant(Protocol):
     """A plant that is stepped one call at a time.
 
-    Legal call order: `begin` and `finish` by turns, `change` and `take_messages` in between, `close` once.
+    Legal call order: `step`, `change` and `take_messages` in any number, `close` once.
     """
 
     first_outputs: list[float]
 
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Begin a communication step."""
-
-    def finish(self, outputs: NDArray[np.float64]) -> None:
-        """Wait for its end and write the outputs, or raise PlantError."""
+    def step(self, time: float, step: float, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
+        """Give the inputs, take a communication step and write the outputs, or raise PlantError."""
 
     def change(self, values: Sequence[Value]) -> None:
         """Change parameters, or raise PlantError."""

@@ -38,11 +38,7 @@ class TypedPlant:
             self.close()
             raise
 
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Do nothing yet."""
-        self._pending = (time, step, inputs)
-
-    def finish(self, outputs: NDArray[np.float64]) -> None:
+    def step(self, time: float, step: float, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
         """Give the inputs, take the step and write the outputs.
 
         Raises
@@ -50,7 +46,6 @@ class TypedPlant:
         PlantError
             The FMU failed, or the type of an input cannot represent its value.
         """
-        time, step, inputs = self._pending
         instance, rows = self._instance, self._rows
         if instance.spec.interface == CO_SIMULATION:
             instance.give(inputs.tolist())

@@ -1,7 +1,7 @@
-"""The process of its own in which a plant runs: ``python -m cosim.plant.worker``, started by `cosim.plant.process`.
+"""The process of their own in which plants run: ``python -m cosim.plant.worker``, started by `cosim.plant.process`.
 
-Requests come through standard input and replies go out through standard output, both moved out of the FMU's reach
-first: the FMU's own output goes to standard error.
+Requests come through standard input and replies go out through standard output, both moved out of the FMUs' reach
+first: the FMUs' own output goes to standard error.
 """
 
 from __future__ import annotations
@@ -12,109 +12,25 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Sequence
-from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from cosim import process_tree
-from cosim.plant.failures import FINE, PlantError
-from cosim.plant.foreign_modules import make_room
-from cosim.plant.instance import Instance
-from cosim.plant.log import Log
-from cosim.plant.message import Message
-from cosim.plant.protocol import HEADER, MAX_SAID, MAX_TEXT, Reply, Request, exactly, send
-from cosim.plant.spec import PlantSpec, Value, values_from
-from cosim.plant.stepping import Rows, advance, read_outputs
-from cosim.plant.stepwise import StepwisePlant, stepper
+from cosim.plant.failures import NoInstance, PlantError
+from cosim.plant.local import NotStarted
+from cosim.plant.protocol import HEADER, Reply, Request, exactly, send
+from cosim.plant.serving import Served
 
 _ORPHAN_CHECK = 1.0
 """Interval [s] of the check that the harness still runs."""
 
 
-class LocalPlant:
-    """A plant that compiled code can step, stepped here.
-
-    Raises
-    ------
-    PlantError
-        See `cosim.plant.instance.Instance`.
-    """
-
-    def __init__(self, spec: PlantSpec) -> None:
-        self._instance = Instance(spec)
-        try:
-            self._rows = Rows([self._instance], [(len(spec.inputs.start), len(spec.outputs.start))])
-            if not spec.late_outputs:
-                self._check(*read_outputs(self._rows.rows[0]), subject="it ")
-        except BaseException:
-            self.close()
-            raise
-        self.first_outputs = self._rows.outputs.tolist()
-
-    def begin(self, time: float, step: float, inputs: NDArray[np.float64]) -> None:
-        """Give the inputs."""
-        if (self._rows.inputs != inputs).any():
-            self._rows.inputs[:] = inputs
-            self._rows.rows["in_changed"] = True
-        self._pending = (time, step)
-
-    def finish(self, outputs: NDArray[np.float64]) -> None:
-        """Take the step and write the outputs.
-
-        Raises
-        ------
-        PlantError
-            The FMU failed.
-        """
-        rows = self._rows
-        self._check(*advance(rows.rows[0], rows.scratch[0], rows.work, *self._pending))
-        outputs[:] = rows.outputs
-
-    def change(self, values: Sequence[Value]) -> None:
-        """See `Instance.change`."""
-        self._instance.change(values)
-        self._rows.rows["next_event"] = self._instance.next_event
-
-    def take_messages(self) -> str:
-        """Return the FMU's messages since the last call."""
-        return self._instance.log.take()
-
-    def take_data(self) -> list[Message]:
-        """See `Log.take_data`."""
-        return self._instance.log.take_data()
-
-    def close(self) -> None:
-        """End the plant."""
-        self._instance.close()
-
-    def _check(self, what: int, status: int, subject: str = "") -> None:
-        if what != FINE:
-            raise PlantError(subject + self._instance.failure(what, status))
-
-
-def start(spec: PlantSpec) -> StepwisePlant:
-    """Return a plant in this process.
-
-    Raises
-    ------
-    PlantError
-        See `cosim.plant.instance.Instance`.
-    """
-    plant = stepper(spec) or LocalPlant
-    make_room(Path(spec.directory, "resources"))  # from now on imports may find modules of the FMU
-    return plant(spec)
-
-
 def main() -> None:
-    """Serve one plant until the harness asks for its end, or has ended itself.
+    """Serve plants until the harness asks for their end, or has ended itself.
 
     The arguments are the harness's process, and the folders where its Python finds modules.
     """
     process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
-    replies = _Replies()
+    replies = _out_of_reach(1)
     if os.name == "posix":
         threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
     status = 0
@@ -124,28 +40,6 @@ def main() -> None:
         traceback.print_exc()
         status = 1
     os._exit(status)  # without the FMU's exit handlers
-
-
-class _Replies:
-    """The pipe to the harness: replies, and before them the FMU's messages, from any thread."""
-
-    def __init__(self) -> None:
-        self._pipe = _out_of_reach(1)
-        self._lock = threading.Lock()
-        self._said = 0
-        Log.listener = self._tell
-
-    def send(self, kind: Reply, numbers: bytes, text: str) -> None:
-        """Reply to a request."""
-        self._said = 0
-        with self._lock:
-            send(self._pipe, kind, numbers + text.encode("utf-8", "replace")[:MAX_TEXT])
-
-    def _tell(self, message: Message) -> None:
-        self._said += 1
-        if self._said <= MAX_SAID:
-            with self._lock:
-                send(self._pipe, Reply.SAID, message.to_bytes())
 
 
 def _out_of_reach(descriptor: int) -> int:
@@ -160,44 +54,57 @@ def _out_of_reach(descriptor: int) -> int:
     return other
 
 
-def _serve(requests: int, replies: _Replies) -> None:
-    plant: StepwisePlant | None = None
-    outputs = np.zeros(0)
-    replies.send(Reply.DONE, b"", "")
-    while (request := _receive(requests)) is not None:
+def _serve(requests: int, replies: int) -> None:
+    if (first := _receive(requests)) is None:
+        return
+    served = Served(json.loads(first[1]), requests, replies)
+    send(replies, Reply.DONE)
+    try:
+        served.start()
+        answer = None
+    except NotStarted as error:
+        answer = error.index, str(error), isinstance(error.error, NoInstance)
+    except Exception as error:
+        answer = max(int(served.board.activity.current[0]), 0), f"{type(error).__name__}: {error}", False
+    _answer(replies, Reply.DONE, answer)
+    ready = answer is None
+    while (request := _receive(requests, served.serve() if ready else b"")) is not None:
         kind, body = request
-        numbers = b""
         try:
-            if kind == Request.START:
-                spec = PlantSpec.from_json(body)
-                plant = start(spec)
-                outputs = np.array(plant.first_outputs, dtype=np.float64)
-                numbers = outputs.tobytes()
-            elif plant is None:
-                pass
-            elif kind == Request.STEP:
-                given = np.frombuffer(body, dtype=np.float64)
-                plant.begin(float(given[0]), float(given[1]), given[2:])
-                plant.finish(outputs)
-                numbers = outputs.tobytes()
-            elif kind == Request.CHANGE:
-                plant.change(values_from(json.loads(body)))
-            elif kind == Request.END:
-                plant.close()
+            if kind == Request.STEP:
+                served.step()
+                send(replies, Reply.DONE)
+            else:
+                ready = ready and kind != Request.END
+                _answer(replies, Reply.DONE, _asked(served, kind, body))
         except PlantError as error:
-            replies.send(Reply.FAILED, b"", str(error))
+            _answer(replies, Reply.FAILED, str(error))
         except Exception as error:
-            replies.send(Reply.FAILED, b"", f"{type(error).__name__}: {error}")
-        else:
-            replies.send(Reply.DONE, numbers, plant.take_messages() if plant is not None else "")
+            _answer(replies, Reply.FAILED, f"{type(error).__name__}: {error}")
 
 
-def _receive(pipe: int) -> tuple[int, bytes] | None:
-    """Return the next request, None at the end."""
-    header = exactly(pipe, HEADER.size)
-    if header is None:
+def _asked(served: Served, kind: int, body: bytes) -> object:
+    if kind == Request.CHANGE:
+        served.change(*json.loads(body))
+    elif kind == Request.FAILURES:
+        return served.failures()
+    elif kind == Request.MESSAGES:
+        return served.messages()
+    elif kind == Request.END:
+        served.close()
+    return None
+
+
+def _answer(pipe: int, kind: Reply, told: object) -> None:
+    send(pipe, kind, b"" if told is None else json.dumps(told).encode())
+
+
+def _receive(pipe: int, begun: bytes = b"") -> tuple[int, bytes] | None:
+    """Return the next request, of which a part may have been read; None at the end."""
+    rest = exactly(pipe, HEADER.size - len(begun))
+    if rest is None:
         return None
-    kind, length = HEADER.unpack(header)
+    kind, length = HEADER.unpack(begun + rest)
     body = exactly(pipe, length)
     return None if body is None else (kind, body)
 

@@ -108,6 +108,8 @@ class PlantSource:
     late_outputs : bool
         Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
     isolated : bool
+        Whether its FMU runs in a process of its own, for all its robots.
+    apart : bool
         Whether each robot's FMU runs in a process of its own.
     trusted : bool
         Whether it may run in the process that judges and writes.
@@ -128,6 +130,7 @@ class PlantSource:
     tolerance: float | None = None
     late_outputs: bool = False
     isolated: bool = False
+    apart: bool = False
     trusted: bool = False
     time_limit: float | None = None
     logging: bool = False

@@ -15,7 +15,7 @@ from cosim.fmu.capabilities import obstacle
 from cosim.fmu.model_description import ModelDescription
 from cosim.fmu.package import Package, choose_interface, experiment_number, interfaces
 from cosim.plant.failures import PlantError
-from cosim.plant.process import ProcessPlant, end
+from cosim.plant.process import PlantProcess, end
 from cosim.plant.spec import CO_SIMULATION, Block, Exchanged, PlantSpec
 from cosim.scenario.scenario import OPEN
 from cosim.swap.candidates import Number, Numbers
@@ -107,22 +107,25 @@ def _driven(package: Package, inputs: Sequence[Number], outputs: Sequence[Number
 
 def _run(spec: PlantSpec, step: float, runs: Sequence[NDArray[np.float64]], until: float) -> list[NDArray[np.float64]]:
     """Return the outputs at the end of runs with constant inputs, side by side."""
-    plants: list[ProcessPlant] = []
-    outputs = [np.array(spec.outputs.start) for _ in runs]
+    processes: list[PlantProcess] = []
     try:
-        plants += [ProcessPlant(spec) for _ in runs]
-        for plant in plants:
-            plant.wait_until_started()
+        for _ in runs:
+            processes.append(PlantProcess([spec]))
+        for process in processes:
+            process.wait_until_started()
         for tick in range(round(DURATION / step)):
             if time.monotonic() > until:
                 raise PlantError(f"it takes more than {_PATIENCE:g} s")
-            for plant, inputs in zip(plants, runs, strict=True):
-                plant.begin(tick * step, step, inputs)
-            for plant, found in zip(plants, outputs, strict=True):
-                plant.finish(found)
+            for process, inputs in zip(processes, runs, strict=True):
+                process.board.inputs[:] = inputs
+                process.begin(tick * step, step)
+            for process in processes:
+                process.finish()
+                for said in process.failures().values():
+                    raise PlantError(said)
+        return [process.board.outputs.copy() for process in processes]
     finally:
-        end(plants)
-    return outputs
+        end(processes)
 
 
 def _spec(

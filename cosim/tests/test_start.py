@@ -249,7 +249,7 @@ def test_an_fmu_is_told_a_tolerance(
 def test_the_tolerance_is_told_by_check(make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" tolerance="1e-8" {ISOLATE}/>')
     assert main(["check", str(path)]) == 0
-    said = "FMI 2.0 Co-Simulation, with a tolerance of 1e-08, each robot in a process of its own"
+    said = "FMI 2.0 Co-Simulation, with a tolerance of 1e-08, its robots in a process of their own"
     assert said in capsys.readouterr().out
 
 

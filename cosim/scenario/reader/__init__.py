@@ -40,7 +40,7 @@ def read_scenario(
     changes
         Made before the document is checked: ``XPATH=VALUE`` each, as for ``--set``, or one of `cosim.scenario.edits`.
     untrusted
-        Folders: each robot whose FMU lies in one of them gets a process of its own, also in scenarios to compare with.
+        Folders: each plant whose FMU lies in one of them gets a process of its own, also in scenarios to compare with.
 
     Raises
     ------

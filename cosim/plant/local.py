@@ -1,0 +1,162 @@
+"""Plants whose FMUs are called in this process: by compiled code, or one call at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.plant.activity import Activity
+from cosim.plant.failures import FINE, PlantError
+from cosim.plant.fleet_step import FleetArrays, advance_all
+from cosim.plant.instance import Instance
+from cosim.plant.message import Message
+from cosim.plant.spec import PlantSpec, Value
+from cosim.plant.stepping import Rows
+from cosim.plant.stepwise import StepwisePlant, stepper
+
+
+class NotStarted(PlantError):
+    """A plant cannot be started.
+
+    Parameters
+    ----------
+    index
+        Which one.
+    error
+        Why; the plant is the subject.
+    """
+
+    def __init__(self, index: int, error: PlantError) -> None:
+        super().__init__(str(error))
+        self.index, self.error = index, error
+
+
+class LocalPlants:
+    """The plants of a fleet whose FMUs are called in this process, by their numbers in the fleet.
+
+    Legal call order: `start`, then `advance`, `change` and `messages` in any number; `start` again for another run;
+    `close` at the end.
+
+    Parameters
+    ----------
+    activity
+        Shows what the plants are about.
+
+    Attributes
+    ----------
+    rows : Rows
+        Those of the whole fleet.
+    stepwise : dict of StepwisePlant
+        The plants that compiled code cannot step.
+    """
+
+    def __init__(self, activity: Activity) -> None:
+        self.stepwise: dict[int, StepwisePlant] = {}
+        self._instances: dict[int, Instance] = {}
+        self._activity = activity
+
+    def start(
+        self, specs: Sequence[PlantSpec], here: Iterable[int], outputs: NDArray[np.float64] | None = None
+    ) -> None:
+        """Start plants, or put those that are there at the start of another run, if their FMUs can be reset.
+
+        Parameters
+        ----------
+        specs
+            All plants of the fleet.
+        here
+            The numbers of those to start here.
+        outputs
+            Gets the outputs; see `Rows`.
+
+        Raises
+        ------
+        NotStarted
+            A plant cannot be started.
+        """
+        self._end_stepwise()
+        for index in here:
+            try:
+                with self._activity.of(index):
+                    self._start(index, specs[index])
+            except PlantError as error:
+                raise NotStarted(index, error) from None
+        sizes = [(len(spec.inputs.start), len(spec.outputs.start)) for spec in specs]
+        self.rows = Rows([self._instances.get(index) for index in range(len(specs))], sizes, outputs)
+        for index, spec in enumerate(specs):
+            if index not in self._instances:
+                self.rows.inputs_of(index)[:] = spec.inputs.start
+        for index, plant in self.stepwise.items():
+            self.rows.outputs_of(index)[:] = plant.first_outputs
+
+    def advance(self, arrays: FleetArrays, time: float, step: float) -> dict[int, str]:
+        """Advance all plants from Python, with their inputs given; return the failure of each plant that has failed."""
+        self._activity.clock[:] = time, step
+        failures = self.failures() if advance_all(arrays, time, step) else {}
+        for index, plant in self.stepwise.items():
+            try:
+                with self._activity.of(index):
+                    plant.step(time, step, self.rows.inputs_of(index), self.rows.outputs_of(index))
+            except PlantError as error:
+                failures[index] = str(error)
+        return failures
+
+    def failures(self) -> dict[int, str]:
+        """Return the failure of each plant that compiled code has called and that has failed."""
+        rows = self.rows.rows
+        failed = np.flatnonzero(rows["what"] != FINE).tolist()
+        told = {index: (int(rows[index]["what"]), int(rows[index]["status"])) for index in failed}
+        return {index: self._instances[index].failure(*outcome) for index, outcome in told.items()}
+
+    def change(self, index: int, values: Sequence[Value]) -> None:
+        """Give parameters of a plant other values at a communication point.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses a value.
+        """
+        plant = self.stepwise.get(index) or self._instances[index]
+        with self._activity.of(index):
+            plant.change(values)
+        if isinstance(plant, Instance):
+            self.rows.rows["next_event"][index] = plant.next_event
+
+    def messages(self) -> Iterator[tuple[int, str, list[Message]]]:
+        """Take the messages of each plant since the last time: its number, one text, and all that is not taken yet."""
+        for index, instance in self._instances.items():
+            yield index, instance.log.take(), instance.log.take_data()
+        for index, plant in self.stepwise.items():
+            yield index, plant.take_messages(), plant.take_data()
+
+    def close(self) -> None:
+        """End all plants, whatever happens to one of them."""
+        with ExitStack() as closing:
+            closing.callback(self._end_stepwise)
+            for index, instance in self._instances.items():
+                closing.callback(self._end_one, index, instance)
+            self._instances = {}
+
+    def _start(self, index: int, spec: PlantSpec) -> None:
+        if (make := stepper(spec)) is not None:
+            self.stepwise[index] = make(spec)
+            return
+        before = self._instances.pop(index, None)  # back once it is restarted
+        if before is None or not before.restart(spec):
+            if before is not None:
+                before.close()
+            before = Instance(spec)
+        self._instances[index] = before
+
+    def _end_stepwise(self) -> None:
+        with ExitStack() as closing:
+            for index, plant in self.stepwise.items():
+                closing.callback(self._end_one, index, plant)
+            self.stepwise = {}
+
+    def _end_one(self, index: int, plant: Instance | StepwisePlant) -> None:
+        with self._activity.of(index):
+            plant.close()
