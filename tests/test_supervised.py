@@ -79,8 +79,14 @@ class Command:
             time.sleep(0.1)
 
 
+@pytest.fixture(scope="module")
+def compiled(make: Make, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Fill the cache with functions that take seconds to compile, which no signal interrupts."""
+    cosim.run(write(tmp_path_factory.mktemp("compiled") / "s.xml", make(name="car")))
+
+
 @pytest.fixture
-def command(make: Make, tmp_path: Path) -> Iterator[Callable[..., Command]]:
+def command(make: Make, tmp_path: Path, compiled: None) -> Iterator[Callable[..., Command]]:
     started = []
 
     def start(**options: Any) -> Command:
