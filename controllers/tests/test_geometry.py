@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from formation_controllers import CarLike, ControllerError, DifferentialDrive, TractorTrailer, kinematics
 from formation_controllers.geometry import (
+    formation_courses,
     formation_rates,
     input_matrix,
     posture_error,
@@ -284,6 +285,27 @@ def test_a_noisy_bearing_near_180_degrees_does_not_part_from_the_true_one():
     for desired in (2.0, -2.0):
         difference = unwrapped_bearing(true, desired) - unwrapped_bearing(measured, desired)
         np.testing.assert_allclose(difference, -2e-3, atol=1e-12)
+
+
+@VEHICLES
+@pytest.mark.parametrize("samples", [0, 1, 16, 53])
+def test_courses_are_range_and_bearing_unwrapped_less_the_desired_place(vehicle, samples):
+    random = np.random.default_rng(samples)
+    pose = random.normal(size=(samples, 3, 1 + len(vehicle.pose)), scale=3.0)[..., : len(vehicle.pose)]
+    leader, desired = random.normal(size=(samples, 5)), random.normal(size=(samples, 3, 2))
+    pose[20:21, 1, 0], pose[30:31, 2, 2] = np.nan, 1e9  # beyond what is reduced in vectors
+    whole = np.zeros((samples, 1, len(vehicle.pose)))
+    whole[..., :3] = leader[:, None, :3]
+    expected = range_bearing(pose, whole, vehicle)
+    expected[..., 1] = unwrapped_bearing(expected[..., 1], desired[..., 1])
+    courses = formation_courses(pose, leader, desired, vehicle)
+    np.testing.assert_array_equal(courses[:2], expected.transpose(2, 1, 0))
+    np.testing.assert_array_equal(courses[2:], (expected - desired).transpose(2, 1, 0))
+
+
+def test_courses_of_other_shapes_are_refused():
+    with pytest.raises(ControllerError, match=r"shapes \(5, 2, 4\), \(4, 4\), \(5, 2, 2\), which do not fit"):
+        formation_courses(np.zeros((5, 2, 4)), np.zeros((4, 4)), np.zeros((5, 2, 2)), CAR)
 
 
 def test_bearings_without_time_or_with_another_shape_are_refused():

@@ -13,6 +13,7 @@ from cosim.fmu.discrete_values import DISCRETE, check_bounds, check_whole, discr
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.package import Fmu
 from cosim.fmu.units import unit_of, unit_of_values
+from cosim.known import Known
 from cosim.plant.spec import FLOAT_TYPES, Value
 from cosim.quantity import quantity, split
 from cosim.scenario.scenario import Setting
@@ -42,7 +43,9 @@ class ParameterValue:
         return Value(self.variable.name, self.variable.type, self.variable.valueReference, (self.value,))
 
 
-def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tuple[ParameterValue, ...]:
+def understand(
+    fmu: Fmu, settings: Iterable[Setting], way_out: str = "", known: Known | None = None
+) -> tuple[ParameterValue, ...]:
     """Return the values of the parameters that a scenario sets, by their names in the FMU or the roles that they play.
 
     An input that does not drive or disturb the vehicle may be set too, to a value that it keeps. A role that has a
@@ -54,37 +57,41 @@ def understand(fmu: Fmu, settings: Iterable[Setting], way_out: str = "") -> tupl
         The FMU, and the settings.
     way_out
         Remedy for a parameter that the FMU lacks, for the message.
+    known
+        Values of settings that are understood already.
 
     Raises
     ------
     InputError
         The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
     """
+    known = known or Known()
+    values = (known.of((fmu.path, one.name), _understood, fmu, one, way_out) for one in settings)
+    return tuple(value for value in values if value is not None)
+
+
+def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | None:
+    """Return the value of one parameter; None for a role that has this value anyway."""
     parameters = fmu.settable
-    values = []
-    for setting in settings:
-        variable = parameters.get(setting.name)
-        bound = _geometry_role(fmu, setting.name)
-        player = _player(bound)
-        plays = player is not None and player.variable is variable
-        if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
-            bound = player = None  # it is meant by its own name
-        if variable is None and player is None and (bound is None or bound.played_by is not None):
-            known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
-            raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
-        try:
-            if bound is not None and bound.played_by is None:
-                check_constant(bound.role, bound.constant, setting.value)
-                continue
-            if player is not None:
-                value = ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
-            else:
-                assert variable is not None  # refused above
-                value = ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
-        except (ValueError, UnitError) as error:
-            raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
-        values.append(value)
-    return tuple(values)
+    variable = parameters.get(setting.name)
+    bound = _geometry_role(fmu, setting.name)
+    player = _player(bound)
+    plays = player is not None and player.variable is variable
+    if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
+        bound = player = None  # it is meant by its own name
+    if variable is None and player is None and (bound is None or bound.played_by is not None):
+        known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
+        raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
+    try:
+        if bound is not None and bound.played_by is None:
+            check_constant(bound.role, bound.constant, setting.value)
+            return None
+        if player is not None:
+            return ParameterValue(player.variable, _value_of_role(fmu, setting, player), setting.where)
+        assert variable is not None  # refused above
+        return ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
+    except (ValueError, UnitError) as error:
+        raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
 
 
 def check_constant(role: Role, constant: float | str | None, text: str) -> None:

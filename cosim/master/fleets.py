@@ -9,6 +9,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_plants import member
 from cosim.plant.fleet import Fleet
@@ -55,6 +56,8 @@ def start_fleet(
     return closing(Fleet(members_of(robots, horizon, columns), state))
 
 
-def members_of(robots: Sequence[RobotSetup], horizon: float, columns: Sequence[tuple[int, ...]]) -> list[Member]:
-    """Return the plants of robots."""
-    return [member(robot, horizon, own) for robot, own in zip(robots, columns, strict=True)]
+def members_of(
+    robots: Sequence[RobotSetup], horizon: float, columns: Sequence[tuple[int, ...]], known: Known | None = None
+) -> list[Member]:
+    """Return the plants of robots; what is known of them from other runs is not worked out again."""
+    return [member(robot, horizon, own, known) for robot, own in zip(robots, columns, strict=True)]

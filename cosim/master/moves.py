@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,10 +30,16 @@ class Spots:
 
 def spots(array: NDArray[np.float64]) -> Spots:
     """Return where the numbers of an array are, which are the same at all ticks."""
-    first = np.array(array.__array_interface__["data"][0], dtype=np.int64)
-    for size, stride in zip(array.shape, array.strides, strict=True):
-        first = np.add.outer(first, stride * np.arange(size, dtype=np.int64))
-    return Spots(first)
+    return Spots(_offsets(array.shape, array.strides) + array.__array_interface__["data"][0])
+
+
+@lru_cache(1024)
+def _offsets(shape: tuple[int, ...], strides: tuple[int, ...]) -> Places:
+    """Return where the numbers of an array are, counted from the first one."""
+    offsets = np.zeros((), dtype=np.int64)
+    for size, stride in zip(shape, strides, strict=True):
+        offsets = np.add.outer(offsets, stride * np.arange(size, dtype=np.int64))
+    return offsets
 
 
 def spots_by_tick(array: NDArray[np.float64]) -> Spots:
@@ -59,10 +66,22 @@ def moves_between(to: Spots, of: Spots) -> list[tuple[int, ...]]:
     targets, sources = to.first.reshape(-1), of.first.reshape(-1)
     if not len(targets):
         return []
+    to_first, of_first = int(targets[0]), int(sources[0])
+    rows = _rows((targets - to_first).tobytes(), (sources - of_first).tobytes())
+    return [(to_first + t, to.tick, tr, of_first + s, of.tick, sr, n, width) for t, s, n, width, tr, sr in rows]
+
+
+@lru_cache(1024)
+def _rows(to: bytes, of: bytes) -> list[list[int]]:
+    """Return the rows of moves between places that are counted from the first ones.
+
+    Each is to, from, the number of rows, the columns, and by how much the first two grow from row to row.
+    """
+    targets, sources = np.frombuffer(to, dtype=np.int64), np.frombuffer(of, dtype=np.int64)
     breaks = np.flatnonzero((np.diff(targets) != 8) | (np.diff(sources) != 8)) + 1
     firsts = np.concatenate(([0], breaks))
     lengths = np.diff(np.concatenate((firsts, [len(targets)])))
-    rows: list[list[int]] = []  # to, from, rows, columns, and by how much the first two grow
+    rows: list[list[int]] = []
     for target, source, length in zip(
         targets[firsts].tolist(), sources[firsts].tolist(), lengths.tolist(), strict=True
     ):
@@ -73,7 +92,7 @@ def moves_between(to: Spots, of: Spots) -> list[tuple[int, ...]]:
                 last[4:], last[2] = grown, last[2] + 1
                 continue
         rows.append([target, source, 1, length, 0, 0])
-    return [(t, to.tick, tr, s, of.tick, sr, n, width) for t, s, n, width, tr, sr in rows]
+    return rows
 
 
 @compiled

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import Failure, InputError, Location, SimulationError, nearest
+from cosim.known import Known
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.other_runs import run_other
 from cosim.master.recorded_result import only_signals, recorded_result
@@ -28,6 +29,7 @@ from cosim.results.outcome import RunOutcome
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.edits import Change
+from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import LEADER, PlantSource, Scenario
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -79,12 +81,13 @@ class Prepared:
         self.scenario = scenario
         self.resets = True
         self._record = record
+        self._variations, self._known = Variations(scenario), Known()
         self._structure = _structure(scenario)
         self._fleet: Fleet | None = None
         self._memory: list[NDArray[Any]] = []
         self._reset = False  # whether the plants of the last run were those of the run before
         with ExitStack() as cleanup:
-            self._setup = set_up(scenario, cleanup, {})
+            self._setup = set_up(scenario, cleanup, {}, None, self._known)
             self._check_record()
             self._unverified = any(robot.source.model is None for robot in driven_robots(self._setup))
             cleanup.callback(self._end_plants)
@@ -106,10 +109,10 @@ class Prepared:
         RunInterrupted
             The user pressed Ctrl-C.
         """
-        scenario = variation if isinstance(variation, Scenario) else self.scenario.edited(variation)
+        scenario = variation if isinstance(variation, Scenario) else self._variations.edited(variation)
         self._check_structure(scenario)
         with ExitStack() as cleanup:
-            setup = set_up(scenario, cleanup, {}, self._setup)
+            setup = set_up(scenario, cleanup, {}, self._setup, self._known)
             memory = [] if self._keeps or self._unverified else self._memory
             recorder = self._recorder(scenario, setup, memory)
             outcome = self._run(scenario, setup, recorder)
@@ -194,7 +197,7 @@ class Prepared:
         """Put the plants at the start of a run, at whose end they stay."""
         if not self.resets:
             self._end_plants()
-        members = members_of(robots, horizon, columns)
+        members = members_of(robots, horizon, columns, self._known)
         self._reset = self._fleet is not None
         if self._fleet is None:
             self._fleet = Fleet(members, state)

@@ -56,14 +56,23 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
 def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Sequence[Team]) -> dict[str, Floats]:
     """Return the variables that are computed from recorded ones."""
     desired = setup.desired.q[:samples]
-    found = np.full((len(DERIVED), desired.shape[1], samples), np.nan)
-    for team in teams:
-        if formation_of(team.vehicle) is not None:
-            own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
-            if own != tuple(range(pose.shape[-1])):
-                pose = pose[..., own]
-            found[:, team.place] = formation_courses(pose, arrays["leader_pose"], desired[:, team.place], team.vehicle)
+    parts = [_team_courses(arrays, desired[:, team.place], setup, team) for team in teams]
+    found = parts[0]
+    if len(teams) > 1:
+        found = np.empty((len(DERIVED), desired.shape[1], samples))
+        for team, courses in zip(teams, parts, strict=True):
+            found[:, team.place] = courses
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
+
+
+def _team_courses(arrays: Mapping[str, Floats], desired: Floats, setup: Setup, team: Team) -> Floats:
+    """Return range, bearing and their errors (4, followers, samples) of a team; NaN of vehicles that state neither."""
+    if formation_of(team.vehicle) is None:
+        return np.full((len(DERIVED), *desired.shape[1::-1]), np.nan)
+    own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
+    if own != tuple(range(pose.shape[-1])):
+        pose = pose[..., own]
+    return formation_courses(pose, arrays["leader_pose"], desired, team.vehicle)
 
 
 def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from cosim.control.team import Law
 from cosim.errors import InputError
 from cosim.master.who_is_who import is_taken
 from cosim.results.expectations import Recorded, recorded
 from cosim.results.result_variable import ResultVariable
-from cosim.scenario.scenario import Scenario
 from cosim.vehicle.columns import RunColumns
 
 RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
@@ -88,25 +87,23 @@ def result_variables_of(
 
 
 def recorded_signals(
-    scenario: Scenario, variables: Sequence[ResultVariable], columns: RunColumns, laws: Mapping[str, Law]
+    variables: Sequence[ResultVariable], columns: RunColumns, followers: Sequence[tuple[str, Law]]
 ) -> dict[str, Recorded]:
     """Return the signals that expectations can name, by name: recorded variables, and those computed from them.
 
     Parameters
     ----------
-    scenario
-        The scenario.
     variables
-        The variables that its run records.
+        The variables that a run records.
     columns
         The columns of the arrays, by the robots' kinds of vehicle.
-    laws
-        The control law of each controller that is used, by its id.
+    followers
+        The followers' ids, each with its control law.
     """
     names = dict(columns.labels)
     owners: dict[str, list[str]] = {}
-    for follower in scenario.followers:
-        for signal in laws[follower.controller].controller_type.signals:
+    for follower, law in followers:
+        for signal in law.controller_type.signals:
             names |= {f"{signal.name}_component": tuple(signal.components)} if signal.components else {}
-            owners.setdefault(signal.name, []).append(follower.id)
-    return recorded(variables, names, [follower.id for follower in scenario.followers], owners)
+            owners.setdefault(signal.name, []).append(follower)
+    return recorded(variables, names, [follower for follower, _ in followers], owners)

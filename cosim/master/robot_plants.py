@@ -12,6 +12,7 @@ from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
+from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.plant.member import Link, Member
 from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
@@ -24,7 +25,7 @@ DIVERGED_VELOCITY = 1e6
 """A pseudo-velocity beyond this magnitude [m/s, rad/s] is taken for divergence."""
 
 
-def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = ()) -> Member:
+def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = (), known: Known | None = None) -> Member:
     """Return the plant of a robot.
 
     Parameters
@@ -35,6 +36,8 @@ def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = ()) -
         End of the run [s].
     columns
         Columns of its pose and velocities in a row of the state; empty: one after the other.
+    known
+        What is known from other runs.
     """
     return plant(
         robot.fmu,
@@ -47,6 +50,7 @@ def member(robot: RobotSetup, stop_time: float, columns: tuple[int, ...] = ()) -
         held=robot.held,
         stop_time=stop_time,
         columns=columns,
+        known=known,
     )
 
 
@@ -62,6 +66,7 @@ def plant(
     held: Iterable[ParameterValue] = (),
     stop_time: float,
     columns: tuple[int, ...] = (),
+    known: Known | None = None,
 ) -> Member:
     """Return an FMU as a plant.
 
@@ -83,16 +88,19 @@ def plant(
         Inputs that keep their values until they are changed, at the start.
     stop_time
         End of the run [s].
-    columns
+    columns, known
         As for `member`.
     """
     description, binding, kind = fmu.description, fmu.binding, fmu.binding.kind
-    states = kind.states
+    states, known = kind.states, known or Known()
     bounds = (*[DIVERGED_POSE] * len(kind.pose), *[DIVERGED_VELOCITY] * len(kind.velocity))
     driven = (*(binding.bound[role.name] for role in kind.command), *inputs)
-    input_block, input_places = _block(driven, given)
+    players = tuple(binding.of(states))
+    input_block, inputs_linked = known.of(
+        (name, "inputs"), _exchanged, driven, tuple(given), tuple(bound.role for bound in driven), ()
+    )
     presumed = (*pose, *[0.0] * len(kind.velocity)) if source.late_outputs else ()
-    output_block, output_places = _block(binding.of(states), presumed)
+    output_block, outputs_linked = known.of((name, "outputs"), _exchanged, players, presumed, states, bounds)
     spec = PlantSpec(
         robot=name,
         file=fmu.path.name,
@@ -103,7 +111,7 @@ def plant(
         token=description.guid or "",
         values=(
             *(parameter.as_value for parameter in parameters if not parameter.is_input),
-            *_initial_values(fmu, pose),
+            *known.of(name, _initial_values, fmu, tuple(pose)),
         ),
         inputs=input_block,
         outputs=output_block,
@@ -122,11 +130,8 @@ def plant(
     )
     return Member(
         spec=spec,
-        inputs=tuple(_link(b.role, b.played_by, place) for b, place in zip(driven, input_places, strict=True)),
-        outputs=tuple(
-            _link(role, None if bound is None else bound.played_by, place, bound_by=most)
-            for role, bound, place, most in zip(states, binding.of(states), output_places, bounds, strict=True)
-        ),
+        inputs=inputs_linked,
+        outputs=outputs_linked,
         pose=tuple(pose),
         isolated=in_own_process(fmu, source),
         alone=each_alone(fmu, source),
@@ -175,6 +180,17 @@ def _time_limit(fmu: Fmu, source: PlantSource) -> float:
     return TIME_LIMIT if declared else math.inf
 
 
+def _exchanged(
+    players: Sequence[BoundRole | None], values: Sequence[float], roles: Sequence[Role], bounds: Sequence[float]
+) -> tuple[Block, tuple[Link, ...]]:
+    """Return the block of the variables that play roles, see `_block`, and the link of each role, with its bound."""
+    block, places = _block(players, values)
+    return block, tuple(
+        _link(role, None if player is None else player.played_by, place, bound_by=most)
+        for role, player, place, most in zip(roles, players, places, bounds or [np.inf] * len(places), strict=True)
+    )
+
+
 def _block(roles: Sequence[BoundRole | None], values: Sequence[float] = ()) -> tuple[Block, list[int]]:
     """Return the block of the variables that play roles, and the place of each role in it; -1 for a role without one.
 
@@ -207,7 +223,7 @@ def _link(role: Role, bound: BoundVariable | None, place: int, *, bound_by: floa
     return Link(role.name, role.unit, place, scale, offset, bound_by, resolution)
 
 
-def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
+def _initial_values(fmu: Fmu, pose: Sequence[float]) -> tuple[Value, ...]:
     """Return the start values that put a plant at its initial pose; of an array, all of its elements."""
     values: dict[tuple[str, int], tuple[Variable, list[float]]] = {}
     for bound, entry in zip(fmu.binding.of(fmu.binding.kind.pose), pose, strict=True):
@@ -217,6 +233,12 @@ def _initial_values(fmu: Fmu, pose: Sequence[float]) -> Iterable[Value]:
         start = list(start_of(variable))
         _, elements = values.setdefault((variable.type, variable.valueReference), (variable, start))
         elements[bound.initial.element] = (entry - bound.initial.offset) / bound.initial.scale
-    for variable, elements in values.values():
-        numbers = map(round, elements) if variable.type in WHOLE else elements
-        yield Value(variable.name, variable.type, variable.valueReference, tuple(numbers))
+    return tuple(
+        Value(
+            variable.name,
+            variable.type,
+            variable.valueReference,
+            tuple(map(round, elements) if variable.type in WHOLE else elements),
+        )
+        for variable, elements in values.values()
+    )

@@ -15,6 +15,7 @@ from cosim.clock import tick_at
 from cosim.errors import InputError, Location
 from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue, geometry
+from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import changes_of, stops
 from cosim.master.robot_inputs import hold, robot_inputs
@@ -34,7 +35,9 @@ from cosim.vehicle.kind import Kind, Role, names, units_of
 from cosim.vehicle.outline import Outline, outline_fault
 
 
-def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | None = None) -> RobotSetup:
+def leader_of(
+    scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | None = None, known: Known | None = None
+) -> RobotSetup:
     """Return the leader.
 
     Parameters
@@ -45,6 +48,8 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | 
         The FMU of each plant.
     before
         The leader of another run with the same FMUs, which is taken if it comes to the same.
+    known
+        What is known of parameters and effects.
 
     Raises
     ------
@@ -78,23 +83,24 @@ def leader_of(scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | 
             torques.append((tick_at(event.time, scenario.step), entries))
     hold(torque, torques)
     pose = None if leader.trajectory is not None else leader.pose
-    return _robot(scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torque, leader.inputs)
+    known = known or Known()
+    return _robot(scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torque, leader.inputs, known)
 
 
 def followers_of(
-    scenario: Scenario, fmus: Mapping[str, Fmu], before: Iterable[RobotSetup] = ()
+    scenario: Scenario, fmus: Mapping[str, Fmu], before: Iterable[RobotSetup] = (), known: Known | None = None
 ) -> tuple[RobotSetup, ...]:
     """Return the followers in the scenario's order; see `leader_of`."""
-    known = {robot.name: robot for robot in before}
+    earlier, known = {robot.name: robot for robot in before}, known or Known()
     robots = []
     for follower in scenario.followers:
         inputs = (*scenario.inputs, *follower.inputs)
         origin = _origin(scenario, follower.id, follower, inputs)
-        robot, fmu = known.get(follower.id), fmus[follower.plant]
+        robot, fmu = earlier.get(follower.id), fmus[follower.plant]
         if robot is None or robot.origin != origin:
             torque = np.zeros((scenario.ticks + 1, len(fmu.binding.kind.command)))
             pose, actuator = follower.pose, follower.actuator
-            robot = _robot(scenario, fmu, follower.id, follower, origin, pose, actuator, torque, inputs)
+            robot = _robot(scenario, fmu, follower.id, follower, origin, pose, actuator, torque, inputs, known)
         robots.append(robot)
     return tuple(robots)
 
@@ -122,19 +128,21 @@ def _robot(
     actuator: tuple[EffectSource, ...],
     torque: NDArray[np.float64],
     inputs: Sequence[InputSource],
+    known: Known,
 ) -> RobotSetup:
     kind, where, source = fmu.binding.kind, about.where, scenario.plants[about.plant]
     named = {setting.name for setting in about.parameters}
     common = [setting for setting in source.parameters if setting.name not in named]
-    parameters = understood(fmu, source, [*common, *about.parameters])
+    parameters = understood(fmu, source, [*common, *about.parameters], known)
     _check_free(fmu, parameters)
     try:
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
     times = Times(scenario.step, scenario.ticks)
-    sensing = effects.understood(about.sensor, units_of(kind.pose), times, f"the pose of {name}, a {kind.name},")
-    acting = effects.understood(actuator, units_of(kind.command), times, f"the actuators of {name}, a {kind.name},")
+    poses, commands = f"the pose of {name}, a {kind.name},", f"the actuators of {name}, a {kind.name},"
+    sensing = known.of((name, "sensor"), effects.understood, about.sensor, units_of(kind.pose), times, poses)
+    acting = known.of((name, "actuator"), effects.understood, actuator, units_of(kind.command), times, commands)
     given = robot_inputs(scenario, fmu, name, inputs, scenario.clock.times)
     changes = changes_of(scenario, fmu, source, name, given)
     given.check_free(parameters)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,10 +10,12 @@ from pathlib import Path
 import formation_controllers as fc
 import numpy as np
 
+from cosim.clock import Clock
 from cosim.control.leader_view import check_view
 from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
 from cosim.fmu.package import Fmu
+from cosim.known import Known
 from cosim.master.common_effects import check_common_effects
 from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup
@@ -24,7 +26,8 @@ from cosim.master.velocities import check_velocities
 from cosim.results.expectations import Recorded, Recording, check
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.reader import read_scenario
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.reader.times import Times
+from cosim.scenario.scenario import PlaceChange, Scenario
 from cosim.signals.desired_places import desired_samples
 from cosim.signals.trajectory import leader_motion
 from cosim.vehicle.columns import RunColumns, run_columns
@@ -80,7 +83,13 @@ class Setup:
         return run_columns([robot.kind for robot in (self.leader, *self.followers)])
 
 
-def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], before: Setup | None = None) -> Setup:
+def set_up(
+    scenario: Scenario,
+    cleanup: ExitStack,
+    timing: dict[str, float],
+    before: Setup | None = None,
+    known: Known | None = None,
+) -> Setup:
     """Find and check everything that a scenario names. Built-in plants are built if they are not in the cache.
 
     Parameters
@@ -92,26 +101,31 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
     timing
         Gets the seconds that were spent, by part.
     before
-        The set-up of another run with the same plants: FMUs, laws and scenarios to compare with are taken from it.
+        The set-up of another run with the same plants: FMUs and scenarios to compare with are taken from it.
+    known
+        What is known from other runs, also of laws.
 
     Raises
     ------
     InputError
         A part does not exist or does not fit; the message has its place in the scenario.
     """
-    fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened)
+    known = known or Known()
+    fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened, known)
     _check_size(scenario, _least_bytes(scenario, fmus))  # before any array of that size is made
     with timed(timing, "signals"):
-        leader = leader_of(scenario, fmus, None if before is None else before.leader)
+        leader = leader_of(scenario, fmus, None if before is None else before.leader, known)
         motion = None
         if scenario.leader.trajectory is not None:
             motion = leader_motion(scenario.leader.trajectory, leader.vehicle, scenario.clock.times)
-        followers = followers_of(scenario, fmus, () if before is None else before.followers)
-        check_common_effects(scenario, followers)
-        desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
+        followers = followers_of(scenario, fmus, () if before is None else before.followers, known)
+        kinds = tuple(dict.fromkeys(robot.kind for robot in followers))
+        times = Times(scenario.step, scenario.ticks)
+        known.of("", check_common_effects, scenario.sensor, scenario.actuator, kinds, times)
+        places = tuple((follower.desired, follower.changes) for follower in scenario.followers)
+        desired = known.of("", _desired, places, scenario.clock)
     with timed(timing, "controllers"):
-        known = {} if before is None else {law.source: law for law in before.laws.values()}
-        found = {name: known.get(source) or find_law(source) for name, source in scenario.controllers.items()}
+        found = {name: known.of(name, find_law, source) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
@@ -119,9 +133,11 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
     check_velocities(scenario, leader, followers, laws)
     columns = run_columns([robot.kind for robot in (leader, *followers)])
     used = set(_plants_of(scenario))
-    variables = result_variables_of(columns, len(followers), bool(scenario.leader.sensor), laws.values())
+    measured = bool(scenario.leader.sensor)
+    variables = known.of("", result_variables_of, columns, len(followers), measured, tuple(laws.values()))
     _check_size(scenario, sum(variable.bytes_per_sample for variable in variables))
-    signals = recorded_signals(scenario, variables, columns, laws)
+    controlled = tuple((follower.id, laws[follower.controller]) for follower in scenario.followers)
+    signals = known.of("", recorded_signals, variables, columns, controlled)
     others: dict[Path, tuple[Scenario, Setup]] = {} if before is None else dict(before.others)
 
     def prepare(path: Path) -> Recording:
@@ -138,7 +154,7 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
         leader=leader,
         followers=followers,
         motion=motion,
-        desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        desired=desired,
         opened=fmus,
         fmus={name: fmu for name, fmu in fmus.items() if name in used},
         laws=laws,
@@ -147,6 +163,12 @@ def set_up(scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], bef
         signals=signals,
         others=others,
     )
+
+
+def _desired(places: Sequence[tuple[tuple[float, float], tuple[PlaceChange, ...]]], clock: Clock) -> fc.Desired:
+    """Return the places of all followers over time."""
+    samples = [desired_samples(desired, changes, clock.times) for desired, changes in places]
+    return fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*samples, strict=True)))
 
 
 def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:

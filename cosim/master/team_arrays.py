@@ -64,8 +64,8 @@ class TeamArrays:
         return view[row, : len(kind.pose)], view[row, self._poses : self._poses + len(kind.velocity)]
 
     def padded(self, torques: Sequence[Floats]) -> Floats:
-        """Return the torques (ticks, entries) of each robot in one array (ticks, robots, entries)."""
-        found = np.full((len(torques[0]), *self.torque.shape), np.nan)
+        """Return the torques (ticks, entries) of the first robots in one array (ticks, robots, entries)."""
+        found = np.full((len(torques[0]), len(torques), self.torque.shape[1]), np.nan)
         for row, own in enumerate(torques):
             found[:, row, : own.shape[1]] = own
         return found

@@ -75,7 +75,8 @@ class Ticks:
         step = scenario.step
         self._sensors = pose_sensors(scenario.seed, names, poses, [robot.sensor for robot in robots], step)
         self._actuators = actuators(commands, [robot.actuator for robot in setup.followers], step)
-        self._external = now.padded([robot.torque for robot in robots])
+        besides = any(robot.torque.any() for robot in setup.followers)
+        self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])])
         self._desired = [[np.ascontiguousarray(part[:, team.place]) for part in setup.desired] for team in teams]
         self._wiring = Wiring()
         self._wiring.move(Stage.SENSE, spots(now.measured), spots(now.pose))

@@ -13,12 +13,13 @@ from cosim.errors import InputError
 from cosim.fmu.package import Fmu, as_vehicle, open_fmu
 from cosim.fmu.parameters import ParameterValue, understand
 from cosim.fmu.solver import check_solver, check_step
+from cosim.known import Known
 from cosim.master.timing import timed
 from cosim.scenario.scenario import PlantSource, Scenario, Setting
 
 
 def open_fmus(
-    scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], opened: Mapping[str, Fmu]
+    scenario: Scenario, cleanup: ExitStack, timing: dict[str, float], opened: Mapping[str, Fmu], known: Known
 ) -> dict[str, Fmu]:
     """Return the FMU of every plant by the plant's id, also of unused plants, so that the whole file is checked.
 
@@ -32,6 +33,8 @@ def open_fmus(
         Receives the seconds that were spent, by part.
     opened
         FMUs that are open already, by the plant's id.
+    known
+        What is known of parameters.
 
     Raises
     ------
@@ -62,16 +65,18 @@ def open_fmus(
             if source.id not in used:
                 checked.setdefault(path, {}).setdefault(source.interface if source.binding is None else None, fmu)
         fmus[source.id] = fmu
-        understood(fmu, source, source.parameters)
+        understood(fmu, source, source.parameters, known)
         check_solver(fmu, source)
         check_step(fmu, source, scenario.step)
     return fmus
 
 
-def understood(fmu: Fmu, source: PlantSource, settings: Sequence[Setting]) -> tuple[ParameterValue, ...]:
+def understood(
+    fmu: Fmu, source: PlantSource, settings: Sequence[Setting], known: Known | None = None
+) -> tuple[ParameterValue, ...]:
     """Return the values of parameters; if the FMU replaces another one, an error names the remedy."""
     way_out = '"formation swap" writes a variant without the parts that an FMU lacks' if source.fmu else ""
-    return understand(fmu, settings, way_out)
+    return understand(fmu, settings, way_out, known)
 
 
 def _fmu_path(source: PlantSource) -> Path:

@@ -79,11 +79,11 @@ def wire_laws(
 
 
 def wire_acting(wiring: Wiring, now: TeamArrays, external: Floats) -> None:
-    """Let commands act, and torques (ticks, robots, entries) besides."""
+    """Let commands act, and torques (ticks, robots, entries) besides: those of the leader alone, or of all robots."""
     besides = spots_by_tick(external)
     wiring.move(Stage.ACT, spots(now.torque[0]), besides[0], external)
     wiring.move(Stage.ACT, spots(now.torque[1:]), spots(now.command))
-    if np.nan_to_num(external[:, 1:]).any():
+    if external.shape[1] > 1:
         wiring.move(Stage.BESIDES, spots(now.torque[1:]), besides[1:])
 
 

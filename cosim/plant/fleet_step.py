@@ -97,7 +97,7 @@ def fleet_arrays(
 ) -> FleetArrays:
     """Return a fleet for compiled code; see `FleetArrays`."""
     other = 0
-    if not np.isin(rows.rows["kind"], (EXTERNAL, SLAVE)).all():
+    if not {EXTERNAL, SLAVE}.issuperset(rows.rows["kind"].tolist()):
         other = address_of(advance_at, rows.rows, 0, rows.scratch, rows.work, 0.0, 0.0)
     own = rows.rows, rows.inputs, rows.outputs, rows.scratch, rows.work
     return FleetArrays(*own, in_links, out_links, state, current, pending, other, elsewhere)

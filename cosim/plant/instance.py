@@ -78,6 +78,7 @@ class Instance:
         self.log = Log(spec.robot)
         self.status = 0
         self._fmu: Any = None
+        self._addresses: dict[str, int] = {}
         self._started(self._instantiate)
         self.living.append(spec)
 
@@ -151,8 +152,10 @@ class Instance:
 
     def address(self, function: str) -> int:
         """Return the address of a function of the FMU, by its name without a prefix such as ``fmi2``."""
-        prefix = f"{self.spec.identifier}_fmi" if self._version == 1 else f"fmi{self._version}"
-        return int(ctypes.cast(self._fmu.dll[prefix + function], ctypes.c_void_p).value or 0)
+        if function not in self._addresses:
+            prefix = f"{self.spec.identifier}_fmi" if self._version == 1 else f"fmi{self._version}"
+            self._addresses[function] = int(ctypes.cast(self._fmu.dll[prefix + function], ctypes.c_void_p).value or 0)
+        return self._addresses[function]
 
     @property
     def states(self) -> int:

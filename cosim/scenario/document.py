@@ -63,6 +63,19 @@ class Document:
         """The places of all elements, in the order of the text."""
         return tuple(self._places[element] for element in self.root.iter("*"))
 
+    def changed(self, changes: Sequence[Change]) -> Document:
+        """Return the document with changes; this one stays as it is.
+
+        Raises
+        ------
+        InputError
+            A change does not apply, or breaks the schema.
+        """
+        root = copy.deepcopy(self.root)
+        return _changed(
+            Document(self.path, self.text, root, dict(zip(root.iter("*"), self.places, strict=True))), changes
+        )
+
 
 def read_document(path: Path, changes: Sequence[Change] = ()) -> Document:
     """Read a scenario file, or a variant of one, change it as asked, and check it against the schema.
@@ -184,7 +197,8 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
         for change in changes:
             change(root)
             for element in root.iter("*"):
-                places.setdefault(element, Location(in_words(change)))
+                if element not in places:
+                    places[element] = Location(in_words(change))
     finally:
         _add_namespace(root)
     _collapse(root)

@@ -273,6 +273,9 @@ class Expectation(Written):
     stop: float
     robots: tuple[str, ...]
 
+    def __hash__(self) -> int:
+        return hash((self.kind, self.where, self.start, self.stop))
+
 
 def _unread(scenario: Scenario, changes: Sequence[Change]) -> NoReturn:
     raise InputError(f"the scenario {scenario.name!r} was not read from a file, so it cannot be edited")

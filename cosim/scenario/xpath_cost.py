@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 from lxml import etree
 
@@ -66,6 +67,7 @@ def affordable(root: etree._Element, xpath: str) -> None:
         )
 
 
+@lru_cache(256)
 def cost(xpath: str, size: int) -> int:
     """Return the largest number of nodes that an XPath can look at in a tree of some size.
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import ROUNDING
-from cosim.scenario.scenario import Follower
+from cosim.scenario.scenario import PlaceChange
 
 
 def desired_samples(
-    follower: Follower, times: NDArray[np.float64]
+    desired: tuple[float, float], changes: Iterable[PlaceChange], times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return a follower's desired range and bearing with their first two derivatives.
 
@@ -20,8 +22,8 @@ def desired_samples(
 
     Parameters
     ----------
-    follower
-        The follower, with its changes one after the other.
+    desired, changes
+        Range [m] and bearing [rad] at the start, and their changes, one after the other.
     times
         Points in time (T,) [s].
 
@@ -30,10 +32,10 @@ def desired_samples(
     tuple of ndarray
         q_d, its first and its second derivative, each (T, 2): [m, rad], [m/s, rad/s], [m/s2, rad/s2].
     """
-    q = np.tile(np.array(follower.desired, dtype=float), (len(times), 1))
+    q = np.tile(np.array(desired, dtype=float), (len(times), 1))
     q_dot, q_ddot = np.zeros_like(q), np.zeros_like(q)
-    before = np.array(follower.desired, dtype=float)
-    for change in follower.changes:
+    before = np.array(desired, dtype=float)
+    for change in changes:
         after = np.array([change.range, change.bearing])
         duration = change.stop - change.start
         during = (times > change.start + ROUNDING) & (times < change.stop - ROUNDING)

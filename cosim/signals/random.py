@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,6 +13,10 @@ def random_stream(seed: int, robot: str, channel: str) -> np.random.Generator:
 
     The stream depends on the seed and the two names alone: adding a robot or a sensor leaves all others as they are.
     """
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=_words(robot, channel))))
+
+
+@lru_cache(4096)
+def _words(robot: str, channel: str) -> tuple[int, ...]:
     digest = hashlib.sha256(f"{robot}/{channel}".encode()).digest()
-    words = np.frombuffer(digest, dtype="<u4")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=tuple(words.tolist()))))
+    return tuple(np.frombuffer(digest, dtype="<u4").tolist())

@@ -34,7 +34,9 @@ def mock_setup(scenario: Scenario) -> Setup:
     followers = tuple(_robot(scenario, follower.id, follower) for follower in scenario.followers)
     columns = run_columns([robot.kind for robot in (leader, *followers)])
     variables = result_variables_of(columns, len(followers), False, laws.values())
-    desired = [desired_samples(follower, scenario.clock.times) for follower in scenario.followers]
+    desired = [
+        desired_samples(follower.desired, follower.changes, scenario.clock.times) for follower in scenario.followers
+    ]
     return Setup(
         leader=leader,
         followers=followers,
@@ -45,7 +47,7 @@ def mock_setup(scenario: Scenario) -> Setup:
         laws=laws,
         gains=tuple(laws[follower.controller].gains for follower in scenario.followers),
         result_variables=variables,
-        signals=recorded_signals(scenario, variables, columns, laws),
+        signals=recorded_signals(variables, columns, [(one.id, laws[one.controller]) for one in scenario.followers]),
         others={},
     )
 

@@ -7,6 +7,7 @@ are handed in for other scenarios: one that returns their signals, and one that 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from cosim.kinds_by_element import kinds_in
@@ -39,6 +40,7 @@ KINDS: Mapping[str, type[Kind]] = kinds_in(__name__, __path__, Kind)
 """The kinds of expectations, by the element's name."""
 
 
+@lru_cache(256)
 def understood(written: Expectation) -> Kind:
     """Return an expectation with its attributes read.
 

@@ -45,28 +45,34 @@ class Regular(Kind):
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""
-        worst: dict[str, tuple[tuple[bool, float], Verdict]] = {}
+        worst: dict[str, tuple[tuple[bool, float], float, str, str]] = {}
+        thresholds: dict[str, float] = {}
         for name, signal in result.data_vars.items():
             if not signal.attrs.get("singular_at_zero"):
                 continue
-            threshold = float(signal.attrs.get("singular_below", 0.0))
+            thresholds[name] = threshold = float(signal.attrs.get("singular_below", 0.0))
             for robot, (time, course) in Subject(name).courses(self, result).items():
                 if is_absent(result.of_robot(name, robot)):
                     continue
                 least, at, jumps = _nearness(course)
-                verdict = self.verdict(
-                    least,
-                    margin=least - threshold,
-                    passed=least - threshold > 0,
-                    robot=robot,
-                    detail=f"{name} {'changes sign' if jumps else 'nearest to zero'} at t = {time[at]:.2f} s",
-                    bound=threshold,
-                    unit=str(signal.attrs["units"]),
-                )
-                rank = (verdict.passed, least / threshold if threshold else math.inf)
+                rank = (least - threshold > 0, least / threshold if threshold else math.inf)
                 if robot not in worst or math.isnan(least) or rank < worst[robot][0]:
-                    worst[robot] = rank, verdict
-        return [worst[robot][1] for robot in self.followers(result) if robot in worst]
+                    how = "changes sign" if jumps else "nearest to zero"
+                    worst[robot] = rank, least, name, f"{name} {how} at t = {time[at]:.2f} s"
+        return [
+            self.verdict(
+                least,
+                margin=least - thresholds[name],
+                passed=passed,
+                robot=robot,
+                detail=detail,
+                bound=thresholds[name],
+                unit=str(result[name].attrs["units"]),
+            )
+            for robot in self.followers(result)
+            if robot in worst
+            for (passed, _), least, name, detail in [worst[robot]]
+        ]
 
 
 def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from cosim.collection import without_collection
 from cosim.errors import InputError, printable
+from cosim.known import Known
 from cosim.scenario.document import Document, parse_document, read_document
 from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.reader.effects import effects
@@ -24,7 +25,7 @@ from cosim.scenario.scenario import LEADER, Event, Expectation, Scenario
 MAX_EVENTS = 100_000
 """Of all robots together."""
 
-__all__ = ["read_binding", "read_expectations", "read_scenario", "scenario_in"]
+__all__ = ["Variations", "read_binding", "read_expectations", "read_scenario", "scenario_in"]
 
 
 @without_collection()
@@ -53,9 +54,48 @@ def read_scenario(
 
 def _read_again(scenario: Scenario, changes: Sequence[Change]) -> Scenario:
     """Read the text of a scenario with more changes, for `Scenario.edited`."""
-    document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places, changes)
-    again = _scenario(document, scenario.untrusted, (*scenario.changes, *map(in_words, changes)))
-    return replace(again, path=scenario.path)
+    return Variations(scenario).edited(changes)
+
+
+class Variations:
+    """A scenario that is changed often: its text is parsed once, and only elements that have changed are read again.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._known = Known()
+
+    def edited(self, changes: Iterable[str | Change]) -> Scenario:
+        """Return the scenario with changes, as `Scenario.edited` does.
+
+        Raises
+        ------
+        InputError
+            As there.
+        """
+        made, scenario = as_changes(changes), self._scenario
+        if not made or scenario.read_again is not _read_again:
+            return scenario.edited(made)
+        document, before = self._known.of("", _document, scenario)
+        changed = document.changed(made)
+        again = _scenario(
+            changed,
+            scenario.untrusted,
+            (*scenario.changes, *map(in_words, made)),
+            Element.root(changed, before),
+            self._known,
+        )
+        return replace(again, path=scenario.path)
+
+
+def _document(scenario: Scenario) -> tuple[Document, Element]:
+    document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places)
+    return document, Element.root(document)
 
 
 def scenario_in(document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()) -> Scenario:
@@ -80,7 +120,8 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     """
     document = parse_document(text, Path(path))
     root = Element.root(document)
-    return expectations(root, Times.of(root), {element.get("id"): None for element in root.children("follower")})
+    followers = {element.get("id"): None for element in root.children("follower")}
+    return expectations(tuple(root.children("expect")), Times.of(root.child("simulation")), followers)
 
 
 def _expanded(root: Element, times: Times, robots: Mapping[str, object]) -> list[Event]:
@@ -96,17 +137,31 @@ def _expanded(root: Element, times: Times, robots: Mapping[str, object]) -> list
     return found
 
 
-def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable[str]) -> Scenario:
-    root = Element.root(document)
-    times = Times.of(root)
+def _ids(ids: tuple[str, ...]) -> Mapping[str, object]:
+    """Return ids, to be looked up."""
+    return dict.fromkeys(ids)
+
+
+def _scenario(
+    document: Document,
+    untrusted: tuple[Path, ...],
+    changes: Iterable[str],
+    root: Element | None = None,
+    known: Known | None = None,
+) -> Scenario:
+    """Read a document; what is known of elements of an earlier one is not read again."""
+    root, known = root or Element.root(document), known or Known()
+    times = known.of("", Times.of, root.child("simulation"))
     simulation = root.child("simulation")
-    plants = table(root, "plant", lambda element: plant(element, times, untrusted))
-    controllers = table(root, "controller", controller)
-    leading = leader(root.child("leader"), times, plants)
-    sensor, actuator = effects(root, "sensor", times), effects(root, "actuator", times)
-    followers = table(root, "follower", lambda e: follower(e, times, plants, controllers, sensor, actuator))
+    plants = table(root, "plant", lambda e: known.of(e.get("id"), plant, e, times, untrusted))
+    controllers = table(root, "controller", lambda e: known.of(e.get("id"), controller, e))
+    ids = known.of("plant", _ids, tuple(plants)), known.of("controller", _ids, tuple(controllers))
+    leading = known.of("", leader, root.child("leader"), times, ids[0])
+    sensor, actuator = (known.of(tag, effects, tuple(root.children(tag)), times) for tag in ("sensor", "actuator"))
+    followers = table(root, "follower", lambda e: known.of(e.get("id"), follower, e, times, *ids, sensor, actuator))
     if LEADER in followers:
         raise InputError(f"a follower cannot have the id {LEADER!r}", followers[LEADER].where)
+    named = known.of("follower", _ids, tuple(followers))
     happening = _expanded(root, times, {LEADER: None, **followers})
     return Scenario(
         path=document.path,
@@ -121,11 +176,11 @@ def _scenario(document: Document, untrusted: tuple[Path, ...], changes: Iterable
         controllers=controllers,
         sensor=sensor,
         actuator=actuator,
-        inputs=inputs(root, times),
+        inputs=known.of("", inputs, tuple(root.children("input")), times),
         leader=leading,
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
-        expectations=expectations(root, times, followers),
+        expectations=known.of("", expectations, tuple(root.children("expect")), times, named),
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from cosim.scenario.reader.element import Element
 from cosim.scenario.reader.entries import check_names
 from cosim.scenario.reader.times import Times
@@ -12,9 +14,9 @@ _OF_ENTRIES = ("noise", "bias", "quantisation")
 _WINDOW = ("from", "to")
 
 
-def effects(element: Element, tag: str, times: Times) -> tuple[EffectSource, ...]:
-    """Read the effects of the sensor or the actuator in an element; the amounts are read for a robot."""
-    return tuple(_effect(child, times) for own in element.children(tag) for child in own.inside)
+def effects(elements: Iterable[Element], times: Times) -> tuple[EffectSource, ...]:
+    """Read the effects in a <sensor> or an <actuator>, if there is one; the amounts are read for a robot."""
+    return tuple(_effect(child, times) for own in elements for child in own.inside)
 
 
 def _effect(element: Element, times: Times) -> EffectSource:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from lxml import etree
 
@@ -32,21 +33,30 @@ class Element(Written):
     inside: tuple[Element, ...]
     text: str
 
-    @classmethod
-    def root(cls, document: Document) -> Self:
-        """Return the root element of a document."""
-        return cls._of(document.root, document, document.path.parent)
+    __eq__ = object.__eq__  # not that of `Written`, which does not look inside
+    __hash__ = object.__hash__
 
     @classmethod
-    def _of(cls, node: etree._Element, document: Document, folder: Path) -> Self:
-        return cls(
-            kind=node.tag.rpartition("}")[2],
-            attributes=dict(node.attrib),
-            where=document.where(node),
-            folder=folder,
-            inside=tuple(cls._of(child, document, folder) for child in node.iterchildren("*")),
-            text=" ".join((node.text or "").split()),
+    def root(cls, document: Document, before: Element | None = None) -> Element:
+        """Return the root element of a document; it and those within it are earlier ones where these are equal."""
+        return cls._of(document.root, document, document.path.parent, before)
+
+    @classmethod
+    def _of(cls, node: etree._Element, document: Document, folder: Path, before: Element | None) -> Element:
+        nodes, earlier = list(node.iterchildren("*")), () if before is None else before.inside
+        inside = tuple(
+            cls._of(child, document, folder, was) for child, was in zip_longest(nodes, earlier[: len(nodes)])
         )
+        kind, attributes = node.tag.rpartition("}")[2], dict(node.items())
+        where, text = document.where(node), " ".join((node.text or "").split())
+        facts = (kind, attributes, where, folder, inside, text)
+        if before is not None and before._facts == facts:
+            return before
+        return cls(*facts)
+
+    @property
+    def _facts(self) -> tuple[object, ...]:
+        return self.kind, self.attributes, self.where, self.folder, self.inside, self.text
 
     def children(self, kind: str) -> Iterator[Element]:
         """Return the elements of a kind within it."""

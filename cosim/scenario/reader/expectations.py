@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from cosim.scenario.reader.element import Element, robots
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import Expectation
 
 
-def expectations(root: Element, times: Times, followers: Mapping[str, object]) -> tuple[Expectation, ...]:
-    """Read the expectations of a scenario: windows and robots; their kinds read the rest."""
-    return tuple(
-        _expectation(element, times, followers) for group in root.children("expect") for element in group.inside
-    )
+def expectations(groups: Iterable[Element], times: Times, followers: Mapping[str, object]) -> tuple[Expectation, ...]:
+    """Read the expectations in <expect>: windows and robots; their kinds read the rest."""
+    return tuple(_expectation(element, times, followers) for group in groups for element in group.inside)
 
 
 def _expectation(element: Element, times: Times, followers: Mapping[str, object]) -> Expectation:

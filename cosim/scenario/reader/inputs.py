@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from cosim.scenario.reader.element import Element
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import InputSource, WaveSource
 
 
-def inputs(element: Element, times: Times) -> tuple[InputSource, ...]:
-    """Read the inputs in an element."""
-    return tuple(_input(child, times) for child in element.children("input"))
+def inputs(elements: Iterable[Element], times: Times) -> tuple[InputSource, ...]:
+    """Read inputs."""
+    return tuple(_input(element, times) for element in elements)
 
 
 def _input(element: Element, times: Times) -> InputSource:

@@ -11,11 +11,11 @@ from cosim.scenario.reader.inputs import inputs
 from cosim.scenario.reader.places import changes, desired_place
 from cosim.scenario.reader.times import Times
 from cosim.scenario.reader.trajectory import trajectory
-from cosim.scenario.scenario import ControllerSource, EffectSource, Entries, Follower, Leader, PlantSource
+from cosim.scenario.scenario import EffectSource, Entries, Follower, Leader
 
 
-def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) -> Leader:
-    """Read the leader."""
+def leader(element: Element, times: Times, plants: Mapping[str, object]) -> Leader:
+    """Read the leader, given the ids of plants."""
     plant = known(element, "plant", plants)
     given, driven = element.find("trajectory"), driving(element)
     for tag in ("pose", *DRIVING, "input"):
@@ -30,8 +30,8 @@ def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) ->
         torque=Entries({}, element.where) if driven is None else commands(driven),
         trajectory=None if given is None else trajectory(given),
         parameters=settings(element, "parameter"),
-        sensor=effects(element, "sensor", times),
-        inputs=inputs(element, times),
+        sensor=effects(element.children("sensor"), times),
+        inputs=inputs(element.children("input"), times),
         where=element.where,
     )
 
@@ -39,12 +39,12 @@ def leader(element: Element, times: Times, plants: Mapping[str, PlantSource]) ->
 def follower(
     element: Element,
     times: Times,
-    plants: Mapping[str, PlantSource],
-    controllers: Mapping[str, ControllerSource],
+    plants: Mapping[str, object],
+    controllers: Mapping[str, object],
     sensor: tuple[EffectSource, ...],
     actuator: tuple[EffectSource, ...],
 ) -> Follower:
-    """Read a follower; the scenario's sensor and actuator stand in for missing ones."""
+    """Read a follower, given the ids of plants and controllers; common effects stand in for missing ones."""
     desired = element.child("desired")
     return Follower(
         id=element.get("id"),
@@ -55,8 +55,8 @@ def follower(
         changes=changes(desired, times),
         parameters=settings(element, "parameter"),
         gains=settings(element, "gain"),
-        sensor=sensor if element.find("sensor") is None else effects(element, "sensor", times),
-        actuator=actuator if element.find("actuator") is None else effects(element, "actuator", times),
-        inputs=inputs(element, times),
+        sensor=sensor if element.find("sensor") is None else effects(element.children("sensor"), times),
+        actuator=actuator if element.find("actuator") is None else effects(element.children("actuator"), times),
+        inputs=inputs(element.children("input"), times),
         where=element.where,
     )

@@ -21,9 +21,8 @@ class Times(Clock):
     """The communication points of a run, against which the times in elements are checked."""
 
     @classmethod
-    def of(cls, root: Element) -> Self:
-        """Read them from a scenario."""
-        simulation = root.child("simulation")
+    def of(cls, simulation: Element) -> Self:
+        """Read them from the <simulation> of a scenario."""
         step, horizon = simulation.positive("step", "s"), simulation.positive("horizon", "s")
         _not_too_long(simulation, "step", step)
         _not_too_long(simulation, "horizon", horizon)
