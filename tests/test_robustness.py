@@ -16,7 +16,7 @@ from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
 import cosim.cli.run
-import cosim.master.simulation
+import cosim.master.recorded_result
 from cosim.cli import main
 from cosim.master.loop import Loop, Part, advance
 from cosim.results.figure_process import PROGRAM
@@ -136,7 +136,7 @@ entry()
 
 
 @pytest.mark.parametrize(
-    "place", ["cosim.master.simulation.recorded_result", "cosim.cli.run.save", "cosim.cli.run.summarise"]
+    "place", ["cosim.master.recorded_result.who_is_who", "cosim.cli.run.save", "cosim.cli.run.summarise"]
 )
 def test_a_signal_while_the_result_is_made_or_written(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
@@ -210,7 +210,7 @@ def test_many_signals_at_once(
     number: signal.Signals,
 ) -> None:
     """Where the second one ends the tick, others find the recorded data safe."""
-    made = cosim.master.simulation.recorded_result
+    made = cosim.master.recorded_result.who_is_who
 
     def never_ends(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
         if first == 5 and parts == Part.SENSE:
@@ -224,7 +224,7 @@ def test_many_signals_at_once(
             signal.raise_signal(number)
         return made(*arguments)
 
-    monkeypatch.setattr("cosim.master.simulation.recorded_result", disturbed)
+    monkeypatch.setattr("cosim.master.recorded_result.who_is_who", disturbed)
     monkeypatch.setattr("cosim.master.ticks.advance", never_ends)
     monkeypatch.setattr("cosim.master.ticks.Ticks.some", lambda ticks, most: False)
     failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
