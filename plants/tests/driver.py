@@ -1,7 +1,7 @@
 """An FMU's C functions called directly, with no more than the standard library: for any version and interface of FMI.
 
-`python driver.py LIBRARY FMI TOKEN TIME INTERFACE SEED N` calls them N times in random order with random arguments, in
-a process of its own: for a library that was compiled with sanitizers.
+`python driver.py LIBRARY FMI TOKEN TIME SEED N` calls them N times in random order with random arguments, by each
+interface, in a process of its own: for a library that was compiled with sanitizers.
 """
 
 import ctypes
@@ -364,5 +364,6 @@ def call_at_random(library: Library, interface: str, seed: int, n: int) -> dict[
 
 
 if __name__ == "__main__":
-    path, fmi, token, time, interface, seed, n = sys.argv[1:]
-    print(call_at_random(Library(path, fmi, token, int(time)), interface, int(seed), int(n)))
+    path, fmi, token, time, seed, n = sys.argv[1:]
+    for interface in INTERFACES:
+        print(call_at_random(Library(path, fmi, token, int(time)), interface, int(seed), int(n)))

@@ -121,7 +121,13 @@ def test_c_has_no_warnings(fmus: Callable, fmi: str, name: str) -> None:
 
     root = fmus(name, fmi).folder
     sources = sorted(path.relative_to(root).as_posix() for path in root.glob("sources/*.c"))
-    assert compile_library(find_compiler(), host(), root, sources, name, ("-Werror", "-Wshadow", "-Wconversion"))
+    strict = (
+        "-Werror",
+        "-Wshadow",
+        "-Wconversion",
+        "-O1",
+    )  # which follows values as well as -O3, in a third of its time
+    assert compile_library(find_compiler(), host(), root, sources, name, strict)
     text = (root / "sources" / "model.c").read_text()
     assert "pow(" not in text.replace("pow(k, 3.0/2.0)", "").replace("pow(k, 1.0/2.0)", "")
 
