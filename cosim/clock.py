@@ -38,7 +38,11 @@ class Clock:
     @property
     def times(self) -> NDArray[np.float64]:
         """All communication points (ticks + 1,) [s]: each is its tick times the step, never a running sum."""
-        times: NDArray[np.float64] = self.step * np.arange(self.ticks + 1, dtype=np.float64)
+        return self.times_in(slice(0, self.ticks + 1))
+
+    def times_in(self, block: slice) -> NDArray[np.float64]:
+        """Return some of the communication points [s], from one tick to before another."""
+        times: NDArray[np.float64] = self.step * np.arange(block.start, block.stop, dtype=np.float64)
         return times
 
     def off_tick(self, time: float) -> str:

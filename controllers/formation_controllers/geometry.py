@@ -137,7 +137,9 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
     return course
 
 
-def formation_courses(pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Vehicle) -> Floats:
+def formation_courses(
+    pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Vehicle, before: Floats | None = None
+) -> Floats:
     """Range, bearing and their errors of followers over time: `range_bearing`, unwrapped, less the desired place.
 
     Parameters
@@ -150,6 +152,9 @@ def formation_courses(pose: Floats, leader_pose: Floats, desired: Floats, vehicl
         Desired range and bearing (T, N, 2).
     vehicle
         The followers' vehicle.
+    before
+        Bearings (N,) at the sample before, for a later part of a course; without them the first bearings take the turns
+        nearest to the desired ones.
 
     Returns
     -------
@@ -173,7 +178,8 @@ def formation_courses(pose: Floats, leader_pose: Floats, desired: Floats, vehicl
         raise ControllerError(f"poses, the leader's and desired places have shapes {shapes}, which do not fit")
     courses = np.empty((4, pose.shape[1], samples))
     if samples:
-        _formation_courses(pose, leader_pose, desired, geometry, columns(_COURSE)[0], courses)
+        last = np.array(desired[0, :, 1] if before is None else before, dtype=float)
+        _formation_courses(pose, leader_pose, desired, last, geometry, columns(_COURSE)[0], courses)
     return courses
 
 
@@ -323,10 +329,16 @@ def _range_bearing(pose: Floats, leader_pose: Floats, vehicle: Geometry, q: Floa
 
 @compiled
 def _formation_courses(
-    pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Geometry, c: np.void, courses: Floats
+    pose: Floats,
+    leader_pose: Floats,
+    desired: Floats,
+    last: Floats,
+    vehicle: Geometry,
+    c: np.void,
+    courses: Floats,
 ) -> None:
     for i in range(pose.shape[1]):
-        before = desired[0, i, 1]
+        before = last[i]
         for first in range(0, len(pose), BLOCK):
             count = min(BLOCK, len(pose) - first)
             for r in range(count):

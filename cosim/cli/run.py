@@ -23,7 +23,7 @@ from cosim.errors import InputError, OutputError, RunInterrupted, SimulationErro
 from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
-from cosim.master.setup import Setup, set_up
+from cosim.master.setup import set_up, size_of_result
 from cosim.master.supervised import whole_run
 from cosim.master.timing import timed
 from cosim.results.figure_process import FigureProcess
@@ -33,6 +33,7 @@ from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.summary import summarise
 from cosim.scenario.scenario import Scenario
+from cosim.storage import Storage
 
 EXPECTATION_FAILED = 1
 
@@ -108,8 +109,13 @@ def _run_one(
     with timed(timing, "total"):
         kept = _set_aside(options.out / scenario.name, scenario)
         with taking_a_while("building and loading plants, which is slow the first time"):
-            prepared = [_set_up_by_the_rules(scenario, ending, timing)] if options.strict else []
-            simulation = whole_run(scenario, *prepared)
+            storage = Storage(options.out / scenario.name)
+            ending.callback(storage.release)
+            setup = set_up(scenario, ending, timing, storage=storage)
+            for fmu in setup.fmus.values() if options.strict else ():
+                rules_kept(fmu, strict=True)  # before any is started
+            storage.reserve(size_of_result(scenario, setup.result_variables))
+            simulation = whole_run(scenario, setup)
             ending.callback(simulation.close)
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
@@ -124,6 +130,7 @@ def _run_one(
             drawn = options.figure and result.sizes["time"] > 0
             if drawn:
                 figures.start()  # loads its libraries beside the writing
+            storage.release()
             with timed(timing, "write"):
                 _save(result, folder)
             if drawn:
@@ -165,14 +172,6 @@ def _run_one(
             "everything recorded up to then is saved"
         )
         raise failure
-
-
-def _set_up_by_the_rules(scenario: Scenario, ending: ExitStack, timing: dict[str, float]) -> Setup:
-    """Set a scenario up and refuse FMUs that break a rule of FMI, before any is started."""
-    setup = set_up(scenario, ending, timing)
-    for fmu in setup.fmus.values():
-        rules_kept(fmu, strict=True)
-    return setup
 
 
 def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.clock import ROUNDING
+from cosim.clock import ROUNDING, Clock
 from cosim.errors import InputError
 from cosim.fmu.discrete_values import Discrete, check_whole, discrete_value, items, start_of_discrete
 from cosim.fmu.model_description import Variable
@@ -16,10 +17,14 @@ from cosim.scenario.csv_table import Table
 from cosim.scenario.grammar import children_of
 from cosim.scenario.scenario import InputSource
 from cosim.signals.waves import WAVES, Wave, understood
+from cosim.storage import blocks
 from plants import units
 
+_Which: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.int64]]
+"""Returns the index of a value at each of some times."""
 
-def input_course(source: InputSource, variable: Variable, times: NDArray[np.float64]) -> dict[int, Discrete]:
+
+def input_course(source: InputSource, variable: Variable, clock: Clock) -> dict[int, Discrete]:
     """Return the value of an input at the first tick, and at each tick at which it changes.
 
     Whole numbers of signals that act at the same time add up, as real numbers do. Of others the signal that is written
@@ -31,28 +36,34 @@ def input_course(source: InputSource, variable: Variable, times: NDArray[np.floa
         The input and its signals.
     variable
         The FMU's variable.
-    times
-        The communication points (T,) [s].
+    clock
+        The communication points.
 
     Raises
     ------
     InputError
         A signal makes no sense for the type of the input, or a value does not fit.
     """
-    courses = [_course(understood(wave), source, variable, times) for wave in source.waves]
-    index = np.stack([which for _, which in courses])
-    ticks = [0, *(np.flatnonzero((index[:, 1:] != index[:, :-1]).any(axis=0)) + 1).tolist()]
+    courses = [_course(understood(wave), source, variable) for wave in source.waves]
+    indices: dict[int, list[int]] = {}
+    last = np.full((len(courses), 1), -2)  # unlike all
+    for block in blocks(clock.ticks + 1):
+        times = clock.times_in(block)
+        index = np.stack([which(times) for _, which in courses])
+        changing = np.flatnonzero((index != np.hstack([last, index[:, :-1]])).any(axis=0))
+        indices |= {block.start + int(k): index[:, k].tolist() for k in changing}
+        last = index[:, -1:]
     course: dict[int, Discrete] = {}
     before: Discrete | None = None
-    for tick in ticks:
-        acting_now = [values[k] for (values, _), k in zip(courses, index[:, tick], strict=True) if k >= 0]
+    for tick, chosen in indices.items():
+        acting_now = [values[k] for (values, _), k in zip(courses, chosen, strict=True) if k >= 0]
         try:
             value = _together(variable, acting_now)
             if value == before:
                 continue
             check_whole(variable, value, str(value))
         except ValueError as error:
-            raise InputError(f"the input {source.name!r} at {times[tick]:g} s: {error}", source.where) from None
+            raise InputError(f"the input {source.name!r} at {tick * clock.step:g} s: {error}", source.where) from None
         course[tick] = before = value
     return course
 
@@ -63,12 +74,10 @@ def _together(variable: Variable, acting_now: Sequence[Discrete]) -> Discrete:
     return acting_now[-1] if acting_now else start_of_discrete(variable)
 
 
-def _course(
-    wave: Wave, source: InputSource, variable: Variable, times: NDArray[np.float64]
-) -> tuple[list[Discrete], NDArray[np.int64]]:
-    """Return the values of a signal, and the index of its value at each tick; -1 where it does not act."""
+def _course(wave: Wave, source: InputSource, variable: Variable) -> tuple[list[Discrete], _Which]:
+    """Return the values of a signal, and the index of its value at each time; -1 where it does not act."""
     if variable.type != "String" and (tabled := wave.table()) is not None:
-        return _tabled(*tabled, wave, variable, times)
+        return _tabled(*tabled, wave, variable)
     if not wave.keeps_a_value:
         usable = ", ".join(f"<{name}>" for name in children_of("input") if WAVES[name].keeps_a_value)
         raise wave.written.error(
@@ -79,12 +88,10 @@ def _course(
         value = discrete_value(variable, wave.value)
     except ValueError as error:
         raise wave.written.error(f'value="{wave.value}" of <{wave.element}>: {error}') from None
-    return [value], np.where(wave.acting(times), 0, -1)
+    return [value], lambda times: np.where(wave.acting(times), 0, -1)
 
 
-def _tabled(
-    table: Table, column: str, wave: Wave, variable: Variable, times: NDArray[np.float64]
-) -> tuple[list[Discrete], NDArray[np.int64]]:
+def _tabled(table: Table, column: str, wave: Wave, variable: Variable) -> tuple[list[Discrete], _Which]:
     """Return the rows of a table; each holds from its time on, the first one before its time too."""
     where = wave.written.where
     known = (
@@ -98,8 +105,11 @@ def _tabled(
                 f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected {wanted}", where
             )
         values.append(bool(number) if variable.type == "Boolean" else int(number))
-    which = np.searchsorted(table.time, times * (1 + 1e-12) + ROUNDING, side="right") - 1
-    return values, np.maximum(which, 0)
+
+    def which(times: NDArray[np.float64]) -> NDArray[np.int64]:
+        return np.maximum(np.searchsorted(table.time, times * (1 + 1e-12) + ROUNDING, side="right") - 1, 0)
+
+    return values, which
 
 
 def _kind(variable: Variable) -> str:

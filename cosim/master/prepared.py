@@ -168,7 +168,7 @@ class Prepared:
 
     def _recorder(self, scenario: Scenario, setup: Setup, memory: list[NDArray[Any]]) -> Recorder:
         wanted = None if self._unverified else self._wanted(scenario, setup)  # all variables are compared
-        return Recorder(scenario.ticks + 1, setup.result_variables, wanted, memory)
+        return Recorder(scenario.ticks + 1, setup.result_variables, wanted, memory, setup.storage.empty)
 
     def _wanted(self, scenario: Scenario, setup: Setup) -> set[str] | None:
         """Return the signals of an outcome and those that it follows from; None for all."""

@@ -16,6 +16,7 @@ from cosim.master.who_is_who import texts
 from cosim.results.expectations.recorded import DERIVED, units_by_component
 from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
+from cosim.storage import blocks
 
 Floats = NDArray[np.float64]
 
@@ -28,9 +29,12 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
     """
     samples = recorder.recorded
     computed = [name for name in DERIVED if recorder.wants(name)]
-    arrays = _in_columns(recorder.arrays(), setup)
+    arrays = _in_columns(recorder.arrays(setup.storage), setup)
+    times = setup.storage.empty((samples,))
+    for block in blocks(samples):
+        times[block] = scenario.clock.times_in(block)
     coordinates = {
-        "time": Variable(("time",), np.arange(samples) * scenario.step, {"units": "s", "long_name": "time"}),
+        "time": Variable(("time",), times, {"units": "s", "long_name": "time"}),
         "robot": texts("robot", [follower.id for follower in scenario.followers], "follower"),
         **{along: texts(along, labels) for along, labels in setup.columns.labels.items()},
     }
@@ -56,23 +60,23 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
 def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Sequence[Team]) -> dict[str, Floats]:
     """Return the variables that are computed from recorded ones."""
     desired = setup.desired.q[:samples]
-    parts = [_team_courses(arrays, desired[:, team.place], setup, team) for team in teams]
-    found = parts[0]
-    if len(teams) > 1:
-        found = np.empty((len(DERIVED), desired.shape[1], samples))
-        for team, courses in zip(teams, parts, strict=True):
-            found[:, team.place] = courses
+    found = setup.storage.empty((len(DERIVED), desired.shape[1], samples))
+    for block in blocks(samples, desired.shape[1]):
+        before = found[1, :, block.start - 1] if block.start else None
+        found[..., block] = np.nan
+        for team in teams:
+            if formation_of(team.vehicle) is not None:
+                own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][block, team.place]
+                if own != tuple(range(pose.shape[-1])):
+                    pose = pose[..., own]
+                found[:, team.place, block] = formation_courses(
+                    pose,
+                    arrays["leader_pose"][block],
+                    np.ascontiguousarray(desired[block, team.place]),
+                    team.vehicle,
+                    None if before is None else before[team.place],
+                )
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
-
-
-def _team_courses(arrays: Mapping[str, Floats], desired: Floats, setup: Setup, team: Team) -> Floats:
-    """Return range, bearing and their errors (4, followers, samples) of a team; NaN of vehicles that state neither."""
-    if formation_of(team.vehicle) is None:
-        return np.full((len(DERIVED), *desired.shape[1::-1]), np.nan)
-    own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][:, team.place]
-    if own != tuple(range(pose.shape[-1])):
-        pose = pose[..., own]
-    return formation_courses(pose, arrays["leader_pose"], desired, team.vehicle)
 
 
 def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:
@@ -88,7 +92,7 @@ def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:
             if name not in arrays:
                 continue
             if "leader" in name:
-                arrays[name] = of.spread(arrays[name][:, np.newaxis], [setup.leader.kind])[:, 0]
+                arrays[name] = of.spread(arrays[name][:, np.newaxis], [setup.leader.kind], setup.storage)[:, 0]
             else:
-                arrays[name] = of.spread(arrays[name], kinds)
+                arrays[name] = of.spread(arrays[name], kinds, setup.storage)
     return arrays

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.results.expectations.recorded import DERIVED, DERIVED_FROM
 from cosim.results.result_variable import ResultVariable
+from cosim.storage import Storage, blocks
 
 
 class Recorder:
@@ -112,11 +114,12 @@ class Recorder:
             self._memory[used:] = [self._allocate(shape, dtype)]
         return self._memory[used]
 
-    def arrays(self) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded part of every variable that is recorded, by name."""
-        return {name: self._recorded_part(name) for name in self.variables if self.records(name)}
+    def arrays(self, storage: Storage | None = None) -> dict[str, NDArray[np.float64]]:
+        """Return the recorded part of every variable that is recorded, by name; views if possible."""
+        kept = storage or Storage()
+        return {name: self._recorded_part(name, kept) for name in self.variables if self.records(name)}
 
-    def _recorded_part(self, name: str) -> NDArray[np.float64]:
+    def _recorded_part(self, name: str, storage: Storage) -> NDArray[np.float64]:
         if name in self._arrays:
             return self._arrays[name][: self.recorded]
         stores = [
@@ -125,9 +128,11 @@ class Recorder:
         shape = (self.recorded, *self.variables[name].shape)
         if len(stores) == 1 and stores[0][1].shape == shape:
             return stores[0][1]
-        found = np.full(shape, np.nan)
-        for rows, values in stores:
-            found[:, rows] = values
+        found = storage.empty(shape)
+        for block in blocks(self.recorded, math.prod(shape[1:])):
+            found[block] = np.nan
+            for rows, values in stores:
+                found[block, rows] = values[block]
         return found
 
 

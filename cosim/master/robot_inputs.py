@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cosim.clock import tick_at
+from cosim.clock import Clock, tick_at
 from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value
@@ -21,7 +21,8 @@ from cosim.master.discrete_inputs import input_course
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting
-from cosim.signals.waves import input_samples, understood
+from cosim.signals.waves import add_samples, understood
+from cosim.storage import Storage, constant
 from cosim.vehicle.kind import Role
 from plants import UnitError, units
 
@@ -29,28 +30,32 @@ INPUT_TYPES = (*FLOAT_TYPES, *DISCRETE)
 """Types of inputs for which a scenario can have values."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class RobotInputs:
     """The values of a robot's inputs.
 
     Attributes
     ----------
-    torque : dict
-        Signals added to a torque, (ticks + 1,) [N.m], by its place among the torques.
-    samples : dict
-        Other real inputs by name: the role that stands for it and its values (ticks + 1,) in the role's unit.
+    torque : ndarray
+        Torques besides the controller's (ticks + 1, torques).
+    names, inputs : tuple
+        Names of the other real inputs, and the roles that stand for them.
+    samples : ndarray
+        Their values (ticks + 1, inputs) in the roles' units.
     discrete : dict
         Values of inputs that are no real numbers, by tick; tick 0 has the values at the start.
     """
 
-    torque: dict[int, NDArray[np.float64]] = field(default_factory=dict)
-    samples: dict[str, tuple[BoundRole, NDArray[np.float64]]] = field(default_factory=dict)
-    discrete: dict[int, tuple[ParameterValue, ...]] = field(default_factory=dict)
+    torque: NDArray[np.float64]
+    names: tuple[str, ...]
+    inputs: tuple[BoundRole, ...]
+    samples: NDArray[np.float64]
+    discrete: Mapping[int, tuple[ParameterValue, ...]]
 
     @cached_property
     def _names(self) -> frozenset[str]:
         discrete = (value.variable.name for given in self.discrete.values() for value in given)
-        return frozenset((*self.samples, *discrete))
+        return frozenset((*self.names, *discrete))
 
     def check_free(self, values: Iterable[ParameterValue]) -> None:
         """Refuse an input that has a value and signals.
@@ -68,8 +73,24 @@ class RobotInputs:
                 )
 
 
+@dataclass(frozen=True)
+class _Real:
+    """A real input: what stands for it, its signals, its unit, and the ticks from which on it has another value."""
+
+    bound: BoundRole
+    source: InputSource
+    unit: units.Unit
+    events: Sequence[tuple[int, float]]
+
+
 def robot_inputs(
-    scenario: Scenario, fmu: Fmu, robot: str, sources: Sequence[InputSource], times: NDArray[np.float64]
+    scenario: Scenario,
+    fmu: Fmu,
+    robot: str,
+    sources: Sequence[InputSource],
+    storage: Storage,
+    torques: Mapping[int, tuple[float, ...]],
+    stop: int,
 ) -> RobotInputs:
     """Return the values of a robot's inputs.
 
@@ -79,16 +100,22 @@ def robot_inputs(
         The scenario, and one of its robots.
     sources
         Its signals in the scenario.
-    times
-        The communication points (ticks + 1,) [s].
+    storage
+        Where values over time lie.
+    torques
+        Torques besides the controller's and the signals, by the tick from which on they act, in order.
+    stop
+        The tick from which on no torque acts.
 
     Raises
     ------
     InputError
         The FMU has no such input, or a value makes no sense for it, with the place in the scenario.
     """
-    found = RobotInputs()
-    torques = [role.name for role in fmu.binding.kind.command]
+    discrete: dict[int, tuple[ParameterValue, ...]] = {}
+    real: dict[str, _Real] = {}
+    on_torques: dict[int, _Real] = {}
+    commands = [role.name for role in fmu.binding.kind.command]
     later: dict[str, list[tuple[int, Setting]]] = {}
     for event in scenario.events_by_robot.get(robot, ()):
         for setting in event.inputs:
@@ -97,24 +124,58 @@ def robot_inputs(
         events = later.get(source.name, [])
         player = _player(fmu, source)
         if isinstance(player, Variable) and player.type in DISCRETE:
-            for tick, value in _course(fmu, source, events, player, times).items():
-                found.discrete[tick] = (*found.discrete.get(tick, ()), ParameterValue(player, value, source.where))
+            for tick, value in _course(fmu, source, events, player, scenario.clock).items():
+                discrete[tick] = (*discrete.get(tick, ()), ParameterValue(player, value, source.where))
             continue
         bound, unit = _as_role(fmu, source, player, events)
-        if source.name in torques and events:
+        if source.name in commands and events:
             raise InputError(
                 f"an event cannot set {source.name!r}, which a controller or the <torque> of the leader commands; "
                 "<step> and <pulse> of an <input> add to it",
                 events[0][1].where,
             )
-        samples = input_samples(source, unit, times, scenario.step, scenario.seed, robot)
-        if not source.waves:
-            samples[:] = _at_rest(fmu, bound)
-        hold(samples, [(tick, _number(setting, unit)) for tick, setting in events])
-        if source.name in torques:
-            found.torque[torques.index(source.name)] = samples
+        own = _Real(bound, source, unit, [(tick, _number(setting, unit)) for tick, setting in events])
+        if source.name in commands:
+            on_torques[commands.index(source.name)] = own
         else:
-            found.samples[source.name] = (bound, samples)
+            real[source.name] = own
+    return RobotInputs(
+        _torque(scenario, robot, storage, torques, on_torques, stop),
+        tuple(real),
+        tuple(own.bound for own in real.values()),
+        _samples(scenario, fmu, robot, storage, list(real.values())),
+        discrete,
+    )
+
+
+def _torque(
+    scenario: Scenario,
+    robot: str,
+    storage: Storage,
+    torques: Mapping[int, tuple[float, ...]],
+    signals: Mapping[int, _Real],
+    stop: int,
+) -> NDArray[np.float64]:
+    samples = scenario.ticks + 1
+    if not signals and len(torques) == 1 and stop >= samples:
+        return constant(np.array(torques[0]), samples)
+    found = storage.empty((samples, len(torques[0])))
+    hold(found, list(torques.items()))
+    for column, own in signals.items():
+        add_samples(found[:, column], own.source, own.unit, scenario.clock, scenario.seed, robot)
+    found[stop:] = 0.0
+    return found
+
+
+def _samples(
+    scenario: Scenario, fmu: Fmu, robot: str, storage: Storage, inputs: Sequence[_Real]
+) -> NDArray[np.float64]:
+    found = storage.empty((scenario.ticks + 1, len(inputs)))
+    for column, own in enumerate(inputs):
+        course = found[:, column]
+        course[:] = 0.0 if own.source.waves else _at_rest(fmu, own.bound)
+        add_samples(course, own.source, own.unit, scenario.clock, scenario.seed, robot)
+        hold(course, own.events)
     return found
 
 
@@ -209,10 +270,10 @@ def _course(
     source: InputSource,
     events: Sequence[tuple[int, Setting]],
     variable: Variable,
-    times: NDArray[np.float64],
+    clock: Clock,
 ) -> dict[int, Discrete]:
     """Return the values of an input that is no real number, by the ticks at which it changes."""
-    course = input_course(source, variable, times) if source.waves else {}
+    course = input_course(source, variable, clock) if source.waves else {}
     if events:
         course = {tick: value for tick, value in course.items() if tick < events[0][0]}
     for tick, setting in events:

@@ -7,9 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import formation_controllers as fc
-import numpy as np
 from formation_controllers.vehicles import Vehicle
-from numpy.typing import ArrayLike, NDArray
 
 from cosim.clock import tick_at
 from cosim.errors import InputError, Location
@@ -18,7 +16,7 @@ from cosim.fmu.parameters import ParameterValue, geometry
 from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import changes_of, stops
-from cosim.master.robot_inputs import hold, robot_inputs
+from cosim.master.robot_inputs import robot_inputs
 from cosim.master.used_fmus import understood
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import (
@@ -31,12 +29,17 @@ from cosim.scenario.scenario import (
     Scenario,
 )
 from cosim.signals import effects
+from cosim.storage import Storage
 from cosim.vehicle.kind import Kind, Role, names, units_of
 from cosim.vehicle.outline import Outline, outline_fault
 
 
 def leader_of(
-    scenario: Scenario, fmus: Mapping[str, Fmu], before: RobotSetup | None = None, known: Known | None = None
+    scenario: Scenario,
+    fmus: Mapping[str, Fmu],
+    storage: Storage,
+    before: RobotSetup | None = None,
+    known: Known | None = None,
 ) -> RobotSetup:
     """Return the leader.
 
@@ -46,6 +49,8 @@ def leader_of(
         The scenario.
     fmus
         The FMU of each plant.
+    storage
+        Where its inputs over time lie.
     before
         The leader of another run with the same FMUs, which is taken if it comes to the same.
     known
@@ -61,12 +66,11 @@ def leader_of(
     if before is not None and before.origin == origin:
         return before
     kind = fmus[leader.plant].binding.kind
-    torque = np.zeros((scenario.ticks + 1, len(kind.command)))
+    torques = {0: (0.0,) * len(kind.command)}
     if leader.trajectory is None:
-        torque[:] = _entries(leader.torque, kind, kind.command, missing=0.0)
+        torques[0] = _entries(leader.torque, kind, kind.command, missing=0.0)
     events = scenario.events_by_robot.get(LEADER, ())
     stopped = min((event.time for event in events if event.stops), default=math.inf)
-    torques: list[tuple[int, ArrayLike]] = []
     for event in events:
         if leader.trajectory is not None:
             raise InputError(
@@ -79,16 +83,21 @@ def leader_of(
                     "later, give it torques of zero instead of a <stop>",
                     event.where,
                 )
-            entries = _entries(event.torque, kind, kind.command, missing=0.0)
-            torques.append((tick_at(event.time, scenario.step), entries))
-    hold(torque, torques)
+            start = tick_at(event.time, scenario.step)
+            torques[start] = _entries(event.torque, kind, kind.command, missing=0.0)
     pose = None if leader.trajectory is not None else leader.pose
     known = known or Known()
-    return _robot(scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torque, leader.inputs, known)
+    return _robot(
+        scenario, fmus[leader.plant], LEADER, leader, origin, pose, (), torques, leader.inputs, storage, known
+    )
 
 
 def followers_of(
-    scenario: Scenario, fmus: Mapping[str, Fmu], before: Iterable[RobotSetup] = (), known: Known | None = None
+    scenario: Scenario,
+    fmus: Mapping[str, Fmu],
+    storage: Storage,
+    before: Iterable[RobotSetup] = (),
+    known: Known | None = None,
 ) -> tuple[RobotSetup, ...]:
     """Return the followers in the scenario's order; see `leader_of`."""
     earlier, known = {robot.name: robot for robot in before}, known or Known()
@@ -98,9 +107,11 @@ def followers_of(
         origin = _origin(scenario, follower.id, follower, inputs)
         robot, fmu = earlier.get(follower.id), fmus[follower.plant]
         if robot is None or robot.origin != origin:
-            torque = np.zeros((scenario.ticks + 1, len(fmu.binding.kind.command)))
+            torques = {0: (0.0,) * len(fmu.binding.kind.command)}
             pose, actuator = follower.pose, follower.actuator
-            robot = _robot(scenario, fmu, follower.id, follower, origin, pose, actuator, torque, inputs, known)
+            robot = _robot(
+                scenario, fmu, follower.id, follower, origin, pose, actuator, torques, inputs, storage, known
+            )
         robots.append(robot)
     return tuple(robots)
 
@@ -126,8 +137,9 @@ def _robot(
     origin: object,
     pose: Entries | None,
     actuator: tuple[EffectSource, ...],
-    torque: NDArray[np.float64],
+    torques: Mapping[int, tuple[float, ...]],
     inputs: Sequence[InputSource],
+    storage: Storage,
     known: Known,
 ) -> RobotSetup:
     kind, where, source = fmu.binding.kind, about.where, scenario.plants[about.plant]
@@ -143,14 +155,11 @@ def _robot(
     poses, commands = f"the pose of {name}, a {kind.name},", f"the actuators of {name}, a {kind.name},"
     sensing = known.of((name, "sensor"), effects.understood, about.sensor, units_of(kind.pose), times, poses)
     acting = known.of((name, "actuator"), effects.understood, actuator, units_of(kind.command), times, commands)
-    given = robot_inputs(scenario, fmu, name, inputs, scenario.clock.times)
+    stopping = (event.time for event in scenario.events_by_robot.get(name, ()) if event.stops)
+    stop = min(stopping, default=math.inf)
+    given = robot_inputs(scenario, fmu, name, inputs, storage, torques, tick_at(stop, scenario.step))
     changes = changes_of(scenario, fmu, source, name, given)
     given.check_free(parameters)
-    for column, samples in given.torque.items():
-        torque[:, column] += samples
-    stopping = (event for event in scenario.events_by_robot.get(name, ()) if event.stops)
-    if (first := next(stopping, None)) is not None:
-        torque[tick_at(first.time, scenario.step) :] = 0.0
     return RobotSetup(
         name=name,
         where=source.where,
@@ -162,11 +171,9 @@ def _robot(
         pose=(0.0,) * len(kind.pose) if pose is None else _entries(pose, kind, kind.pose),
         sensor=sensing,
         actuator=(*acting, *stops(scenario, name)),
-        torque=torque,
-        inputs=tuple(bound for bound, _ in given.samples.values()),
-        samples=np.column_stack(
-            [np.zeros((scenario.ticks + 1, 0)), *(samples for _, samples in given.samples.values())]
-        ),
+        torque=given.torque,
+        inputs=given.inputs,
+        samples=given.samples,
         held=given.discrete.get(0, ()),
         changes=changes,
         origin=origin,

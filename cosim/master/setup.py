@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import formation_controllers as fc
-import numpy as np
 
-from cosim.clock import Clock
 from cosim.control.leader_view import check_view
 from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
@@ -24,17 +23,19 @@ from cosim.master.timing import timed
 from cosim.master.used_fmus import open_fmus
 from cosim.master.velocities import check_velocities
 from cosim.results.expectations import Recorded, Recording, check
+from cosim.results.expectations.recorded import DERIVED
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.reader.times import Times
-from cosim.scenario.scenario import PlaceChange, Scenario
-from cosim.signals.desired_places import desired_samples
+from cosim.scenario.scenario import Scenario
+from cosim.signals.desired_places import desired_places
 from cosim.signals.trajectory import leader_motion
+from cosim.storage import Storage
 from cosim.vehicle.columns import RunColumns, run_columns
 from cosim.vehicle.path import Motion
 
-MAX_BYTES = 4 * 1024**3
-"""Upper limit for the records of a run, and for the signals that drive it."""
+MAX_BYTES = 64 * 1024**3
+"""Upper limit for the numbers of a result. A large run needs twice as much room on the disk, and little memory."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ class Setup:
         The signals that expectations can name: recorded variables, and those computed from them.
     others : dict
         Scenarios that this one is compared with, each with its own set-up, by file.
+    storage : Storage
+        Where signals over time lie, and records may.
     """
 
     leader: RobotSetup
@@ -76,6 +79,7 @@ class Setup:
     result_variables: tuple[ResultVariable, ...]
     signals: Mapping[str, Recorded]
     others: Mapping[Path, tuple[Scenario, Setup]]
+    storage: Storage
 
     @property
     def columns(self) -> RunColumns:
@@ -89,6 +93,7 @@ def set_up(
     timing: dict[str, float],
     before: Setup | None = None,
     known: Known | None = None,
+    storage: Storage | None = None,
 ) -> Setup:
     """Find and check everything that a scenario names. Built-in plants are built if they are not in the cache.
 
@@ -104,38 +109,39 @@ def set_up(
         The set-up of another run with the same plants: FMUs and scenarios to compare with are taken from it.
     known
         What is known from other runs, also of laws.
+    storage
+        Where signals over time shall lie; without one, in memory or in the folder of temporary files.
 
     Raises
     ------
     InputError
         A part does not exist or does not fit; the message has its place in the scenario.
     """
-    known = known or Known()
+    storage, known = storage or Storage(), known or Known()
     fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened, known)
-    _check_size(scenario, _least_bytes(scenario, fmus))  # before any array of that size is made
-    with timed(timing, "signals"):
-        leader = leader_of(scenario, fmus, None if before is None else before.leader, known)
-        motion = None
-        if scenario.leader.trajectory is not None:
-            motion = leader_motion(scenario.leader.trajectory, leader.vehicle, scenario.clock.times)
-        followers = followers_of(scenario, fmus, () if before is None else before.followers, known)
-        kinds = tuple(dict.fromkeys(robot.kind for robot in followers))
-        times = Times(scenario.step, scenario.ticks)
-        known.of("", check_common_effects, scenario.sensor, scenario.actuator, kinds, times)
-        places = tuple((follower.desired, follower.changes) for follower in scenario.followers)
-        desired = known.of("", _desired, places, scenario.clock)
     with timed(timing, "controllers"):
         found = {name: known.of(name, find_law, source) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
+    columns = run_columns([fmus[name].binding.kind for name in _plants_of(scenario)])
+    measured, number = bool(scenario.leader.sensor), len(scenario.followers)
+    variables = known.of("", result_variables_of, columns, number, measured, tuple(laws.values()))
+    _check_size(scenario, size_of_result(scenario, variables))  # before any array of that size is made
+    with timed(timing, "signals"):
+        leader = leader_of(scenario, fmus, storage, None if before is None else before.leader, known)
+        motion = None
+        if scenario.leader.trajectory is not None:
+            motion = leader_motion(scenario.leader.trajectory, leader.vehicle, scenario.clock, storage)
+        followers = followers_of(scenario, fmus, storage, () if before is None else before.followers, known)
+        kinds = tuple(dict.fromkeys(robot.kind for robot in followers))
+        times = Times(scenario.step, scenario.ticks)
+        known.of("", check_common_effects, scenario.sensor, scenario.actuator, kinds, times)
+        desired = fc.Desired(*desired_places(scenario.followers, scenario.clock, storage))
+    with timed(timing, "controllers"):
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     _check_views(leader, followers)
     check_velocities(scenario, leader, followers, laws)
-    columns = run_columns([robot.kind for robot in (leader, *followers)])
     used = set(_plants_of(scenario))
-    measured = bool(scenario.leader.sensor)
-    variables = known.of("", result_variables_of, columns, len(followers), measured, tuple(laws.values()))
-    _check_size(scenario, sum(variable.bytes_per_sample for variable in variables))
     controlled = tuple((follower.id, laws[follower.controller]) for follower in scenario.followers)
     signals = known.of("", recorded_signals, variables, columns, controlled)
     others: dict[Path, tuple[Scenario, Setup]] = {} if before is None else dict(before.others)
@@ -144,7 +150,7 @@ def set_up(
         """Read and set up a scenario to compare with, once; its own expectations are not read."""
         if path not in others:
             other = replace(read_scenario(path, untrusted=scenario.untrusted), expectations=())
-            others[path] = other, set_up(other, cleanup, {})
+            others[path] = other, set_up(other, cleanup, {}, storage=storage)
         other, setup = others[path]
         return Recording(other, setup.signals)
 
@@ -162,29 +168,36 @@ def set_up(
         result_variables=variables,
         signals=signals,
         others=others,
+        storage=storage,
     )
 
 
-def _desired(places: Sequence[tuple[tuple[float, float], tuple[PlaceChange, ...]]], clock: Clock) -> fc.Desired:
-    """Return the places of all followers over time."""
-    samples = [desired_samples(desired, changes, clock.times) for desired, changes in places]
-    return fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*samples, strict=True)))
+def size_of_result(scenario: Scenario, variables: Iterable[ResultVariable]) -> int:
+    """Return how many bytes of numbers the result of a whole run has."""
+    computed = len(DERIVED) * len(scenario.followers)
+    return (scenario.ticks + 1) * (8 * (1 + computed) + sum(variable.bytes_per_sample for variable in variables))
 
 
-def _check_size(scenario: Scenario, bytes_per_tick: int) -> None:
-    size = (scenario.ticks + 1) * bytes_per_tick
-    if size > MAX_BYTES:
-        raise InputError(
-            f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, more than "
-            f"{MAX_BYTES // 1024**3} GiB: shorten its horizon or lengthen its step"
-        )
+def _check_size(scenario: Scenario, size: int) -> None:
+    if size <= MAX_BYTES:
+        return
+    each = size / (scenario.ticks + 1)
+    most = int(MAX_BYTES / each) - 1
+    remedies = "give it fewer robots"
+    if most > 0:
+        horizon, step = _rounded(most * scenario.step, -1), _rounded(scenario.horizon / most, 1)
+        remedies = f"shorten the horizon to {horizon:g} s, lengthen the step to {step:g} s, or {remedies}"
+    raise InputError(
+        f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, {scenario.ticks + 1} samples of "
+        f"{each / 1024:.2g} KiB; {MAX_BYTES / 1024**3:g} GiB are allowed: {remedies}",
+        scenario.where,
+    )
 
 
-def _least_bytes(scenario: Scenario, fmus: Mapping[str, Fmu]) -> int:
-    """Return what is recorded at a tick for any laws: states and commands, of followers also measured poses."""
-    leader, *followers = [fmus[name].binding.kind for name in _plants_of(scenario)]
-    numbers = sum(len(kind.states) + len(kind.command) for kind in (leader, *followers))
-    return 8 * (numbers + sum(len(kind.pose) for kind in followers))
+def _rounded(number: float, up: int) -> float:
+    """Return a number rounded to two digits, up or down."""
+    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return digit * (math.ceil(number / digit) if up > 0 else math.floor(number / digit))
 
 
 def _plants_of(scenario: Scenario) -> list[str]:

@@ -27,10 +27,13 @@ from cosim.master.timing import timed
 from cosim.plant.fleet import returning
 from cosim.results.result import Result
 from cosim.scenario.scenario import LEADER, Scenario
+from cosim.storage import forget
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_KEPT = 64 * 1024**2
+"""Bytes of records that lie in memory at least, where the others lie in files."""
 _NUMBERS = {1: "one", 2: "two", 3: "three"}
 
 
@@ -95,8 +98,13 @@ class Simulation:
             self.velocities = {robot.name: now.visible(row)[1] for row, robot in enumerate(robots)}
             self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
             self._fleet = self._start_plants(fleet, cleanup)
-            recorder = recorder or Recorder(scenario.ticks + 1, self.setup.result_variables)
+            recorder = recorder or Recorder(
+                scenario.ticks + 1, self.setup.result_variables, allocate=self.setup.storage.empty
+            )
             self._ticks = Ticks(scenario, self.setup, now, self._teams, self._fleet, recorder)
+            each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
+            self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
+            self._next_forget = self._kept
             for observer in observers:
                 self._watch(observer)
             self._cleanup = cleanup.pop_all()
@@ -268,6 +276,9 @@ class Simulation:
 
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""
+        if self.tick >= self._next_forget:
+            forget()
+            self._next_forget = self.tick + self._kept
         if any(getattr(observer, "every_tick", True) for observer in self._observers) or not segment.run(self._ticks):
             self._ticks.one({}, self._tell)
         else:

@@ -46,7 +46,6 @@ from cosim.plant.spec import Value
 from cosim.plant.start_check import not_started
 from cosim.results.result import Result
 from cosim.scenario.scenario import SUPERVISED_TIME_LIMIT, Scenario
-from cosim.shared_memory import shared
 
 _LOOK = 0.05
 """Time [s] between two looks at the process."""
@@ -97,7 +96,8 @@ class SupervisedRun:
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
             memory: list[NDArray[Any]] = []
-            self._recorder = Recorder(scenario.ticks + 1, self.setup.result_variables, None, memory, shared)
+            allocate = self.setup.storage.shared
+            self._recorder = Recorder(scenario.ticks + 1, self.setup.result_variables, None, memory, allocate)
             self._fleet = _Elsewhere()
             self._records = Simulation(scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder)
             limits = [robot.source.time_limit for robot in driven_robots(self.setup)]

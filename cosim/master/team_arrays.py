@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.storage import Storage, blocks, constant, is_constant
 from cosim.vehicle.kind import Kind
 
 Floats = NDArray[np.float64]
@@ -63,9 +64,17 @@ class TeamArrays:
         view.flags.writeable = False
         return view[row, : len(kind.pose)], view[row, self._poses : self._poses + len(kind.velocity)]
 
-    def padded(self, torques: Sequence[Floats]) -> Floats:
+    def padded(self, torques: Sequence[Floats], storage: Storage) -> Floats:
         """Return the torques (ticks, entries) of the first robots in one array (ticks, robots, entries)."""
-        found = np.full((len(torques[0]), len(torques), self.torque.shape[1]), np.nan)
-        for row, own in enumerate(torques):
-            found[:, row, : own.shape[1]] = own
+        samples, shape = len(torques[0]), (len(torques), self.torque.shape[1])
+        if all(is_constant(own) for own in torques):
+            at_once = np.full(shape, np.nan)
+            for row, own in enumerate(torques):
+                at_once[row, : own.shape[1]] = own[0]
+            return constant(at_once, samples)
+        found = storage.empty((samples, *shape))
+        for block in blocks(samples, self.torque.size):
+            found[block] = np.nan
+            for row, own in enumerate(torques):
+                found[block, row, : own.shape[1]] = own[block]
         return found

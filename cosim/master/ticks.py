@@ -25,6 +25,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
 from cosim.signals.chain import WINDOW
 from cosim.signals.sensors import pose_sensors
+from cosim.storage import blocks, is_constant
 
 Floats = NDArray[np.float64]
 
@@ -75,9 +76,8 @@ class Ticks:
         step = scenario.step
         self._sensors = pose_sensors(scenario.seed, names, poses, [robot.sensor for robot in robots], step)
         self._actuators = actuators(commands, [robot.actuator for robot in setup.followers], step)
-        besides = any(robot.torque.any() for robot in setup.followers)
-        self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])])
-        self._desired = [[np.ascontiguousarray(part[:, team.place]) for part in setup.desired] for team in teams]
+        besides = any(_acts(robot.torque) for robot in setup.followers)
+        self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])], setup.storage)
         self._wiring = Wiring()
         self._wiring.move(Stage.SENSE, spots(now.measured), spots(now.pose))
         wire_acting(self._wiring, now, self._external)
@@ -166,14 +166,15 @@ class Ticks:
         motion, tick = self._setup.motion, self.tick
         acceleration = None if motion is None else motion.acceleration[tick]
         now, told = self._now, self._now.told_of_the_leader()
-        for team, (q, q_dot, q_ddot) in zip(self._teams, self._desired, strict=True):
+        desired = [part[tick] for part in self._setup.desired]
+        for team in self._teams:
             now.command[team.commands] = team.step(
                 tick * self._scenario.step,
                 now.measured[1:],
                 now.velocity[1:],
                 told,
                 acceleration,
-                fc.Desired(q[tick], q_dot[tick], q_ddot[tick]),
+                fc.Desired(*(np.ascontiguousarray(part[team.place]) for part in desired)),
                 first=tick == 0,
             )
 
@@ -254,3 +255,9 @@ class Ticks:
 def driven_robots(setup: Setup) -> tuple[RobotSetup, ...]:
     """Return the robots that are plants: all, but for a leader whose motion is given."""
     return setup.followers if setup.motion is not None else (setup.leader, *setup.followers)
+
+
+def _acts(torque: Floats) -> bool:
+    """Return whether a torque (ticks, entries) is anything but zero."""
+    different = torque[: 1 if is_constant(torque) else None]
+    return any(different[block].any() for block in blocks(len(different), different.shape[1]))

@@ -102,15 +102,16 @@ def wire_plants(wiring: Wiring, now: TeamArrays, first: int, robots: Sequence[Ro
         Those that are plants.
     """
     commands = [len(robot.kind.command) for robot in robots]
-    samples = np.concatenate([robot.samples for robot in robots], axis=1)
-    given = np.zeros(sum(commands) + samples.shape[1])
+    given = np.zeros(sum(commands) + sum(robot.samples.shape[1] for robot in robots))
     is_command = np.concatenate(
         [np.arange(own + robot.samples.shape[1]) < own for own, robot in zip(commands, robots, strict=True)]
     )
     acting = np.arange(now.torque.shape[1]) < np.array(commands)[:, np.newaxis]
-    to = spots(given)
+    to, others = spots(given), np.flatnonzero(~is_command)
     wiring.move(Stage.GIVE, to[is_command], spots(now.torque[first : first + len(robots)])[acting], given)
-    wiring.move(Stage.GIVE, to[~is_command], spots_by_tick(samples), samples)
+    for robot in robots:
+        own, others = np.split(others, [robot.samples.shape[1]])
+        wiring.move(Stage.GIVE, to[own], spots_by_tick(robot.samples), robot.samples)
     return given
 
 

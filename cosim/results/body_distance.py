@@ -14,6 +14,7 @@ from cosim.results import convex
 from cosim.results.metrics import Nearest
 from cosim.results.outlines import Outlined, outlined_followers
 from cosim.results.result import Result
+from cosim.storage import blocks
 from cosim.vehicle.outline import Floats, frames
 from plants import arrays
 
@@ -48,19 +49,28 @@ def smallest_body_distance(result: Result, robots: Collection[str] = ()) -> Near
     followers = outlined_followers(result)
     if not followers or not result.sizes["time"]:
         return None
-    with np.errstate(invalid="ignore"):  # the cosine of a heading that is not finite
-        bodies = _bodies(followers.values())
     names, time = list(followers), result["time"].values
-    one, other = np.triu_indices(len(bodies.owner), k=1)
-    counts = bodies.owner[one] != bodies.owner[other]
+    owner = np.array([number for number, own in enumerate(followers.values()) for part in own.outline if part.collides])
+    one, other = np.triu_indices(len(owner), k=1)
+    counts = owner[one] != owner[other]
     if robots:
-        chosen = np.array([name in robots for name in names])[bodies.owner]
+        chosen = np.array([name in robots for name in names])[owner]
         counts &= chosen[one] | chosen[other]
     one, other = one[counts], other[counts]
     if not len(one):
         return None
-    distance, sample, i, j = _without_place(bodies, one, other) or _smallest(bodies, one, other)
-    return Nearest(distance, (names[bodies.owner[i]], names[bodies.owner[j]]), float(time[sample]))
+    found = (math.inf, 0, 0, 0)
+    for block in blocks(len(time), len(owner)):
+        with np.errstate(invalid="ignore"):  # the cosine of a heading that is not finite
+            bodies = _bodies(own.within(block) for own in followers.values())
+        if (nowhere := _without_place(bodies, one, other)) is not None:
+            found = (math.nan, block.start + nowhere[0], *nowhere[1:])
+            break
+        if found[0] > 0:
+            near = _smallest(bodies, one, other, found[0])
+            found = (near[0], block.start + near[1], *near[2:]) if near[0] < found[0] else found
+    distance, sample, i, j = found
+    return Nearest(distance, (names[owner[i]], names[owner[j]]), float(time[sample]))
 
 
 class _Pairs(NamedTuple):
@@ -80,8 +90,6 @@ class _Bodies:
 
     Attributes
     ----------
-    owner : ndarray
-        The follower's number, of each body.
     corners : ndarray
         In the body's frame, from the middle of a circle about it, (2, n, bodies); the last one may be repeated.
     radius : ndarray
@@ -92,7 +100,6 @@ class _Bodies:
         Of the body's heading, (T, bodies).
     """
 
-    owner: Indices
     corners: Floats
     radius: Floats
     middle: Floats
@@ -135,13 +142,12 @@ class _Bodies:
 
 
 def _bodies(followers: Iterable[Outlined]) -> _Bodies:
-    owner, corners, middles, headings = [], [], [], []
-    for number, follower in enumerate(followers):
+    corners, middles, headings = [], [], []
+    for follower in followers:
         for part, frame in zip(follower.outline, frames(follower.outline, follower.pose), strict=True):
             if part.collides:
                 points = np.array(part.corners)
                 middle = (points.min(axis=0) + points.max(axis=0)) / 2
-                owner.append(number)
                 corners.append(points - middle)
                 middles.append(frame.place(middle)[..., 0, :])
                 headings.append(frame.heading)
@@ -149,7 +155,6 @@ def _bodies(followers: Iterable[Outlined]) -> _Bodies:
     padded = np.stack([np.pad(points, ((0, most - len(points)), (0, 0)), "edge") for points in corners])
     heading = np.stack(headings, axis=1)
     return _Bodies(
-        owner=np.array(owner),
         corners=np.ascontiguousarray(padded.transpose(2, 1, 0)),
         radius=np.sqrt(np.square(padded).sum(axis=-1).max(axis=1)),
         middle=np.ascontiguousarray(np.stack(middles, axis=1).transpose(2, 0, 1)),
@@ -158,22 +163,22 @@ def _bodies(followers: Iterable[Outlined]) -> _Bodies:
     )
 
 
-def _without_place(bodies: _Bodies, one: Indices, other: Indices) -> tuple[float, int, int, int] | None:
+def _without_place(bodies: _Bodies, one: Indices, other: Indices) -> tuple[int, int, int] | None:
     """Return the first sample at which a body of some pair has no place, and the pair."""
     placed = (np.abs(bodies.middle) < _NOWHERE).all(axis=0) & np.isfinite(bodies.cos)
     for sample in np.flatnonzero(~placed.all(axis=1)):
         pairs = np.flatnonzero(~(placed[sample, one] & placed[sample, other]))
         if len(pairs):
-            return math.nan, int(sample), int(one[pairs[0]]), int(other[pairs[0]])
+            return int(sample), int(one[pairs[0]]), int(other[pairs[0]])
     return None
 
 
-def _smallest(bodies: _Bodies, one: Indices, other: Indices) -> tuple[float, int, int, int]:
-    """Return the smallest distance, at which sample, and of which pair; of equal ones the first.
+def _smallest(bodies: _Bodies, one: Indices, other: Indices, below: float) -> tuple[float, int, int, int]:
+    """Return the smallest distance below a limit, at which sample, and of which pair; of equal ones the first.
 
     Ever tighter and dearer lower bounds leave ever fewer pairs for the exact distance.
     """
-    best = (math.inf, 0, 0, 0)
+    best = (below, 0, 0, 0)
     length = max(_SAMPLES, _PAIRS // len(one))
     for start in range(0, bodies.middle.shape[1], length):
         near = _near(bodies, one, other, slice(start, start + length), best[0])

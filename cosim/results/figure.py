@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, printable
 from cosim.results.drawable_part import drawable
 from cosim.results.files import write
+from cosim.results.panels import panels, representative
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.thinned import thinned
@@ -52,7 +53,7 @@ def save_figure(result: xr.Dataset | Result, path: str | Path) -> None:
     OutputError
         The file cannot be written.
     """
-    result = Result.of(result)
+    result = representative(Result.of(result))
     if not result.sizes["time"]:
         raise InputError("the result holds no sample, so there is nothing to draw")
     buffer = io.BytesIO()
@@ -95,37 +96,8 @@ def draw(result: xr.Dataset | Result) -> Figure:
     enlarged = _panel(figure, grid[0, 1], "(b) formation at five instants, enlarged")
     _draw_formation(enlarged, drawn, colours)
 
-    commands = "torque" if "torque" in drawn else "command"
-    for place, heading, signals in (
-        (
-            grid[1, 0],
-            "(c) tracking errors",
-            {
-                "range error [m]": drawn["range_error"].values,
-                "bearing error [deg]": np.degrees(drawn["bearing_error"].values),
-            },
-        ),
-        (grid[1, 1], f"(d) {commands}s as applied", _components(drawn, commands)),
-        (
-            grid[2, 0],
-            "(e) estimation errors of range and bearing",
-            {
-                "range error [m]": _error_of(drawn, "range_estimate", drawn["range"].values),
-                "bearing error [deg]": _error_of(drawn, "bearing_estimate", drawn["bearing"].values, 180 / np.pi),
-            },
-        ),
-        (
-            grid[2, 1],
-            "(f) estimation errors of the velocities",
-            {
-                "error of v [m/s]": _error_of(drawn, "speed_estimate", drawn["velocity"].values[..., 0]),
-                "error of omega [rad/s]": _error_of(drawn, "steering_rate_estimate", drawn["velocity"].values[..., 1]),
-            },
-        ),
-        (grid[3, 0], "(g) Frobenius norm of the weights", _named(drawn, "weight_norm", "norm of W")),
-        (grid[3, 1], "(h) estimate of the robust gain", _named(drawn, "gain_estimate", "theta")),
-    ):
-        _draw_signals(figure, place, heading, drawn, colours, signals)
+    for at, (heading, signals) in enumerate(panels(drawn), 2):
+        _draw_signals(figure, grid[at // 2, at % 2], heading, drawn, colours, signals)
     return figure
 
 
@@ -237,31 +209,6 @@ def _draw_lines(
     for course, colour in zip(signal.T, colours.values(), strict=True):
         shown = thinned(course)
         axes.plot(time[shown], course[shown], color=colour, linewidth=0.9, marker=marker)
-
-
-# Signals ----------------------------------------------------------------------------------------------------
-
-
-def _components(result: Result, name: str) -> dict[str, NDArray[np.float64] | None]:
-    """Return the components of a signal, labelled with their units; those of an older result are torques."""
-    labels = [str(label) for label in result[f"{name}_component"].values]
-    units = f"{name}_component_units"
-    shown = [str(unit) for unit in result[units].values] if units in result else ["N.m"] * len(labels)
-    values = result[name].values
-    return {f"{label} [{unit}]": values[..., at] for at, (label, unit) in enumerate(zip(labels, shown, strict=True))}
-
-
-def _error_of(
-    result: Result, estimate: str, true: NDArray[np.float64], factor: float = 1.0
-) -> NDArray[np.float64] | None:
-    return (true - result[estimate].values) * factor if estimate in result else None
-
-
-def _named(result: Result, name: str, label: str) -> dict[str, NDArray[np.float64] | None]:
-    """Return a signal, labelled with its unit."""
-    if name not in result:
-        return {label: None}
-    return {f"{label} [{result[name].attrs['units']}]": result[name].values}
 
 
 def _missing(values: NDArray[np.float64]) -> int:

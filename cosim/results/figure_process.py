@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
+from cosim.results.panels import representative
 from cosim.results.result import Result
 
 PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from cosim.results.figure_process import serve; serve()"
@@ -97,7 +98,7 @@ class FigureProcess:
 
 def _send(pipe: IO[bytes], result: Result, path: str) -> None:
     try:
-        pickle.dump((result, path), pipe, pickle.HIGHEST_PROTOCOL)
+        pickle.dump((representative(result), path), pipe, pickle.HIGHEST_PROTOCOL)
         pipe.flush()
     except Exception:  # waiting for the reply finds out that the process has ended, as it does at the end of its input
         with suppress(OSError):

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import os
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, OutputError
-from cosim.results.netcdf import annotated, netcdf
+from cosim.results.netcdf import annotate as netcdf_attributes
+from cosim.results.netcdf import netcdf
 from cosim.results.result import Result
+from cosim.storage import take
 from plants import scratch
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_PIECE = 2**20
+"""Bytes of a file that are copied at once."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 """First bytes of a netCDF file of version 4."""
 
@@ -28,8 +34,8 @@ def save(result: xr.Dataset | Result, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    # In memory first: the HDF5 library does not survive a disk that fills up.
-    write(path, netcdf(Result.of(result)))
+    with _replacing(path) as file:
+        netcdf(Result.of(result), file)
 
 
 def annotate(path: Path, **attributes: str) -> None:
@@ -41,10 +47,15 @@ def annotate(path: Path, **attributes: str) -> None:
         The file cannot be written.
     """
     try:
-        content = path.read_bytes()
+        earlier = path.open("rb")
     except OSError as error:
         raise OutputError(f"{path} cannot be completed: {error.strerror}") from None
-    write(path, annotated(content, attributes))
+    with earlier, _replacing(path) as file:
+        take(file, os.fstat(earlier.fileno()).st_size)
+        file.seek(0)
+        while piece := earlier.read(_PIECE):
+            _write_all(file, piece)
+        netcdf_attributes(file, attributes)
 
 
 def writable_folder(folder: Path, option: str) -> Path:
@@ -72,13 +83,35 @@ def write(path: Path, data: bytes | memoryview) -> None:
     OutputError
         The file cannot be written.
     """
+    with _replacing(path) as file:
+        _write_all(file, data)
+
+
+def _write_all(file: FileIO, data: bytes | memoryview) -> None:
+    rest = memoryview(data)
+    while len(rest):
+        rest = rest[file.write(rest) :]
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[FileIO]:
+    """Yield a file to be written, which takes the place of another one at the end of the block.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written; the other file is left as it is.
+    """
     try:
         with scratch.folder(path.absolute().parent, ".formation-") as folder:  # which a killed process leaves behind
             partial = folder / path.name
-            partial.write_bytes(data)
+            with partial.open("w+b", buffering=0) as file:
+                yield file
             os.chmod(partial, 0o666 & ~_umask())
             os.replace(partial, path)
     except OSError as error:
+        if error.errno is None:  # of a library
+            raise
         raise OutputError(f"{path} cannot be written: {error.strerror}") from None
 
 

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.results.metrics import MEASURES, settling_time
 from cosim.results.result import Result
+from cosim.storage import blocks
 
 RANGE_BAND = 0.1
 BEARING_BAND = math.radians(2.0)
@@ -54,12 +56,20 @@ def _of_robot(horizon: float, step: float, result: Result, robot: str) -> Follow
     settled = settling_time(result, robot, RANGE_BAND, BEARING_BAND)
     last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
     steady = slice(int(np.searchsorted(time, (1 - STEADY_PART) * horizon - 0.5 * step)), None)
-    torque = np.abs(result.of_robot("torque", robot)) if "torque" in result else np.zeros(0)
+    torque = result.of_robot("torque", robot) if "torque" in result else np.zeros((0, 1))
     return FollowerFigures(
         robot=robot,
         settling_time=settled if settled is not None and settled <= last_chance else None,
         range_rms=MEASURES["rms"](time[steady], result.of_robot("range_error", robot)[steady]),
         bearing_rms=MEASURES["rms"](time[steady], result.of_robot("bearing_error", robot)[steady]),
-        peak_torque=float(np.fmax.reduce(torque, axis=None, initial=math.nan)),  # NaN where there is no such command
+        peak_torque=_peak(torque),
         within_from=settled,
     )
+
+
+def _peak(torque: NDArray[np.float64]) -> float:
+    """Return the largest magnitude of torques (T, torques); NaN is one that the vehicle does not have."""
+    peak = math.nan
+    for block in blocks(len(torque), torque.shape[1]):
+        peak = float(np.fmax(peak, np.fmax.reduce(np.abs(torque[block]), axis=None)))
+    return peak

@@ -6,12 +6,16 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.results import passes
 from cosim.results.result import Result
 from plants import arrays
+
+Floats: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,19 +34,28 @@ class Measure:
         Samples that are needed.
     """
 
-    figure: Callable[[NDArray[np.float64], NDArray[np.float64], float], float]
-    at: Callable[[NDArray[np.float64]], int | None] = lambda values: None
+    figure: Callable[[Floats, Floats, float], float]
+    at: Callable[[Floats], int | None] = lambda values: None
     unit: Callable[[str], str] = lambda unit: unit
     fewest: int = 1
 
-    def __call__(self, time: NDArray[np.float64], values: NDArray[np.float64], start: float = 0.0) -> float:
+    def __call__(self, time: Floats, values: Floats, start: float = 0.0) -> float:
         """Return the figure; NaN if the window is empty or a value that counts is NaN."""
         return float(self.figure(time, values, start)) if len(values) else math.nan
 
 
-def _itae(time: NDArray[np.float64], values: NDArray[np.float64], start: float) -> float:
-    integrand = (time - start) * np.abs(values)
-    return float(0.5 * np.sum((integrand[1:] + integrand[:-1]) * np.diff(time)))
+def _rms(time: Floats, values: Floats, start: float) -> float:
+    return math.sqrt(passes.total(lambda block: np.square(values[block]), len(values)) / len(values))
+
+
+def _itae(time: Floats, values: Floats, start: float) -> float:
+    def terms(block: slice) -> Floats:
+        both_ends = slice(block.start, block.stop + 1)
+        integrand = (time[both_ends] - start) * np.abs(values[both_ends])
+        found: Floats = (integrand[1:] + integrand[:-1]) * np.diff(time[both_ends])
+        return found
+
+    return 0.5 * passes.total(terms, len(values) - 1)
 
 
 def _times_s2(unit: str) -> str:
@@ -51,11 +64,13 @@ def _times_s2(unit: str) -> str:
 
 
 MEASURES: Mapping[str, Measure] = {
-    "rms": Measure(lambda time, values, start: float(np.sqrt(np.mean(np.square(values))))),
-    "peak": Measure(lambda time, values, start: float(np.abs(values).max()), at=lambda v: int(np.abs(v).argmax())),
-    "final": Measure(lambda time, values, start: float(np.abs(values)[-1])),
+    "rms": Measure(_rms),
+    "peak": Measure(
+        lambda time, values, start: abs(float(values[passes.largest_magnitude(values)])), at=passes.largest_magnitude
+    ),
+    "final": Measure(lambda time, values, start: abs(float(values[-1]))),
     "itae": Measure(_itae, unit=_times_s2, fewest=2),
-    "least": Measure(lambda time, values, start: float(values.min()), at=lambda values: int(values.argmin())),
+    "least": Measure(lambda time, values, start: float(values[passes.smallest(values)]), at=passes.smallest),
 }
 """Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
 time counts from the start of the window; smallest value."""
@@ -63,9 +78,14 @@ time counts from the start of the window; smallest value."""
 
 def settling_time(result: Result, robot: str, range_band: float, bearing_band: float) -> float | None:
     """Return from when on [s] both errors of a follower stay within their bands [m], [rad]; None if they do not."""
-    within = np.abs(result.of_robot("range_error", robot)) <= range_band
-    within &= np.abs(result.of_robot("bearing_error", robot)) <= bearing_band  # NaN is not within
-    first = len(within) - int(within[::-1].argmin()) if len(within) and not within.all() else 0
+    distance, bearing = (result.of_robot(name, robot) for name in ("range_error", "bearing_error"))
+
+    def within(block: slice) -> NDArray[np.bool_]:  # NaN is not
+        both: NDArray[np.bool_] = np.abs(distance[block]) <= range_band
+        both &= np.abs(bearing[block]) <= bearing_band
+        return both
+
+    first = passes.last_outside(len(distance), within) + 1
     time = result["time"].values
     return float(time[first]) if first < len(time) else None
 
@@ -110,8 +130,13 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest |
     for i, j in combinations(range(len(names)), 2):
         if not len(time) or (robots and not {names[i], names[j]} & set(robots)):
             continue
-        distance = arrays.hypot(*(position[:, i] - position[:, j]).T)
-        nearest = int(distance.argmin())  # one that is not a number, if there is any
-        if smallest is None or not distance[nearest] >= smallest.distance:
-            smallest = Nearest(float(distance[nearest]), (names[i], names[j]), float(time[nearest]))
+
+        def distances(both: Floats) -> Floats:
+            return arrays.hypot(*(both[:, 0] - both[:, 1]).T)
+
+        both = position[:, i : j + 1 : j - i]
+        nearest = passes.smallest(both, distances)  # one that is not a number, if there is any
+        distance = float(distances(both[nearest : nearest + 1])[0])
+        if smallest is None or not distance >= smallest.distance:
+            smallest = Nearest(distance, (names[i], names[j]), float(time[nearest]))
     return smallest

@@ -84,6 +84,10 @@ class Outlined:
     outline: Outline
     pose: Mapping[str, Floats]
 
+    def within(self, block: slice) -> Outlined:
+        """Return it at some of the samples."""
+        return Outlined(self.outline, {name: course[block] for name, course in self.pose.items()})
+
 
 def outlined_followers(result: Result) -> dict[str, Outlined] | None:
     """Return the followers of a result with their outlines; None if any has none, as in files of earlier versions."""

@@ -129,7 +129,10 @@ class Result:
 
     def between(self, start: float, stop: float) -> Result:
         """Return the samples from a time [s] to another, both included; views."""
-        samples = self.samples(start, stop)
+        return self.within(self.samples(start, stop))
+
+    def within(self, samples: slice) -> Result:
+        """Return some of the samples; views."""
         data_vars, coords = (
             {name: one.at("time", samples) if "time" in one.dims else one for name, one in group.items()}
             for group in (self.data_vars, self.coords)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
@@ -16,11 +17,13 @@ from cosim.results.expectations import RunOther, judge
 from cosim.results.follower_figures import FollowerFigures, follower_figures
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import smallest_distance
+from cosim.results.passes import sign_changes
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import read_expectations
 from cosim.scenario.scenario import Scenario
+from cosim.storage import blocks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -149,23 +152,36 @@ def _singularities(result: Result) -> tuple[str, ...]:
         meaning, below = signal.attrs.get("singular_at_zero"), signal.attrs.get("singular_below", 0.0)
         for robot in result.robots if meaning else ():
             values = result.of_robot(name, robot)
-            values = values.reshape(len(time), math.prod(values.shape[1:]))  # its components
-            changes = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
-            nearness = np.abs(values).min(axis=1)
-            near = np.flatnonzero(nearness < below)
+            values = values if values.ndim > 1 else values[:, np.newaxis]
+            changes, change = sign_changes(values)
+            near, least = _near(values, below)
             said = []
-            if len(changes):
-                times = f"{len(changes)} times, first" if len(changes) > 1 else "once,"
-                said.append(f"changes sign {times} at t = {time[changes[0] + 1]:.2f} s")
-            if len(near):
-                least = near[nearness[near].argmin()]
+            if changes:
+                times = f"{changes} times, first" if changes > 1 else "once,"
+                said.append(f"changes sign {times} at t = {time[change]:.2f} s")
+            if near is not None:
                 said.append(
-                    f"is within {below:g} of zero first at t = {time[near[0]]:.2f} s, "
+                    f"is within {below:g} of zero first at t = {time[near]:.2f} s, "
                     f"nearest with {values[least][np.abs(values[least]).argmin()]:.2g} at t = {time[least]:.2f} s"
                 )
             if said:
                 notes.append(f"{robot}: {name} {', and '.join(said)}; where it is zero, {meaning}")
     return tuple(notes)
+
+
+def _near(values: NDArray[np.float64], below: float) -> tuple[int | None, int]:
+    """Return the first sample of a course (T, numbers) that is near zero, None if none is, and the nearest one."""
+    first: int | None = None
+    at, least = 0, math.inf
+    for block in blocks(len(values), values.shape[1]):
+        nearness = np.abs(values[block]).min(axis=1)
+        near = np.flatnonzero(nearness < below)
+        if len(near):
+            first = block.start + int(near[0]) if first is None else first
+            nearest = near[nearness[near].argmin()]
+            if nearness[nearest] < least:
+                at, least = block.start + int(nearest), float(nearness[nearest])
+    return first, at
 
 
 def _without_nan(value: object) -> object:

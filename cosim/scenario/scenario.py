@@ -299,6 +299,8 @@ class Scenario:
         Those of every follower.
     text : str
         The resolved document.
+    where : Location
+        Where horizon and step are written.
     changes : tuple of str
         Changes made after it was read, as options of the command line.
     untrusted : tuple of Path
@@ -328,6 +330,7 @@ class Scenario:
     followers: tuple[Follower, ...]
     events: tuple[Event, ...]
     expectations: tuple[Expectation, ...]
+    where: Location
     changes: tuple[str, ...] = ()
     untrusted: tuple[Path, ...] = ()
     places: tuple[Location, ...] = field(default=(), repr=False)

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.clock import ROUNDING
-from cosim.scenario.scenario import PlaceChange
+from cosim.clock import ROUNDING, Clock
+from cosim.scenario.scenario import Follower, PlaceChange
+from cosim.storage import Storage, blocks, constant
+
+
+def desired_places(followers: Sequence[Follower], clock: Clock, storage: Storage) -> tuple[NDArray[np.float64], ...]:
+    """Return the places of all followers at all communication points and two derivatives, each (ticks + 1, N, 2)."""
+    samples, shape = clock.ticks + 1, (len(followers), 2)
+    if not any(follower.changes for follower in followers):
+        place = np.array([follower.desired for follower in followers], dtype=float).reshape(shape)
+        return tuple(constant(part, samples) for part in (place, np.zeros(shape), np.zeros(shape)))
+    found = tuple(storage.empty((samples, *shape)) for _ in range(3))
+    for block in blocks(samples):
+        times = clock.times_in(block)
+        for row, follower in enumerate(followers):
+            for course, own in zip(found, desired_samples(follower.desired, follower.changes, times), strict=True):
+                course[block, row] = own
+    return found
 
 
 def desired_samples(

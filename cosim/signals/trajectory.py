@@ -9,11 +9,12 @@ import numpy as np
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
-from cosim.clock import ROUNDING
+from cosim.clock import ROUNDING, Clock
 from cosim.errors import InputError
 from cosim.scenario.csv_table import read_table
 from cosim.scenario.scenario import Trajectory
 from cosim.signals.spline import through
+from cosim.storage import Storage, blocks
 from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Motion, PathMotion
 from plants import arrays
@@ -28,7 +29,7 @@ MIN_SPEED = 1e-3  # m/s
 MAX_STEERING = math.radians(80)
 
 
-def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
+def leader_motion(trajectory: Trajectory, vehicle: Vehicle, clock: Clock, storage: Storage) -> Motion:
     """Return the motion in which a vehicle's reference point follows a path exactly, driving forwards.
 
     The path is a quintic spline through the points, or near them if the trajectory is smoothed. The reference
@@ -42,8 +43,10 @@ def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.fl
         The points.
     vehicle
         The vehicle's geometry.
-    times
-        Points in time (T,) [s], increasing from 0 to the horizon.
+    clock
+        The communication points.
+    storage
+        Where the motion lies.
 
     Raises
     ------
@@ -51,15 +54,46 @@ def leader_motion(trajectory: Trajectory, vehicle: Vehicle, times: NDArray[np.fl
         The table cannot be used, there are fewer than six points or they do not reach from 0 to the horizon, or the
         vehicle cannot follow the path: it stands still, or has to steer by more than 80 degrees.
     """
-    path = _spline(trajectory, float(times[-1]))
-    with np.errstate(all="ignore"):
-        motion = _flat_motion(trajectory, path, vehicle, times)
-    beyond = np.asarray(~np.isfinite(np.hstack([motion.state, motion.acceleration])).all(axis=1))
-    _refuse(trajectory, times, beyond, "is too fast to compute with", "no vehicle moves like this")
-    return motion
+    path, heading = _spline(trajectory, clock.horizon), _Heading()
+    found: Motion | None = None
+    for block in blocks(clock.ticks + 1):
+        times = clock.times_in(block)
+        with np.errstate(all="ignore"):
+            motion = _flat_motion(trajectory, path, vehicle, times, heading)
+        beyond = np.asarray(~np.isfinite(np.hstack([motion.state, motion.acceleration])).all(axis=1))
+        _refuse(trajectory, times, beyond, "is too fast to compute with", "no vehicle moves like this")
+        if found is None:
+            places = (storage.empty((clock.ticks + 1, part.shape[1])) for part in (motion.state, motion.acceleration))
+            found = Motion(*places)
+        found.state[block], found.acceleration[block] = motion.state, motion.acceleration
+    assert found is not None
+    return found
 
 
-def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: NDArray[np.float64]) -> Motion:
+class _Heading:
+    """The heading without jumps, of one part of the time after the other; the same bits as `numpy.unwrap` of all."""
+
+    def __init__(self) -> None:
+        self._raw: NDArray[np.float64] | None = None
+        self._added, self._last = 0.0, 0.0
+
+    def unwrapped(self, raw: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the heading (T,), and how much it has turned since the time before."""
+        turned = np.diff(raw, prepend=raw[:1] if self._raw is None else self._raw)
+        within = np.mod(turned + math.pi, 2 * math.pi) - math.pi
+        within[(within == -math.pi) & (turned > 0)] = math.pi
+        corrections = np.where(np.abs(turned) < math.pi, 0.0, within - turned)
+        corrections[0] += self._added
+        added = corrections.cumsum()
+        heading = raw + added
+        before = heading[0] if self._raw is None else self._last
+        self._raw, self._added, self._last = raw[-1:], float(added[-1]), float(heading[-1])
+        return heading, np.diff(heading, prepend=before)
+
+
+def _flat_motion(
+    trajectory: Trajectory, path: Path, vehicle: Vehicle, times: NDArray[np.float64], course: _Heading
+) -> Motion:
     on_path = kind_named(vehicle.kind).on_path
     if on_path is None:
         raise InputError(
@@ -70,9 +104,14 @@ def _flat_motion(trajectory: Trajectory, path: Path, vehicle: Vehicle, times: ND
     (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
     v = arrays.hypot(x_1, y_1)
     _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")
-    heading = np.unwrap(arrays.atan2(y_1, x_1))
-    turned = np.abs(np.diff(heading, prepend=heading[0])) > math.pi / 2
-    _refuse(trajectory, times, turned, "turns by more than 90 degrees in a communication step", "it is no smooth path")
+    heading, turned = course.unwrapped(arrays.atan2(y_1, x_1))
+    _refuse(
+        trajectory,
+        times,
+        np.abs(turned) > math.pi / 2,
+        "turns by more than 90 degrees in a communication step",
+        "it is no smooth path",
+    )
 
     v_dot = (x_1 * x_2 + y_1 * y_2) / v
     v_ddot = (x_2**2 + y_2**2 + x_1 * x_3 + y_1 * y_3 - v_dot**2) / v

@@ -11,6 +11,7 @@ from cosim.master.loop import Stage, Wiring
 from cosim.master.moves import move
 from cosim.master.team_arrays import TeamArrays
 from cosim.master.wiring import wire_plants
+from cosim.storage import Storage
 from cosim.vehicle.car_like import CAR_LIKE
 from cosim.vehicle.columns import columns, run_columns
 from cosim.vehicle.differential_drive import DIFFERENTIAL_DRIVE
@@ -38,13 +39,13 @@ def test_commands_of_other_units_have_columns_of_their_own() -> None:
     assert found.command.labels == ("tau_drive", "tau_steer", "v_command", "gamma_command")
     assert found.command.units == ("N.m", "N.m", "m/s", "rad")
     values = np.array([[[1.0, 2.0], [3.0, 4.0]]])
-    spread = found.command.spread(values, [CAR_LIKE, BICYCLE])
+    spread = found.command.spread(values, [CAR_LIKE, BICYCLE], Storage())
     np.testing.assert_array_equal(spread, [[[1, 2, np.nan, np.nan], [np.nan, np.nan, 3, 4]]])
 
 
 def test_entries_of_one_kind_are_not_copied() -> None:
     values = np.zeros((3, 2, 4))
-    assert columns([CAR_LIKE], "pose").spread(values, [CAR_LIKE, CAR_LIKE]) is values
+    assert columns([CAR_LIKE], "pose").spread(values, [CAR_LIKE, CAR_LIKE], Storage()) is values
 
 
 def test_entries_in_another_order_keep_their_units() -> None:

@@ -13,7 +13,7 @@ import xarray as xr
 import cosim
 from cosim.errors import RunInterrupted, SimulationError
 from cosim.results.files import annotate, load, save
-from cosim.results.netcdf import attributes_of, netcdf
+from cosim.results.netcdf import attributes_of
 from cosim.results.result import Result, Variable
 from cosim.scenario.edits import set_value
 
@@ -146,10 +146,11 @@ def test_attributes_are_added_and_replaced(tmp_path: Path) -> None:
     assert attributes_of(path).items() >= {"verdicts": "[1]", "title": "Fünf"}.items()
 
 
-def test_values_that_a_file_cannot_hold_are_refused() -> None:
+def test_values_that_a_file_cannot_hold_are_refused(tmp_path: Path) -> None:
     result = Result({"odd": variable("time", np.array([1.0 + 2.0j]))}, {}, {})
     with pytest.raises(TypeError, match=r"'odd' .* complex128: .* numbers or texts"):
-        netcdf(result)
+        save(result, tmp_path / "result.nc")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_result_and_its_dataset_are_two_views_of_the_same_arrays() -> None:

@@ -10,15 +10,18 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import make_interp_spline
 
+from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.scenario import Trajectory
 from cosim.signals.trajectory import leader_motion
+from cosim.storage import Storage
 
 WHERE = Location("scenario.xml", 9, 5)
 CAR = fc.CarLike(1.2)
 TRAILER = fc.TractorTrailer(1.5, 0.15, 0.4)
 VEHICLES = pytest.mark.parametrize("vehicle", [CAR, TRAILER], ids=["car", "tractor-trailer"])
-TIMES = np.arange(1001) * 0.02
+CLOCK = Clock(0.02, 1000)
+TIMES = CLOCK.times
 
 Path2 = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -39,7 +42,9 @@ def circle(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @VEHICLES
 def test_a_straight_line(vehicle: fc.CarLike | fc.TractorTrailer) -> None:
-    motion = leader_motion(along(lambda t: (3 - 1.2 * t, 1 + 0.9 * t), np.linspace(-1, 21, 8)), vehicle, TIMES)
+    motion = leader_motion(
+        along(lambda t: (3 - 1.2 * t, 1 + 0.9 * t), np.linspace(-1, 21, 8)), vehicle, CLOCK, Storage()
+    )
     heading = math.atan2(0.9, -1.2)
     last = heading if vehicle is TRAILER else 0.0
     expected = np.column_stack([3 - 1.2 * TIMES, 1 + 0.9 * TIMES, *np.tile([[heading], [last], [1.5], [0.0]], 1001)])
@@ -48,7 +53,7 @@ def test_a_straight_line(vehicle: fc.CarLike | fc.TractorTrailer) -> None:
 
 
 def test_a_circle_of_a_car() -> None:
-    motion = leader_motion(along(circle, np.linspace(0, 20, 401)), CAR, TIMES)
+    motion = leader_motion(along(circle, np.linspace(0, 20, 401)), CAR, CLOCK, Storage())
     heading = 0.4 * TIMES - 1 + math.pi / 2
     n = np.ones(1001)
     expected = np.column_stack([*circle(TIMES), heading, math.atan(1.2 / 6) * n, 2.4 * n, 0 * n])
@@ -57,7 +62,7 @@ def test_a_circle_of_a_car() -> None:
 
 
 def test_a_circle_of_a_tractor_trailer() -> None:
-    motion = leader_motion(along(circle, np.linspace(0, 20, 401)), TRAILER, TIMES)
+    motion = leader_motion(along(circle, np.linspace(0, 20, 401)), TRAILER, CLOCK, Storage())
     heading = 0.4 * TIMES - 1 + math.pi / 2
     n = np.ones(1001)
     expected = np.column_stack([*circle(TIMES), heading, heading + math.atan(1.5 / 6), 2.4 * n, 0.4 * n])
@@ -76,7 +81,7 @@ def kinematics(vehicle: fc.CarLike | fc.TractorTrailer, pose: np.ndarray, v: flo
 
 @VEHICLES
 def test_the_velocities_drive_the_vehicle_along_the_path(vehicle: fc.CarLike | fc.TractorTrailer) -> None:
-    motion = leader_motion(along(eight, np.linspace(0, 20, 81)), vehicle, TIMES)
+    motion = leader_motion(along(eight, np.linspace(0, 20, 81)), vehicle, CLOCK, Storage())
     velocity = make_interp_spline(TIMES, motion.state[:, 4:], k=5)
     driven = solve_ivp(
         lambda t, pose: kinematics(vehicle, pose, *velocity(t)),
@@ -94,15 +99,15 @@ def test_the_velocities_drive_the_vehicle_along_the_path(vehicle: fc.CarLike | f
 
 @VEHICLES
 def test_the_accelerations_are_the_derivatives_of_the_velocities(vehicle: fc.CarLike | fc.TractorTrailer) -> None:
-    times = np.linspace(0, 20, 20001)
-    motion = leader_motion(along(eight, np.linspace(0, 20, 81)), vehicle, times)
-    gained = cumulative_simpson(motion.acceleration, x=times, axis=0, initial=0) + motion.state[0, 4:]
+    clock = Clock(0.001, 20_000)
+    motion = leader_motion(along(eight, np.linspace(0, 20, 81)), vehicle, clock, Storage())
+    gained = cumulative_simpson(motion.acceleration, x=clock.times, axis=0, initial=0) + motion.state[0, 4:]
     assert gained == pytest.approx(motion.state[:, 4:], abs=1e-9)
 
 
 def test_every_point_is_passed_in_time() -> None:
     points = np.linspace(0, 20, 51)
-    motion = leader_motion(along(eight, points), CAR, TIMES)
+    motion = leader_motion(along(eight, points), CAR, CLOCK, Storage())
     assert motion.state[::20, :2] == pytest.approx(np.column_stack(eight(points)), abs=1e-12)
 
 
@@ -112,8 +117,8 @@ def test_a_table_is_read_in_its_units(tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     rows = np.column_stack([y * 100, points * 1000, x / 1000]).tolist()
     file.write_text("y [cm],time [ms],x [km]\n" + "".join(f"{a!r},{b!r},{c!r}\n" for a, b, c in rows))
-    motion = leader_motion(Trajectory((), file, 0.0, WHERE), CAR, TIMES)
-    expected = leader_motion(along(eight, points), CAR, TIMES)
+    motion = leader_motion(Trajectory((), file, 0.0, WHERE), CAR, CLOCK, Storage())
+    expected = leader_motion(along(eight, points), CAR, CLOCK, Storage())
     assert motion.state == pytest.approx(expected.state, abs=1e-7)
 
 
@@ -126,11 +131,11 @@ def test_smoothing_misses_noisy_points_by_as_much_as_allowed() -> None:
         return x + noise[0], y + noise[1]
 
     with pytest.raises(InputError, match="more than"):
-        leader_motion(along(measured, points), CAR, TIMES)
-    motion = leader_motion(along(measured, points, smoothing=0.07), CAR, TIMES)
+        leader_motion(along(measured, points), CAR, CLOCK, Storage())
+    motion = leader_motion(along(measured, points, smoothing=0.07), CAR, CLOCK, Storage())
     missed = np.column_stack(measured(points)) - motion.state[:, :2]
     assert math.sqrt((missed**2).sum() / 1001) == pytest.approx(0.07, rel=0.01)
-    true = leader_motion(along(eight, points), CAR, TIMES)
+    true = leader_motion(along(eight, points), CAR, CLOCK, Storage())
     assert np.abs(motion.state[:, :2] - true.state[:, :2]).max() < 0.1
 
 
@@ -143,7 +148,7 @@ def test_smoothing_misses_noisy_points_by_as_much_as_allowed() -> None:
 )
 def test_smoothing_that_is_not_possible(count: int, smoothing: float, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        leader_motion(along(eight, np.linspace(0, 20, count), smoothing), CAR, TIMES)
+        leader_motion(along(eight, np.linspace(0, 20, count), smoothing), CAR, CLOCK, Storage())
     assert caught.value.where == WHERE
 
 
@@ -157,14 +162,14 @@ def test_smoothing_that_is_not_possible(count: int, smoothing: float, message: s
 )
 def test_points_that_do_not_suffice(time: np.ndarray, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        leader_motion(along(eight, time), CAR, TIMES)
+        leader_motion(along(eight, time), CAR, CLOCK, Storage())
     assert message in caught.value.message
     assert caught.value.where == WHERE
 
 
 def test_a_horizon_that_is_only_computed_is_reached() -> None:
-    times = np.arange(5) * 0.1 * 3  # ends at 1.2000000000000002
-    motion = leader_motion(along(circle, np.linspace(0, 1.2, 6)), CAR, times)
+    clock = Clock(0.1 * 3, 4)  # ends at 1.2000000000000002
+    motion = leader_motion(along(circle, np.linspace(0, 1.2, 6)), CAR, clock, Storage())
     assert motion.state[-1, :2] == pytest.approx(np.ravel(circle(np.array([1.2]))), abs=1e-9)
 
 
@@ -182,6 +187,6 @@ def test_a_horizon_that_is_only_computed_is_reached() -> None:
 )
 def test_paths_that_cannot_be_driven(path: Path2, message: str, vehicle: fc.CarLike | fc.TractorTrailer) -> None:
     with pytest.raises(InputError) as caught:
-        leader_motion(along(path, np.linspace(0, 20, 201)), vehicle, TIMES)
+        leader_motion(along(path, np.linspace(0, 20, 201)), vehicle, CLOCK, Storage())
     assert message in caught.value.message
     assert caught.value.where == WHERE

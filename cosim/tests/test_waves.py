@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.scenario import InputSource, WaveSource
-from cosim.signals.waves import WAVES, input_samples
+from cosim.signals.waves import WAVES, add_samples
 from cosim.signals.waves.random import MIN_CUTOFF
 from plants import units
 
@@ -32,7 +33,9 @@ def samples(
     name: str = "wind",
 ) -> np.ndarray:
     source = InputSource(name, waves, Location("scenario.xml", 6, 1))
-    return input_samples(source, units.parse(unit), np.arange(ticks) * step, step, seed, robot)
+    course = np.zeros(ticks)
+    add_samples(course, source, units.parse(unit), Clock(step, ticks - 1), seed, robot)
+    return course
 
 
 def test_constant_in_any_unit_that_fits() -> None:

@@ -14,7 +14,8 @@ from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import LEADER, Scenario
-from cosim.signals.desired_places import desired_samples
+from cosim.signals.desired_places import desired_places
+from cosim.storage import Storage
 from cosim.tests.driving import scenario as written
 from cosim.vehicle.car_like import CAR_LIKE
 from cosim.vehicle.columns import run_columns
@@ -32,16 +33,14 @@ def mock_setup(scenario: Scenario) -> Setup:
     laws = {name: find_law(source) for name, source in scenario.controllers.items()}
     leader = _robot(scenario, LEADER, scenario.leader)
     followers = tuple(_robot(scenario, follower.id, follower) for follower in scenario.followers)
+    storage = Storage()
     columns = run_columns([robot.kind for robot in (leader, *followers)])
     variables = result_variables_of(columns, len(followers), False, laws.values())
-    desired = [
-        desired_samples(follower.desired, follower.changes, scenario.clock.times) for follower in scenario.followers
-    ]
     return Setup(
         leader=leader,
         followers=followers,
         motion=None,
-        desired=fc.Desired(*(np.stack(parts, axis=1) for parts in zip(*desired, strict=True))),
+        desired=fc.Desired(*desired_places(scenario.followers, scenario.clock, storage)),
         opened={},
         fmus={},
         laws=laws,
@@ -49,6 +48,7 @@ def mock_setup(scenario: Scenario) -> Setup:
         result_variables=variables,
         signals=recorded_signals(variables, columns, [(one.id, laws[one.controller]) for one in scenario.followers]),
         others={},
+        storage=storage,
     )
 
 

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.storage import Storage, blocks
 from cosim.vehicle.kind import Kind, Role
 
 
@@ -31,17 +32,19 @@ class Columns:
     units: tuple[str, ...]
     of: dict[str, tuple[int, ...]]
 
-    def spread(self, values: NDArray[np.float64], kinds: Sequence[Kind]) -> NDArray[np.float64]:
+    def spread(self, values: NDArray[np.float64], kinds: Sequence[Kind], storage: Storage) -> NDArray[np.float64]:
         """Return values (samples, robots, entries) of robots that are some kinds in these columns, elsewhere NaN.
 
         The entries of each robot are its first ones.
         """
         if all(self.of[kind.name] == tuple(range(len(self.labels))) for kind in kinds):
             return values
-        found = np.full((*values.shape[:-1], len(self.labels)), np.nan)
-        for row, kind in enumerate(kinds):
-            own = self.of[kind.name]
-            found[:, row, own] = values[:, row, : len(own)]
+        found: NDArray[np.float64] = storage.empty((*values.shape[:-1], len(self.labels)))
+        for block in blocks(len(found), len(kinds) * len(self.labels)):
+            found[block] = np.nan
+            for row, kind in enumerate(kinds):
+                own = self.of[kind.name]
+                found[block, row, own] = values[block, row, : len(own)]
         return found
 
 

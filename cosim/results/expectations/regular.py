@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
-from cosim.results.expectations.subject import Subject, is_absent
+from cosim.results.expectations.subject import Subject
+from cosim.results.passes import is_missing, sign_changes, smallest
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 
@@ -52,7 +53,7 @@ class Regular(Kind):
                 continue
             thresholds[name] = threshold = float(signal.attrs.get("singular_below", 0.0))
             for robot, (time, course) in Subject(name).courses(self, result).items():
-                if is_absent(result.of_robot(name, robot)):
+                if is_missing(result.of_robot(name, robot)):  # another robot's controller has it
                     continue
                 least, at, jumps = _nearness(course)
                 rank = (least - threshold > 0, least / threshold if threshold else math.inf)
@@ -78,14 +79,13 @@ class Regular(Kind):
 def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:
     """Return how near to zero a signal (T, ...) comes, zero if it jumps over it; at which sample; whether it jumps."""
     if values.ndim == 1:  # mostly far on one side, which one look tells
-        for find, side in ((np.argmin, 1.0), (np.argmax, -1.0)):
-            at = int(find(values))
+        for side in (1.0, -1.0):
+            at = smallest(values, lambda part, side=side: side * part)  # type: ignore[misc]
             if side * values[at] > 0.0:
                 return side * float(values[at]), at, False
-    values = values.reshape(len(values), -1)
-    jumps = np.flatnonzero(np.diff(np.signbit(values), axis=0).any(axis=1))
-    if len(jumps):
-        return 0.0, int(jumps[0]) + 1, True
-    nearness = np.abs(values).min(axis=1)
-    at = int(nearness.argmin())
-    return float(nearness[at]), at, False
+    numbers = values if values.ndim > 1 else values[:, np.newaxis]
+    jumps, first = sign_changes(numbers)
+    if jumps:
+        return 0.0, first, True
+    at = smallest(numbers, lambda part: np.abs(part).min(axis=1))
+    return float(np.abs(numbers[at]).min()), at, False

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import nearest
 from cosim.results.expectations.kind import Kind
 from cosim.results.expectations.recorded import Recorded, units_by_component
+from cosim.results.passes import is_missing
 from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import LEADER
 
@@ -64,7 +65,7 @@ class Subject:
         else:
             rows = {LEADER: None}
         courses = {robot: _of_row(signal, row) for robot, row in rows.items()}
-        having = [robot for robot, course in courses.items() if not is_absent(course)]
+        having = [robot for robot, course in courses.items() if not is_missing(course)]
         chosen = courses if kind.written.robots or not having else having
         time = result["time"].values[samples]
         return {robot: (time, courses[robot][samples]) for robot in chosen}
@@ -81,11 +82,6 @@ class Subject:
         """Return the dimension of the signal's components, and their names."""
         (dim,) = (dim for dim in result[self.signal].dims if dim not in ("time", "robot"))
         return dim, [str(label) for label in result[dim].values]
-
-
-def is_absent(course: NDArray[np.float64]) -> bool:
-    """Return whether nothing is recorded of a signal (T, ...): it belongs to the controllers of other followers."""
-    return bool(np.isnan(course[:1]).all() and np.isnan(course).all())
 
 
 def _of_row(signal: Variable, row: int | None) -> NDArray[np.float64]:

@@ -181,6 +181,7 @@ def _scenario(
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
         expectations=known.of("", expectations, tuple(root.children("expect")), times, named),
+        where=simulation.where,
         changes=tuple(changes),
         untrusted=untrusted,
         places=document.places,

@@ -26,6 +26,7 @@ class Random(Wave):
     def __init__(self, written: WaveSource) -> None:
         super().__init__(written)
         self.cutoff = written.positive("cutoff", "Hz")
+        self._state: tuple[float, float] | None = None
 
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
         """Return the values.
@@ -34,9 +35,10 @@ class Random(Wave):
         settle. The factor is the one with which the standard deviation is exactly the value.
         """
         low_pass = _low_pass(self._part(sampling.step))
-        stream = sampling.stream()
-        first, second = stream.standard_normal(2).tolist()
-        course = low_pass.filtered(first, second, stream.standard_normal(len(sampling.times)).tolist())
+        if self._state is None:
+            self._state = low_pass.start(*sampling.stream.standard_normal(2).tolist())
+        values = sampling.stream.standard_normal(len(sampling.times)).tolist()
+        course, self._state = low_pass.filtered(self._state, values)
         return np.where(self.acting(sampling.times), self.amount(sampling) / low_pass.deviation * course, 0.0)
 
     def _part(self, step: float) -> float:
@@ -73,16 +75,23 @@ class _LowPass:
     spread: tuple[float, float, float]
     deviation: float
 
-    def filtered(self, first: float, second: float, values: list[float]) -> NDArray[np.float64]:
-        """Return the output; two numbers of variance 1 choose the state before the first value."""
-        (b_0, b_1, b_2), (a_1, a_2), (l_11, l_21, l_22) = self.b, self.a, self.spread
-        z_1, z_2 = l_11 * first, l_21 * first + l_22 * second
+    def start(self, first: float, second: float) -> tuple[float, float]:
+        """Return the state before the first value, which two numbers of variance 1 choose."""
+        l_11, l_21, l_22 = self.spread
+        return l_11 * first, l_21 * first + l_22 * second
+
+    def filtered(
+        self, state: tuple[float, float], values: list[float]
+    ) -> tuple[NDArray[np.float64], tuple[float, float]]:
+        """Return the output from a state on, and the state after it."""
+        (b_0, b_1, b_2), (a_1, a_2) = self.b, self.a
+        z_1, z_2 = state
         course = []
         for u in values:
             y = b_0 * u + z_1
             z_1, z_2 = b_1 * u - a_1 * y + z_2, b_2 * u - a_2 * y
             course.append(y)
-        return np.array(course)
+        return np.array(course), (z_1, z_2)
 
 
 @cache

@@ -18,6 +18,7 @@ class Tabled(Wave):
     def __init__(self, written: WaveSource) -> None:
         super().__init__(written)
         self.file, self.column = written.path("file"), written.get("column")
+        self._course: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def text(self) -> str:
@@ -30,5 +31,7 @@ class Tabled(Wave):
 
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
         """Return the values."""
-        table, column = self.table()
-        return np.interp(sampling.times, table.time, table.column(column, sampling.unit, self.written.where))
+        if self._course is None:
+            table, column = self.table()
+            self._course = table.time, table.column(column, sampling.unit, self.written.where)
+        return np.interp(sampling.times, *self._course)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -23,19 +22,19 @@ class Sampling:
     Attributes
     ----------
     times : ndarray
-        The communication points (T,) [s], from 0 on in steps of `step`.
+        The communication points (T,) [s], in steps of `step`.
     step : float
         Communication step [s].
     unit : Unit
         The unit.
-    stream : callable
-        Returns the stream of random numbers.
+    stream : Generator
+        The stream of random numbers, from which earlier communication points have taken theirs.
     """
 
     times: NDArray[np.float64]
     step: float
     unit: units.Unit
-    stream: Callable[[], np.random.Generator]
+    stream: np.random.Generator
 
 
 class Wave(ABC):
@@ -64,7 +63,7 @@ class Wave(ABC):
 
     @abstractmethod
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
-        """Return its values (T,).
+        """Return its values (T,); an instance is asked for one part of a run after the other, from time 0 on.
 
         Raises
         ------
