@@ -18,6 +18,8 @@ def root_of(path: Path) -> str:
     root element is complete, is `UNCLEAR` if it names the namespace, so that whoever reads it reports the fault.
     """
     try:
+        if not path.is_file():  # a pipe may never end
+            return ""
         with path.open("rb") as file:
             start = file.read(_SNIFFED)
     except OSError:
