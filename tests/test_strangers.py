@@ -8,7 +8,7 @@ import pytest
 
 from cosim.errors import brief
 from cosim.fmu.package import Package, as_vehicle, open_package
-from cosim.pytest_plugin import is_scenario
+from cosim.scenario.root_element import root_of
 from cosim.tests.driving import SHORT
 
 from .commands import command, failed
@@ -53,7 +53,7 @@ def test_scenarios(
     line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, place: str, sentence: str
 ) -> None:
     path = changed(line, tmp_path, old, new)
-    assert is_scenario(path) or "urn:formation cosim" in new
+    assert root_of(path) or "urn:formation cosim" in new
     printed = failed(capsys, 2, "check", str(path))
     assert re.match(rf"{re.escape(str(path))}:{place}: error: ", printed)
     assert sentence in printed

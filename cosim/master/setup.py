@@ -196,7 +196,7 @@ def _check_size(scenario: Scenario, size: int) -> None:
 
 def _rounded(number: float, up: int) -> float:
     """Return a number rounded to two digits, up or down."""
-    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    digit = 10.0 ** (int(f"{number:e}".partition("e")[2]) - 1)
     return digit * (math.ceil(number / digit) if up > 0 else math.floor(number / digit))
 
 

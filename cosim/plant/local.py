@@ -8,6 +8,7 @@ from contextlib import ExitStack
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import Picklable
 from cosim.plant.activity import Activity
 from cosim.plant.failures import FINE, PlantError
 from cosim.plant.fleet_step import FleetArrays, advance_all
@@ -18,7 +19,7 @@ from cosim.plant.stepping import Rows
 from cosim.plant.stepwise import StepwisePlant, stepper
 
 
-class NotStarted(PlantError):
+class NotStarted(Picklable, PlantError):
     """A plant cannot be started.
 
     Parameters
