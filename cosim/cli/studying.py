@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.console import err, out, safe, table, taking_a_while, warn
+from cosim.cli.summary import print_verdict
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
 from cosim.results.files import writable_folder, write
@@ -114,8 +115,7 @@ def _print(console: Console, outcome: StudyOutcome) -> None:
     for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
         console.print(f"[yellow]broken:[/] run {row.number}: {safe(row.message)}", soft_wrap=True)
     for verdict in outcome.verdicts:
-        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
-        console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
+        print_verdict(console, verdict)
 
 
 def _print_spreads(console: Console, found: Sequence[Spread]) -> None:

@@ -57,8 +57,13 @@ def print_summary(console: Console, summary: Summary) -> None:
     for note in summary.notes:
         console.print(f"[yellow]note:[/] {safe(note)}", soft_wrap=True)
     for verdict in _worst(summary.verdicts):
-        colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
-        console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
+        print_verdict(console, verdict)
+
+
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """Print a verdict in a line."""
+    colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
+    console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
 
 
 def _settled(follower: FollowerFigures) -> str:

@@ -14,8 +14,7 @@ from lxml import etree
 
 from cosim.errors import nearest
 from cosim.quantity import advice, meant
-
-NAMESPACE = "urn:formation-cosim:scenario:1"
+from cosim.scenario.root_element import NAMESPACE as NAMESPACE
 
 _SMALL = 2000
 """Elements of a tree in which all breaches may be found."""

@@ -51,11 +51,11 @@ def vary(base: etree._Element, variant: etree._Element, places: Places) -> None:
         if old is not None:
             take_out(old)
     text, looks = text_of(base) + text_of(variant), 0
-    for rule in variant.iterchildren(*_RULES):
+    for rule in variant.iterchildren(*RULES):
         looks += _cost(rule, len(places) + text)
         if looks > BUDGET:
             _refuse(rule, "is one rule too many: up to here, they might look at too many elements", places)
-        _RULES[rule.tag](base, rule, places)
+        RULES[rule.tag](base, rule, places)
 
 
 def _set(base: etree._Element, rule: etree._Element, places: Places) -> None:
@@ -100,7 +100,7 @@ def _remove(base: etree._Element, rule: etree._Element, places: Places) -> None:
             _refuse(rule, f'select="{rule.get("select")}": only elements and attributes can be removed', places)
 
 
-_RULES: dict[str, Callable[[etree._Element, etree._Element, Places], None]] = {
+RULES: dict[str, Callable[[etree._Element, etree._Element, Places], None]] = {
     "set": _set,
     "replace": _replace,
     "insert": _insert,

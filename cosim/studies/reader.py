@@ -12,7 +12,7 @@ from typing import TypeVar
 from lxml import etree
 
 from cosim.errors import InputError, Location, printable
-from cosim.quantity import quantity, split
+from cosim.quantity import split
 from cosim.scenario.document import Document, read_study_document, read_variant_of
 from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.grammar import NAMESPACE
@@ -20,14 +20,14 @@ from cosim.scenario.reader import scenario_in
 from cosim.scenario.reader.element import Element
 from cosim.scenario.scenario import Scenario
 from cosim.scenario.tree_edits import insert, put
+from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
-from cosim.studies.values import Count, Finite, Values, values_of
+from cosim.studies.values import Count, Finite, Values, number_of, values_of
 
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
-_RULES = ("set", "replace", "insert", "remove")
 _SIGNALS = {"rms", "peak", "final", "itae", "least"}
 _T = TypeVar("_T", Vary, Measured)
 
@@ -97,16 +97,7 @@ def _vary(element: Element) -> Vary:
 
 
 def _target(element: Element) -> Target:
-    def number(name: str) -> tuple[float, str] | None:
-        if name not in element:
-            return None
-        unit = split(element.get(name))[1]
-        try:
-            return quantity(element.get(name), unit), unit
-        except ValueError as error:
-            raise element.error(f'{name}="{element.get(name)}" of <also>: {error}') from None
-
-    factor, offset = number("factor"), number("offset")
+    factor, offset = (number_of(element, name) if name in element else None for name in ("factor", "offset"))
     return Target(element.get("select"), factor, offset, element.where)
 
 
@@ -213,7 +204,7 @@ def _base(
     if len(given) > 1:
         raise InputError("a second case names a scenario; only one value may", document.where(given[1]))
     of = given[0].get("of", "") if given else root.get("of")
-    rules = [rule for case in cases for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in _RULES))]
+    rules = [rule for case in cases for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in RULES))]
     rules = [*document.root.iterchildren(f"{{{NAMESPACE}}}title"), *rules]
     added = [(copy.deepcopy(element), where) for element, where in measures]
     all_changes: list[Change] = [*changes, partial(_add_expectations, elements=[element for element, _ in added])]

@@ -11,10 +11,9 @@ from lxml import etree
 
 from cosim.scenario.edits import split_setting
 from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name
+from cosim.scenario.variant import RULES
 from cosim.studies.plan import Run
 from cosim.studies.study import Study
-
-_RULES = ("set", "replace", "insert", "remove")
 
 
 def as_variant(study: Study, run: Run, folder: Path) -> str:
@@ -30,7 +29,7 @@ def as_variant(study: Study, run: Run, folder: Path) -> str:
     variant = etree.Element("variant", {"name": name, "of": _moved(of, here, folder)}, {None: NAMESPACE})
     etree.SubElement(variant, "title").text = f"Run {run.number} of {study.name}: {study.title}"
     for case in cases:
-        for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in _RULES)):
+        for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in RULES)):
             variant.append(copied := copy.deepcopy(rule))
             for element in copied.iter("*"):
                 for attribute, kind in attributes_of(local_name(element)).items():

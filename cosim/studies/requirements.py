@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from cosim.errors import InputError, nearest
-from cosim.quantity import quantity
 from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
 from cosim.studies import bounds
@@ -115,10 +114,7 @@ def _of_measure(
         raise written.error(f"<{written.kind}> needs one bound: below=... or above=...")
     below = "below" in written
     name = "below" if below else "above"
-    try:
-        bound = quantity(written.get(name), measured.unit or "1")
-    except ValueError as error:
-        raise written.error(f'{name}="{written.get(name)}" of <{written.kind}>: {error}') from None
+    bound = written.quantity(name, measured.unit or "1")
     confidence = _share(written, "confidence") if "confidence" in written else 0.0
     sure = f", with confidence {confidence:g}" if confidence else ""
     text = f"{what} of {measured.name} {name} {f'{bound:g} {measured.unit}'.strip()}{sure}"

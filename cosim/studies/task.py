@@ -25,6 +25,7 @@ from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
 from cosim.results.expectations import judge
 from cosim.results.verdict import Verdict
+from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import Scenario
 from cosim.studies.plan import Run
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
@@ -85,8 +86,7 @@ class Task:
 _Kept: TypeAlias = "OrderedDict[tuple[str, tuple[int, ...]], Prepared]"
 _jobs: dict[str, Job] = {}
 _prepared: _Kept = OrderedDict()
-
-
+_variations: dict[tuple[str, tuple[int, ...]], Variations] = {}
 _note: list[int] = []
 """The descriptor of the file in which this worker notes which run it is about, if it has one."""
 
@@ -131,6 +131,7 @@ def run_task(task: Task) -> tuple[list[Row], float]:
     if task.job_id not in _jobs:
         _close_all()
         _jobs.clear()
+        _variations.clear()
         _jobs[task.job_id] = pickle.loads(task.job)  # from the process that has started this one
     job = _jobs[task.job_id]
     rows = []
@@ -150,7 +151,7 @@ def run_task(task: Task) -> tuple[list[Row], float]:
 def _together(job_id: str, job: Job, run: Run, key: str) -> Row:
     """Run with the plants of the run before, where the structure is the same."""
     try:
-        scenario = job.bases[run.cases].edited(run.changes)
+        scenario = _variations_of(job_id, job, run).edited(run.changes)
         prepared = _prepare(job_id, job, run, scenario)
         outcome = prepared.run(scenario)
     except FormationError as error:
@@ -158,6 +159,13 @@ def _together(job_id: str, job: Job, run: Run, key: str) -> Row:
     if outcome.failure is not None:
         return broken_row(job, run, key, outcome.message)
     return _judged(job, run, key, outcome.verdicts)
+
+
+def _variations_of(job_id: str, job: Job, run: Run) -> Variations:
+    kept = job_id, run.cases
+    if kept not in _variations:
+        _variations[kept] = Variations(job.bases[run.cases])
+    return _variations[kept]
 
 
 def _prepare(job_id: str, job: Job, run: Run, scenario: Scenario) -> Prepared:

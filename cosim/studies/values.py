@@ -169,10 +169,10 @@ def _log_uniform(element: Written) -> Random:
 
 
 def _normal(element: Written) -> Random:
-    mean, unit = _number(element, "mean")
-    deviation = _in_unit(element, "deviation", unit)
-    least = _in_unit(element, "from", unit) if "from" in element else -math.inf
-    greatest = _in_unit(element, "to", unit) if "to" in element else math.inf
+    mean, unit = number_of(element, "mean")
+    deviation = element.quantity("deviation", unit)
+    least = element.quantity("from", unit) if "from" in element else -math.inf
+    greatest = element.quantity("to", unit) if "to" in element else math.inf
     if deviation <= 0.0:
         raise element.error(f'deviation="{element.get("deviation")}" of <normal> must be greater than zero')
     if least >= greatest:
@@ -196,8 +196,8 @@ _KINDS: Mapping[str, Callable[[Written], Values]] = {
 
 def _ends(element: Written) -> tuple[float, float, str]:
     """Return the least and the greatest value, in the unit of the least one, and that unit."""
-    least, unit = _number(element, "from")
-    greatest = _in_unit(element, "to", unit)
+    least, unit = number_of(element, "from")
+    greatest = element.quantity("to", unit)
     if least > greatest:
         raise element.error(
             f'from="{element.get("from")}" of <{element.kind}> is greater than to="{element.get("to")}"'
@@ -205,16 +205,13 @@ def _ends(element: Written) -> tuple[float, float, str]:
     return least, greatest, unit
 
 
-def _number(element: Written, name: str) -> tuple[float, str]:
+def number_of(element: Written, name: str) -> tuple[float, str]:
+    """Return an attribute that is a quantity as its number and its unit; raises InputError with its place."""
     try:
         _, unit = split(element.get(name))
         return quantity(element.get(name), unit), unit
     except ValueError as error:
         raise element.error(f'{name}="{shown(element.get(name))}" of <{element.kind}>: {error}') from None
-
-
-def _in_unit(element: Written, name: str, unit: str) -> float:
-    return element.quantity(name, unit)
 
 
 def _check_positive(element: Written, least: float) -> None:
