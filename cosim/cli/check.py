@@ -16,7 +16,6 @@ from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
 from cosim.studies.conduct import check_study
 from cosim.studies.reader import read_study
-from cosim.studies.requirements import requirements_of
 
 _SHOWN = 5
 """Runs of a study that are shown."""
@@ -27,7 +26,7 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
     if options.resolved:
         raise InputError(f"--resolved prints a scenario, and {path} is a study: the files of its runs are scenarios")
     study = read_study(path, options.set)
-    plan, _ = check_study(study)
+    plan, _, requirements = check_study(study)
     out().print(safe(f"{path}: {study.name}, {len(plan)} runs of {len(study.bases)} scenarios"), soft_wrap=True)
     shown = table(out(), safe(f"{study.name}: {study.title}"))
     for heading in ("run", *(vary.name for vary in study.vary)):
@@ -36,7 +35,7 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
     for run in [plan[index] for index in range(first)] + ([plan[len(plan) - 1]] if len(plan) > first else []):
         shown.add_row(str(run.number), *("as it is" if value is None else safe(value) for value in run.values))
     out().print(shown)
-    for one in requirements_of(study):
+    for one in requirements:
         out().print(safe(f"expected: {one.text}"), soft_wrap=True)
 
 

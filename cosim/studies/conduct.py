@@ -16,7 +16,7 @@ from cosim.results.verdict import Verdict
 from cosim.studies.engine import Pending, Workers
 from cosim.studies.keys import key_of_run, key_of_scenario
 from cosim.studies.plan import Plan
-from cosim.studies.requirements import requirements_of
+from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
 from cosim.studies.store import Store
 from cosim.studies.study import Study
@@ -59,21 +59,21 @@ def usual_workers() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str]]:
-    """Check everything that can be checked before a run; return the runs, and the key of each scenario.
+def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Judged]]:
+    """Check everything that can be checked before a run; return the runs, each scenario's key, and what must hold.
 
     Raises
     ------
     InputError
         A scenario cannot be run, there are too many runs, or what must hold makes no sense.
     """
-    requirements_of(study)
+    judged = requirements_of(study)
     plan = Plan(study)
     keys = {}
     for cases, scenario in study.bases.items():
         with ExitStack() as cleanup:
             keys[cases] = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
-    return plan, keys
+    return plan, keys, judged
 
 
 def conduct(
@@ -111,7 +111,7 @@ def conduct(
     KeyboardInterrupt
         The user pressed Ctrl-C; the rows so far are kept.
     """
-    plan, keys = check_study(study)
+    plan, keys, requirements = check_study(study)
     wanted = min(len(plan), runs or len(plan))
     with Store(folder, study.name) as store, tempfile.TemporaryDirectory(prefix="formation-study-") as scratch:
         rows: dict[int, Row] = {}
@@ -123,7 +123,7 @@ def conduct(
                 missing.append((run, key))
             else:
                 rows[run.number] = replace(row, number=run.number, draw=run.draw, values=run.values)
-        ending = _Ending(study, rows)
+        ending = _Ending(requirements, rows)
         kept = len(rows)
 
         def take(some: Sequence[Row]) -> bool:
@@ -152,7 +152,7 @@ def conduct(
         study=study,
         rows=ordered,
         planned=len(plan),
-        verdicts=tuple(one.judge(ordered) for one in requirements_of(study)) if judged else (),
+        verdicts=tuple(one.judge(ordered) for one in requirements) if judged else (),
         made=made,
         early=last < wanted,
     )
@@ -164,9 +164,8 @@ class _Ending:
     Only runs count before which none is missing, so that it ends with the same run on any number of workers.
     """
 
-    def __init__(self, study: Study, rows: dict[int, Row]) -> None:
-        self._rows = rows
-        self._judged = requirements_of(study)
+    def __init__(self, judged: Sequence[Judged], rows: dict[int, Row]) -> None:
+        self._rows, self._judged = rows, judged
         self._possible = bool(self._judged) and all(one.test is not None for one in self._judged)
         self.last = 0
 
