@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import os
-import tempfile
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
-from cosim.studies.engine import Pending, Workers
-from cosim.studies.keys import key_of_run, key_of_scenario
+from cosim.studies.keys import key_of_scenario
+from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
 from cosim.studies.store import Store
 from cosim.studies.study import Study
-from cosim.studies.task import Job, row_of
 
 
 @dataclass(frozen=True)
@@ -113,38 +111,17 @@ def conduct(
     """
     plan, keys, requirements = check_study(study)
     wanted = min(len(plan), runs or len(plan))
-    with Store(folder, study.name) as store, tempfile.TemporaryDirectory(prefix="formation-study-") as scratch:
-        rows: dict[int, Row] = {}
-        missing: list[Pending] = []
-        for run in (plan[index] for index in range(wanted)):
-            key = key_of_run(keys[run.cases], run.changes)
-            row = store.rows.get(key)
-            if row is None:
-                missing.append((run, key))
-            else:
-                rows[run.number] = replace(row, number=run.number, draw=run.draw, values=run.values)
-        ending = _Ending(requirements, rows)
-        kept = len(rows)
+    rows: dict[int, Row] = {}
+    ending = _Ending(requirements, rows)
 
-        def take(some: Sequence[Row]) -> bool:
-            store.append(some)
-            rows.update((row.number, row) for row in some)
-            if progress is not None:
-                progress(some, wanted - len(rows))
-            return not ending.reached()
-
+    def take(some: Sequence[Row]) -> bool:
+        rows.update((row.number, row) for row in some)
         if progress is not None:
-            progress(tuple(rows.values()), wanted - len(rows))
-        if missing and not ending.reached():
-            began = time.perf_counter()
-            (first, key), *rest = missing
-            job = Job(study.bases, study.measures, 0.0)
-            # the first one here, so that what has to be compiled is compiled once, for all workers
-            goes_on = take([row_of(job, first, key)])
-            job = replace(job, usual=time.perf_counter() - began)
-            if goes_on and rest:
-                Workers(job, workers or usual_workers(), Path(scratch), executor).run(rest, take)
-        made = len(rows) - kept
+            progress(some, wanted - len(rows))
+        return not ending.reached()
+
+    with Store(folder, study.name) as store, Maker(study, keys, store, workers or usual_workers(), executor) as maker:
+        maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
     judged = runs is None or wanted == len(plan)
@@ -153,7 +130,7 @@ def conduct(
         rows=ordered,
         planned=len(plan),
         verdicts=tuple(one.judge(ordered) for one in requirements) if judged else (),
-        made=made,
+        made=maker.made,
         early=last < wanted,
     )
 

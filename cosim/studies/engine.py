@@ -12,7 +12,7 @@ import os
 import pickle
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import suppress
 from pathlib import Path
@@ -57,28 +57,32 @@ class Workers:
         self._ended = 0
         self._each = 1  # runs of a chunk
 
-    def run(self, pending: Iterable[Pending], take: Callable[[Sequence[Row]], bool]) -> None:
-        """Make all runs.
+    def run(self, ask: Callable[[int], Sequence[Pending]], take: Callable[[Sequence[Row]], bool]) -> None:
+        """Make all runs that are asked for; the processes stay for the next time, unless the study ends.
 
         Parameters
         ----------
-        pending
-            The runs, in the order in which they are begun.
+        ask
+            Returns runs to begin next, at most as many; none if there is none until more rows have come.
         take
             Gets the rows of each chunk; returns whether the study goes on.
         """
-        waiting = deque(pending)
+        waiting: deque[Pending] = deque()
         suspects: deque[Pending] = deque()
-        flying: dict[Future[tuple[list[Row], float]], list[Pending]] = {}
+        flying: dict[Future[tuple[list[Row], float]], Sequence[Pending]] = {}
         goes_on = True
         try:
-            while goes_on and (waiting or suspects or flying):
+            while goes_on:
                 if suspects and not flying:
                     goes_on = take([self._alone(suspects.popleft())])
                     continue
-                while waiting and not suspects and len(flying) < 2 * self._count:
-                    chunk = [waiting.popleft() for _ in range(min(self._each, len(waiting)))]
+                while not suspects and len(flying) < 2 * self._count:
+                    chunk = [waiting.popleft() for _ in range(min(self._each, len(waiting)))] or ask(self._each)
+                    if not chunk:
+                        break
                     flying[self._submit(chunk)] = chunk
+                if not flying:
+                    break
                 done, _ = wait(flying, timeout=1.0, return_when=FIRST_COMPLETED)
                 for future in done:
                     chunk = flying.pop(future)
@@ -91,11 +95,10 @@ class Workers:
                         waiting.extendleft(reversed(rest))
                         break
                     self._each = min(max(round(CHUNK * len(rows) / max(seconds, 1e-6)), 1), _LARGEST)
-                    goes_on = take(rows)
-        except BaseException:
-            self.close(at_once=True)
-            raise
-        self.close(at_once=not goes_on)
+                    goes_on = take(rows) and goes_on
+        finally:
+            if flying:
+                self.close(at_once=True)
 
     def close(self, at_once: bool = False) -> None:
         """End the processes, in the middle of their chunks if asked for."""

@@ -3,13 +3,18 @@
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from cosim.errors import InputError, OutputError
+from cosim.studies.conduct import check_study
+from cosim.studies.making import Maker
+from cosim.studies.plan import Run
 from cosim.studies.row import Row
 from cosim.studies.store import FILE, Store
+from cosim.tests.studies import Here, small_study
 
 
 def row(number: int) -> Row:
@@ -104,3 +109,27 @@ def test_a_disk_that_is_full_loses_nothing_that_was_written(tmp_path: Path) -> N
         store.append([row(3)])
     with Store(tmp_path, "mine") as again:
         assert list(again.rows) == ["key 1", "key 3"]
+
+
+def test_a_search_asks_for_runs_when_it_has_the_rows_before(tmp_path: Path) -> None:
+    study = small_study(tmp_path, sample='<sample method="random" runs="20"/>')
+    plan, keys, _ = check_study(study)
+    told: list[int] = []
+
+    def ask(most: int) -> list[Run]:
+        """Return the next run, if the last one is there: never two at a time."""
+        if len(asked) > len(told) or len(asked) == 7:
+            return []
+        asked.append(plan[len(asked)])
+        return asked[-1:]
+
+    def take(rows: Sequence[Row]) -> bool:
+        told.extend(row.number for row in rows)
+        return True
+
+    for made in (7, 0):
+        asked: list[Run] = []
+        told.clear()
+        with Store(tmp_path, "small") as store, Maker(study, keys, store, 2, Here()) as maker:
+            maker.make(ask, take)
+        assert (told, maker.made) == ([1, 2, 3, 4, 5, 6, 7], made)
