@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import brief
-from cosim.fmu.package import Package, as_vehicle, open_package
+from cosim.fmu.package import Package, open_package
+from cosim.fmu.vehicle import as_vehicle
 from cosim.scenario.root_element import root_of
 from cosim.tests.driving import SHORT
 
@@ -137,7 +138,7 @@ def test_an_fmu_of_many_unused_plants_is_opened_once(
         looked.append(package.path)
         return as_vehicle(package, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("cosim.fmu.package.open_package", counted)
+    monkeypatch.setattr("cosim.fmu.vehicle.open_package", counted)
     monkeypatch.setattr("cosim.master.used_fmus.as_vehicle", as_vehicle_counted)
     command(capsys, "check", path)
     assert len(opened) == 2, "for the plant that is used, and for all others"

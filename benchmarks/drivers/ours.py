@@ -9,7 +9,7 @@ import numpy as np
 from serve import OUTPUTS, Floats, Job, Master, serve
 
 from cosim.errors import Location
-from cosim.fmu.package import open_fmu
+from cosim.fmu.vehicle import open_fmu
 from cosim.master.robot_plants import plant
 from cosim.plant.fleet import Fleet
 from cosim.scenario.scenario import PlantSource

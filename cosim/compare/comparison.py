@@ -17,9 +17,9 @@ import plants
 from cosim.compare.excitation import excitation, given
 from cosim.compare.lateness import one_step_late
 from cosim.errors import InputError, Location, SimulationError, nearest
-from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import ParameterValue, geometry, understand
 from cosim.fmu.solver import check_solver, check_step
+from cosim.fmu.vehicle import Fmu, open_fmu
 from cosim.master.robot_plants import plant, tolerance_of
 from cosim.plant.fleet import Fleet
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE, SOLVERS

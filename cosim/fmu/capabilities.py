@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from cosim.errors import InputError
+from cosim.fmu.binaries import check_binary
 from cosim.fmu.description import SCHEDULED_EXECUTION
-from cosim.fmu.package import Package, check_binary, choose_interface, interfaces
+from cosim.fmu.interfaces import choose_interface, interfaces
+from cosim.fmu.package import Package
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
 NAMES = {

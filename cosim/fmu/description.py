@@ -8,14 +8,15 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-import fmpy
-from fmpy import validation
 from lxml import etree
 
 from cosim.collection import without_collection
@@ -73,8 +74,9 @@ def read(directory: Path) -> Reading:
     """
     path = directory / DESCRIPTION
     data = path.read_bytes()
-    with without_collection(), Breaches(data, _schema(_version(data))) as breaches:
-        root = etree.parse(path, PARSER).getroot()
+    schema = _schema(_version(data))
+    root = _parsed(path)
+    with without_collection(), Breaches(data, schema) as breaches:
         if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
             raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
         try:
@@ -84,6 +86,14 @@ def read(directory: Path) -> Reading:
         rules = list(_complaints(description))
         problems = (" ".join(problem.split()) for problem in chain(breaches.of(root), rules))
         return Reading(description, tuple(problems), _capabilities(root))
+
+
+def _parsed(path: Path) -> etree._Element:
+    """Parse a file; what takes long to import is imported meanwhile, as libxml2 leaves the interpreter to others."""
+    with ThreadPoolExecutor(1) as parser:
+        parsing = parser.submit(etree.parse, path, PARSER)
+        import_module("fmpy.validation")
+        return parsing.result().getroot()
 
 
 def summed_up(problems: Iterable[str]) -> list[str]:
@@ -157,13 +167,18 @@ def _capabilities(root: etree._Element) -> dict[str, dict[str, str]]:
 
 @cache
 def _schema(version: str) -> etree.XMLSchema | None:
+    fmpy = find_spec("fmpy")  # whose import takes long, and can wait until the file is being parsed
     name = "fmiModelDescription.xsd" if version == "1" else f"fmi{version}ModelDescription.xsd"
-    path = Path(fmpy.__file__).parent / "schema" / f"fmi{version}" / name
+    if fmpy is None or fmpy.origin is None:
+        return None
+    path = Path(fmpy.origin).parent / "schema" / f"fmi{version}" / name
     return etree.XMLSchema(file=os.fspath(path)) if version and path.is_file() else None
 
 
 def _complaints(description: ModelDescription) -> Iterator[str]:
     """Return which rules beyond the schema a description breaks."""
+    from fmpy import validation
+
     try:
         yield from map(str, validation.validate_model_description(description, validate_model_structure=True))
     except Exception as error:  # FMPy raises exceptions of any kind

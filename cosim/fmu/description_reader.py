@@ -220,8 +220,8 @@ def _variables_1_and_2(
                 causality = "local"
             if get("alias") == NEGATED:
                 causality = NEGATED
-        elif initial is None:
-            initial = _default_initial(element, causality, variability)
+        elif initial is None and (initial := _INITIAL.get((variability, causality), "")) == "":
+            raise _illegal(element, causality, variability)
         variable = Variable(
             name,
             int(get("valueReference", "")),
@@ -273,8 +273,8 @@ def _variables_3(root: etree._Element, types: dict[str | None, SimpleType | None
                 variability = "fixed"
             else:
                 variability = "continuous" if kind in ("Float64", "Float32") else "discrete"
-        if initial is None:
-            initial = _default_initial(element, causality, variability)
+        if initial is None and (initial := _INITIAL.get((variability, causality), "")) == "":
+            raise _illegal(element, causality, variability)
         variable = Variable(
             name,
             int(get("valueReference", "")),
@@ -339,14 +339,11 @@ def _elements_of_variables(root: etree._Element) -> Iterable[etree._Element]:
     return elements
 
 
-def _default_initial(element: etree._Element, causality: str, variability: str) -> str | None:
-    try:
-        return _INITIAL[variability, causality]
-    except KeyError:
-        raise ValueError(
-            f'Variable "{element.get("name")}" (line {element.sourceline}) has an illegal combination of '
-            f'causality="{causality}" and variability="{variability}".'
-        ) from None
+def _illegal(element: etree._Element, causality: str, variability: str) -> ValueError:
+    return ValueError(
+        f'Variable "{element.get("name")}" (line {element.sourceline}) has an illegal combination of '
+        f'causality="{causality}" and variability="{variability}".'
+    )
 
 
 def _undeclared(element: etree._Element, declared: str | None) -> SimpleType:

@@ -6,6 +6,7 @@ changes them after `cosim.fmu.description_reader` has made them. They are compar
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -204,7 +205,8 @@ class ModelDescription:
     @cached_property
     def by_name(self) -> dict[str, Variable | None]:
         """The variables by their names; None for a name that several have, which FMI forbids."""
-        known: dict[str, Variable | None] = {}
-        for variable in self.modelVariables:
-            known[variable.name] = None if variable.name in known else variable
+        known: dict[str, Variable | None] = {variable.name: variable for variable in self.modelVariables}
+        if len(known) < len(self.modelVariables):
+            numbers = Counter(variable.name for variable in self.modelVariables)
+            known.update((name, None) for name, number in numbers.items() if number > 1)
         return known

@@ -11,8 +11,8 @@ from cosim.errors import InputError, Location, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, check_bounds, check_whole, discrete_value, items
 from cosim.fmu.model_description import ModelDescription, Variable
-from cosim.fmu.package import Fmu
 from cosim.fmu.units import unit_of, unit_of_values
+from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.plant.spec import FLOAT_TYPES, Value
 from cosim.quantity import quantity, split

@@ -19,8 +19,9 @@ from lxml import etree
 
 from cosim.errors import InputError
 from cosim.fmu.inner_files import FmuFiles, finite, shortened, tag
+from cosim.fmu.interfaces import experiment_number
 from cosim.fmu.model_description import Variable
-from cosim.fmu.package import Package, experiment_number
+from cosim.fmu.package import Package
 from cosim.fmu.reference_series import Series, SeriesReader, value_of
 from cosim.fmu.units import unit_name
 

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 
 from cosim import process_tree
 from cosim.errors import printable
-from cosim.fmu.package import Package, check_binary, choose_interface, interfaces
+from cosim.fmu.binaries import check_binary
+from cosim.fmu.interfaces import choose_interface, interfaces
+from cosim.fmu.package import Package
 from cosim.fmu.reference_experiments import Experiment
 from cosim.fmu.reference_series import Series
 from cosim.fmu.replay import FAILURE, REQUEST, RESULT, Request

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from cosim.errors import InputError
-from cosim.fmu.package import Fmu, experiment_number, interfaces
+from cosim.fmu.interfaces import experiment_number, interfaces
+from cosim.fmu.vehicle import Fmu
 from cosim.plant.constant_step import divides, remedy
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario.scenario import DEFAULT_SOLVER, PlantSource

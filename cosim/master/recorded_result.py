@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from cosim.control.team import Team
 from cosim.errors import Failure
-from cosim.fmu.package import Fmu
+from cosim.fmu.vehicle import Fmu
 from cosim.master.fleets import AnyFleet
 from cosim.master.recorded_signals import recorded_signals
 from cosim.master.recorder import Recorder

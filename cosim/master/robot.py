@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import Location
 from cosim.fmu.binding import BoundRole
-from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
+from cosim.fmu.vehicle import Fmu
 from cosim.scenario.scenario import PlantSource
 from cosim.signals.effects import Effect
 from cosim.vehicle.kind import Kind

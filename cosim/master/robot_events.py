@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from cosim.clock import tick_at
 from cosim.errors import InputError
-from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
+from cosim.fmu.vehicle import Fmu
 from cosim.master.robot_inputs import RobotInputs
 from cosim.master.used_fmus import understood
 from cosim.scenario.scenario import PlantSource, Scenario

@@ -14,9 +14,9 @@ from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value
 from cosim.fmu.model_description import Variable
-from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.units import unit_of_values
+from cosim.fmu.vehicle import Fmu
 from cosim.master.discrete_inputs import input_course
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity

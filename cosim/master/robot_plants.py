@@ -8,10 +8,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
+from cosim.fmu.interfaces import experiment_number
 from cosim.fmu.model_description import Variable
-from cosim.fmu.package import Fmu, experiment_number
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.solver import usual_step
+from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.plant.member import Link, Member

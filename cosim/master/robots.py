@@ -11,8 +11,8 @@ from formation_controllers.vehicles import Vehicle
 
 from cosim.clock import tick_at
 from cosim.errors import InputError, Location
-from cosim.fmu.package import Fmu
 from cosim.fmu.parameters import ParameterValue, geometry
+from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import changes_of, stops

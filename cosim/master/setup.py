@@ -13,7 +13,7 @@ import formation_controllers as fc
 from cosim.control.leader_view import check_view
 from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
-from cosim.fmu.package import Fmu
+from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.common_effects import check_common_effects
 from cosim.master.result_variables import recorded_signals, result_variables_of

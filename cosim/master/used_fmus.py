@@ -10,9 +10,9 @@ from pathlib import Path
 
 import plants
 from cosim.errors import InputError
-from cosim.fmu.package import Fmu, as_vehicle, open_fmu
 from cosim.fmu.parameters import ParameterValue, understand
 from cosim.fmu.solver import check_solver, check_step
+from cosim.fmu.vehicle import Fmu, as_vehicle, open_fmu
 from cosim.known import Known
 from cosim.master.timing import timed
 from cosim.scenario.scenario import PlantSource, Scenario, Setting

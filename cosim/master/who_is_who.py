@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from cosim.fmu.package import Fmu
+from cosim.fmu.vehicle import Fmu
 from cosim.master.robot import RobotSetup
 from cosim.plant.message import RobotMessage
 from cosim.results import outlines

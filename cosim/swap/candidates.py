@@ -125,6 +125,7 @@ class Numbers:
         self._of_word: dict[str, list[list[int]]] = defaultdict(list)
         self._of_unit: dict[str, dict[tuple[str, str], list[list[int]]]] = {}  # of those that are no initial values
         self._readable: dict[tuple[str, str, str], bool] = {}
+        variables = description.modelVariables
         indexed: list[int] = []
         for (stem, causality, _, _, _, has_dimensions), places in self._groups():
             if _INDEXED.fullmatch(stem):
@@ -132,7 +133,7 @@ class Numbers:
             elif has_dimensions:
                 self._add_arrays(places)
             else:
-                self._of_name.update((self._variable(at).name, at) for at in places)
+                self._of_name |= {variables[at // _LARGEST_ARRAY].name: at for at in places}
                 self._add(causality, places)
         self._add_elements(sorted(indexed))
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, SimulationError
 from cosim.fmu.binding import start_of
 from cosim.fmu.capabilities import obstacle
+from cosim.fmu.interfaces import choose_interface, experiment_number, interfaces
 from cosim.fmu.model_description import ModelDescription
-from cosim.fmu.package import Package, choose_interface, experiment_number, interfaces
+from cosim.fmu.package import Package
 from cosim.plant.failures import PlantError
 from cosim.plant.process import PlantProcess, end
 from cosim.plant.spec import CO_SIMULATION, Block, Exchanged, PlantSpec

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import Failure, Location
-from cosim.fmu.package import open_fmu
+from cosim.fmu.vehicle import open_fmu
 from cosim.master.observer import Observer, Watched
 from cosim.master.robot_plants import plant
 from cosim.master.simulation import Simulation

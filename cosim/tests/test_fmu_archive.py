@@ -8,7 +8,8 @@ import pytest
 
 from cosim.errors import InputError
 from cosim.fmu.archive import has_document_type, size
-from cosim.fmu.package import open_fmu, open_package
+from cosim.fmu.package import open_package
+from cosim.fmu.vehicle import open_fmu
 from tests.stub.stub import make_fmu
 
 

@@ -9,7 +9,8 @@ from lxml import etree
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.fmu.description import shortened, summed_up
-from cosim.fmu.package import open_fmu, open_package
+from cosim.fmu.package import open_package
+from cosim.fmu.vehicle import open_fmu
 from tests.stub.stub import make_fmu
 
 from .test_fmu_archive import entries, zipped

@@ -13,8 +13,8 @@ import pytest
 
 import plants
 from cosim.errors import InputError, Location
-from cosim.fmu.package import Fmu, open_fmu
 from cosim.fmu.parameters import geometry, understand
+from cosim.fmu.vehicle import Fmu, open_fmu
 from cosim.scenario.scenario import BindingSource, RoleSource, Setting
 from tests.stub.broken import BROKEN, EVIL, make_broken
 from tests.stub.stub import Options, description, make_fmu

@@ -23,7 +23,7 @@ import cosim
 import plants
 from cosim.compiled import COMPILED, compiled
 from cosim.errors import InputError, SimulationError
-from cosim.fmu.package import open_fmu
+from cosim.fmu.vehicle import open_fmu
 from cosim.master.robot_plants import in_own_process
 from cosim.master.simulation import Simulation
 from cosim.plant.calls import c_function

@@ -10,7 +10,8 @@ import pytest
 import cosim
 from cosim.errors import InputError, SimulationError
 from cosim.fmu.model_description import ModelDescription
-from cosim.fmu.package import open_fmu, open_package
+from cosim.fmu.package import open_package
+from cosim.fmu.vehicle import open_fmu
 from cosim.plant.exchange import _as_type
 from cosim.plant.failures import PlantError
 from cosim.scenario.reader import read_binding

@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from cosim.errors import FormationError, InputError
-from cosim.fmu.package import open_fmu
+from cosim.fmu.vehicle import open_fmu
 from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from tests.fuzz import mutations
