@@ -216,6 +216,7 @@ def test_readme_examples_run_as_written():
     assert names["estimates"].shape == (2,)
 
 
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled with NUMBA_DISABLE_JIT=1")
 def test_compiled_matrix_products_load_scipy_when_they_are_needed() -> None:
     program = """
 import sys
