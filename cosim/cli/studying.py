@@ -18,6 +18,8 @@ from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
 from cosim.results.files import writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
+from cosim.studies import by_case
+from cosim.studies.by_case import CaseRow
 from cosim.studies.conduct import StudyOutcome, conduct
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
@@ -27,6 +29,9 @@ from cosim.studies.store import FILE
 from cosim.studies.study import Study
 from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
 from cosim.studies.table import as_csv
+
+_MOST_CASES = 40
+"""Rows of cases that are printed."""
 
 
 def study(options: argparse.Namespace) -> int:
@@ -63,14 +68,19 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
             raise
     write(folder / "runs.csv", as_csv(outcome).encode())
     write(folder / "summary.json", as_json(outcome).encode())
+    cases = by_case.by_case(outcome)
+    if cases:
+        write(folder / "cases.csv", by_case.as_csv(outcome).encode())
     if options.figure:
         with taking_a_while("drawing the figure"):
             write(folder / "figure.png", _picture(outcome))
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
-    _print(out(), outcome)
+    _print(out(), outcome, cases)
     where = options.out / read.name
     out().print(
-        f"results in {where}/: runs.csv, summary.json{', figure.png' * options.figure}", markup=False, soft_wrap=True
+        f"results in {where}/: runs.csv, {'cases.csv, ' * bool(cases)}summary.json{', figure.png' * options.figure}",
+        markup=False,
+        soft_wrap=True,
     )
     if written:
         out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
@@ -97,7 +107,7 @@ def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
     return bool(numbers)
 
 
-def _print(console: Console, outcome: StudyOutcome) -> None:
+def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) -> None:
     of = outcome.study
     ends = counts(outcome)
     console.print(f"[bold]{safe(of.name)}: {safe(of.title)}[/]")
@@ -112,6 +122,8 @@ def _print(console: Console, outcome: StudyOutcome) -> None:
     found = spreads(outcome)
     if found:
         _print_spreads(console, found)
+    if len(cases) > 1:
+        _print_cases(console, outcome, cases)
     for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
         console.print(f"[yellow]broken:[/] run {row.number}: {safe(row.message)}", soft_wrap=True)
     for verdict in outcome.verdicts:
@@ -128,6 +140,25 @@ def _print_spreads(console: Console, found: Sequence[Spread]) -> None:
         name = f"{spread.measure} [{spread.unit}]" if spread.unit else spread.measure
         shown.add_row(safe(name), *(_number(value) for value in values), str(spread.worst_run))
     console.print(shown)
+
+
+def _print_cases(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) -> None:
+    """Print the worst figure of each measure by case; the file has them all."""
+    shown = table(console, f"worst of the runs of each of the {len(cases)} cases")
+    for name in by_case.compared(outcome):
+        shown.add_column(safe(name))
+    shown.add_column("passed", justify="right", no_wrap=True)
+    for measured in outcome.study.measures:
+        unit = f"\n[{measured.unit}]" if measured.unit else ""
+        shown.add_column(safe(f"{measured.name}{unit}"), justify="right", no_wrap=True)
+    for case in cases[:_MOST_CASES]:
+        runs = case.passed + case.failed + case.broken
+        broken = f", {case.broken} broken" if case.broken else ""
+        figures = (_number(one.worst) for one in case.figures)
+        shown.add_row(*map(safe, case.names), f"{case.passed} of {runs}{broken}", *figures)
+    console.print(shown)
+    if len(cases) > _MOST_CASES:
+        console.print(f"{len(cases) - _MOST_CASES} more in cases.csv")
 
 
 def _number(value: float) -> str:

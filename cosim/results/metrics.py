@@ -58,6 +58,14 @@ def _itae(time: Floats, values: Floats, start: float) -> float:
     return 0.5 * passes.total(terms, len(values) - 1)
 
 
+def _chatter(time: Floats, values: Floats, start: float) -> float:
+    def squares(block: slice) -> Floats:
+        found: Floats = np.square(np.diff(values[block.start : block.stop + 1]))
+        return found
+
+    return math.sqrt(passes.total(squares, len(values) - 1) / (len(values) - 1))
+
+
 def _times_s2(unit: str) -> str:
     numerator, slash, denominator = unit.partition("/")
     return f"{'s2' if unit == '1' else numerator + '.s2'}{slash}{denominator}"
@@ -70,10 +78,11 @@ MEASURES: Mapping[str, Measure] = {
     ),
     "final": Measure(lambda time, values, start: abs(float(values[-1]))),
     "itae": Measure(_itae, unit=_times_s2, fewest=2),
+    "chatter": Measure(_chatter, fewest=2),
     "least": Measure(lambda time, values, start: float(values[passes.smallest(values)]), at=passes.smallest),
 }
 """Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
-time counts from the start of the window; smallest value."""
+time counts from the start of the window; root mean square of the change from sample to sample; smallest value."""
 
 
 def settling_time(result: Result, robot: str, range_band: float, bearing_band: float) -> float | None:

@@ -28,7 +28,7 @@ from cosim.studies.values import Count, Finite, Values, number_of, values_of
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
-_SIGNALS = {"rms", "peak", "final", "itae", "least"}
+_SIGNALS = {"rms", "peak", "final", "itae", "chatter", "least"}
 _T = TypeVar("_T", Vary, Measured)
 
 
@@ -137,6 +137,9 @@ def _measured(element: Element) -> tuple[Measured, etree._Element]:
     unit = element.get("unit", {"settling_time": "s", "distance": "m"}.get(figure, ""))
     if not unit:
         raise element.error(f'figure="{figure}" of <measure> needs unit=..., such as that of the signal')
+    over = element.get("over", "worst")
+    if over == "count" and figure != "settling_time":
+        raise element.error(f'over="count" of <measure> counts followers that settle: figure="{figure}" has none')
     kept = {name: element.get(name) for name in ("signal", "component", "from", "to", "robots") if name in element}
     bands = {"range": element.get("range", "0.1 m"), "bearing": element.get("bearing", "2 deg")}
     one = "1" if unit == "1" else f"1 {unit}"
@@ -147,9 +150,9 @@ def _measured(element: Element) -> tuple[Measured, etree._Element]:
     }.get(figure, (figure, {"below": one}))
     measured = Measured(
         name=element.get("name"),
-        mean=element.get("over") == "mean",
-        greatest_is_worst=figure not in ("least", "distance"),
-        unit="" if unit == "1" else unit,
+        over=over,
+        greatest_is_worst=figure not in ("least", "distance") and over != "count",
+        unit="" if unit == "1" or over == "count" else unit,
         where=element.where,
     )
     return measured, etree.Element(kind, {**kept, **bound})

@@ -69,8 +69,8 @@ class Measured:
 
     Attributes
     ----------
-    mean : bool
-        Whether it is the mean over the followers, in place of the worst one.
+    over : str
+        What it is of several followers: the ``worst`` one, the ``mean``, or the ``count`` of those that have a figure.
     greatest_is_worst : bool
         Whether the worst is the greatest.
     unit : str
@@ -78,7 +78,7 @@ class Measured:
     """
 
     name: str
-    mean: bool
+    over: str
     greatest_is_worst: bool
     unit: str
     where: Location

@@ -218,7 +218,9 @@ def _figure(measured: Measured, verdicts: Iterable[Verdict]) -> float:
     figures = [worst if math.isnan(verdict.figure) else verdict.figure for verdict in verdicts]
     if not figures:
         return worst
-    if measured.mean:
+    if measured.over == "count":
+        return float(sum(map(math.isfinite, figures)))
+    if measured.over == "mean":
         return math.fsum(figures) / len(figures)
     return max(figures) if measured.greatest_is_worst else min(figures)
 

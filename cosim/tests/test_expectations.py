@@ -106,7 +106,15 @@ Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
 
 
 @pytest.mark.parametrize(
-    ("kind", "figure"), [("rms", math.sqrt(29 / 3)), ("peak", 5.0), ("final", 2.0), ("itae", 7.0), ("least", -5.0)]
+    ("kind", "figure"),
+    [
+        ("rms", math.sqrt(29 / 3)),
+        ("peak", 5.0),
+        ("final", 2.0),
+        ("itae", 7.0),
+        ("chatter", math.sqrt((25 + 49) / 2)),
+        ("least", -5.0),
+    ],
 )
 def test_figures_of_a_signal(kind: str, figure: float) -> None:
     """The integrand of itae is 0, 1 * 5, 2 * 2: trapezoids of 2.5 and 4.5."""
@@ -194,7 +202,7 @@ def test_who_has_no_such_signal_is_left_out(verdicts: Judged) -> None:
 
 def test_what_is_not_a_number_does_not_hold(verdicts: Judged) -> None:
     norm = np.where(TIME == 50.0, math.nan, ZERO)
-    for kind in ("peak", "rms", "final", "itae", "least"):
+    for kind in ("peak", "rms", "final", "itae", "chatter", "least"):
         bound = {"least": "-2", "itae": "2 s2"}.get(kind, "2")
         found = verdicts(expecting(kind, bound, signal="norm", stop=50.0), made_up(norm=norm))["a"]
         assert not found.passed, kind
