@@ -15,7 +15,11 @@ from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
 from cosim.studies.conduct import check_study
+from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
+from cosim.studies.study import Study, Tune
+from cosim.studies.tuning import case_name, most_runs, own_text, tuned_in
+from cosim.studies.values import Random, written
 
 _SHOWN = 5
 """Runs of a study that are shown."""
@@ -27,7 +31,17 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
         raise InputError(f"--resolved prints a scenario, and {path} is a study: the files of its runs are scenarios")
     study = read_study(path, options.set)
     plan, _, requirements = check_study(study)
-    out().print(safe(f"{path}: {study.name}, {len(plan)} runs of {len(study.bases)} scenarios"), soft_wrap=True)
+    if study.tune is None:
+        out().print(safe(f"{path}: {study.name}, {len(plan)} runs of {len(study.bases)} scenarios"), soft_wrap=True)
+        _print_runs(study, plan)
+    else:
+        _print_tune(path, study, study.tune)
+    for one in requirements:
+        out().print(safe(f"expected: {one.text}"), soft_wrap=True)
+
+
+def _print_runs(study: Study, plan: Plan) -> None:
+    """Show the first runs of a study, and the last one."""
     shown = table(out(), safe(f"{study.name}: {study.title}"))
     for heading in ("run", *(vary.name for vary in study.vary)):
         shown.add_column(safe(heading), justify="right" if heading == "run" else "left")
@@ -35,8 +49,30 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
     for run in [plan[index] for index in range(first)] + ([plan[len(plan) - 1]] if len(plan) > first else []):
         shown.add_row(str(run.number), *("as it is" if value is None else safe(value) for value in run.values))
     out().print(shown)
-    for one in requirements:
-        out().print(safe(f"expected: {one.text}"), soft_wrap=True)
+
+
+def _print_tune(path: Path, study: Study, tune: Tune) -> None:
+    """Show what a study tunes: its runs, and the range of each value."""
+    cases = f" in each of {len(study.bases)} cases" if len(study.bases) > 1 else ""
+    pruned = "at most " if tune.prune is not None else ""
+    out().print(
+        safe(
+            f"{path}: {study.name}, {tune.evaluations} trials{cases}, {pruned}{most_runs(study, tune)} runs: each "
+            f"trial on {len(tune.training)} draws, the best one and the scenario's own on {len(tune.held_out)} others"
+        ),
+        soft_wrap=True,
+    )
+    shown = table(out(), safe(f"{study.name}: {study.title}"))
+    for heading in ("value", "case", "own", "from", "to"):
+        shown.add_column(heading, justify="left" if heading in ("value", "case") else "right")
+    for cases_of in study.bases:
+        for index in tuned_in(study, tune, cases_of):
+            values = study.vary[index].values
+            assert isinstance(values, Random)
+            ends = (written(end, values.unit) for end in (values.least, values.greatest))
+            told = (study.vary[index].name, case_name(study, cases_of), own_text(study, cases_of, index), *ends)
+            shown.add_row(*map(safe, told))
+    out().print(shown)
 
 
 def check(options: argparse.Namespace) -> int:

@@ -21,14 +21,17 @@ from cosim.results.junit import Outcome, junit_xml
 from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
 from cosim.studies.conduct import StudyOutcome, conduct
-from cosim.studies.plan import Plan
+from cosim.studies.plan import run_of
 from cosim.studies.reader import read_study
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
-from cosim.studies.study import Study
+from cosim.studies.study import Study, Tune
 from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
 from cosim.studies.table import as_csv
+from cosim.studies.trial import mean_cost
+from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
+from cosim.studies.tuning import Tuned, own_text
 
 _MOST_CASES = 40
 """Rows of cases that are printed."""
@@ -74,23 +77,35 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     if options.figure:
         with taking_a_while("drawing the figure"):
             write(folder / "figure.png", _picture(outcome))
+    files = ["runs.csv", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
+    files += ["figure.png"] * options.figure
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     _print(out(), outcome, cases)
     where = options.out / read.name
-    out().print(
-        f"results in {where}/: runs.csv, {'cases.csv, ' * bool(cases)}summary.json{', figure.png' * options.figure}",
-        markup=False,
-        soft_wrap=True,
-    )
+    out().print(f"results in {where}/: {', '.join(files)}", markup=False, soft_wrap=True)
     if written:
         out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
     return outcome
 
 
 def _picture(outcome: StudyOutcome) -> bytes:
-    from cosim.studies.figure import picture
+    from cosim.studies import figure, figure_tuning
 
-    return picture(outcome)
+    return figure.picture(outcome) if outcome.study.tune is None else figure_tuning.picture(outcome)
+
+
+def _write_tuned(outcome: StudyOutcome, folder: Path) -> list[str]:
+    """Write the trials of a study that tunes, and a scenario with the best values of each case; return their names."""
+    tune = outcome.study.tune
+    if tune is None:
+        return []
+    write(folder / "trials.csv", trials_csv(outcome.study, tune, outcome.tuned).encode())
+    names = ["trials.csv"]
+    for one in outcome.tuned:
+        name, text = tuned_variant(outcome.study, one, folder)
+        write(folder / name, text.encode())
+        names.append(name)
+    return names
 
 
 def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
@@ -101,9 +116,10 @@ def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
             old.unlink()
     if numbers:
         folder.mkdir(exist_ok=True)
-        plan = Plan(read)
+        rows = {row.number: row for row in outcome.rows}
         for number in numbers:
-            write(folder / f"run_{number}.xml", as_variant(read, plan[number - 1], folder).encode())
+            run = run_of(read, number, rows[number].draw, rows[number].values)
+            write(folder / f"run_{number}.xml", as_variant(read, run, folder).encode())
     return bool(numbers)
 
 
@@ -119,9 +135,11 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
         parts.append(f"a first look at {outcome.planned}, so without a verdict")
     parts.append(", ".join(f"{ends[status]} {status}" for status in ends))
     console.print("; ".join(parts), soft_wrap=True)
+    if of.tune is not None:
+        _print_tuned(console, of, of.tune, outcome.tuned)
     found = spreads(outcome)
     if found:
-        _print_spreads(console, found)
+        _print_spreads(console, found, "tuned, on held-out draws" if of.tune is not None else "")
     if len(cases) > 1:
         _print_cases(console, outcome, cases)
     for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
@@ -130,8 +148,27 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
         print_verdict(console, verdict)
 
 
-def _print_spreads(console: Console, found: Sequence[Spread]) -> None:
-    shown = table(console, "")
+def _print_tuned(console: Console, of: Study, tune: Tune, found: Sequence[Tuned]) -> None:
+    """Show the best values of each case beside the scenario's own, and the costs of both in training."""
+    for one in found:
+        shown = table(console, safe(f"tuned: {one.name}" if one.name else "tuned"))
+        for heading in ("value", "own", "tuned"):
+            shown.add_column(heading, justify="left" if heading == "value" else "right", no_wrap=True)
+        for index in one.best.values:
+            value = best_values(of, one)[of.vary[index].name]
+            shown.add_row(safe(of.vary[index].name), safe(own_text(of, one.cases, index)), safe(value))
+        costs = [mean_cost(tune, trial.rows.values()) for trial in (one.trials[0], one.best)]
+        shown.add_row("cost in training", *map(_number, costs))
+        console.print(shown)
+        pruned = sum(trial.pruned for trial in one.trials)
+        told = f"trial {one.best.number} of {len(one.trials)}" + (f", {pruned} of them pruned" if pruned else "")
+        console.print(f"{told}, in restart {one.best.restart} of {tune.restarts}")
+        for sentence in one.at_bounds:
+            console.print(f"[yellow]at a bound:[/] {safe(sentence)}", soft_wrap=True)
+
+
+def _print_spreads(console: Console, found: Sequence[Spread], title: str) -> None:
+    shown = table(console, title)
     shown.add_column("measure", no_wrap=True)
     for heading in ("least", "25 %", "median", "75 %", "greatest", "worst\nrun"):
         shown.add_column(heading, justify="right", no_wrap=True)

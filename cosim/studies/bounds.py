@@ -6,6 +6,7 @@ Each is one-sided and may err with a probability of at most 1 - confidence.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,6 +58,18 @@ def mean_at_most(values: ArrayLike, confidence: float) -> float:
 def mean_at_least(values: ArrayLike, confidence: float) -> float:
     """Return the lower bound of a mean; see `mean_at_most`."""
     return -mean_at_most(-np.asarray(values, dtype=np.float64), confidence)
+
+
+def sign_test(pairs: Sequence[tuple[float, float]], confidence: float) -> tuple[float, str]:
+    """Return the lower bound of the probability that the first of a pair is less, and in how many pairs it is.
+
+    Pairs of equal numbers do not count: the exact sign test.
+    """
+    wins = sum(one < other for one, other in pairs)
+    ties = sum(one == other for one, other in pairs)
+    decided = len(pairs) - ties
+    least = probability_at_least(wins, decided, confidence) if decided else 0.0
+    return least, f"in {wins} of {len(pairs)} pairs" + (f", {ties} of them equal" if ties else "")
 
 
 class Sequential:

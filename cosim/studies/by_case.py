@@ -59,7 +59,7 @@ def by_case(outcome: StudyOutcome) -> list[CaseRow]:
     study = outcome.study
     places = [index for index, vary in enumerate(study.vary) if vary.cases or vary.crossed]
     groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in outcome.rows if places else ():
+    for row in outcome.shown if places else ():
         groups.setdefault(tuple(row.values[place] or "as it is" for place in places), []).append(row)
     found = []
     for names, rows in groups.items():

@@ -18,7 +18,8 @@ from cosim.studies.plan import Plan
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
 from cosim.studies.store import Store
-from cosim.studies.study import Study
+from cosim.studies.study import Study, Tune
+from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs, to_judge, tuned_values, with_cost
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class StudyOutcome:
         How many runs were made now; the others were kept from before.
     early : bool
         Whether it has ended early, because the verdict is certain enough.
+    tuned : tuple of Tuned
+        The best values of each case, in a study that tunes.
     """
 
     study: Study
@@ -45,6 +48,14 @@ class StudyOutcome:
     verdicts: tuple[Verdict, ...]
     made: int
     early: bool
+    tuned: tuple[Tuned, ...] = ()
+
+    @property
+    def shown(self) -> tuple[Row, ...]:
+        """The runs that tables are about: all, or of a study that tunes, those of the best values that were held out."""
+        if self.study.tune is None:
+            return self.rows
+        return tuple(row for one in self.tuned for row in one.held_out)
 
     @property
     def passed(self) -> bool:
@@ -65,8 +76,10 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     InputError
         A scenario cannot be run, there are too many runs, or what must hold makes no sense.
     """
-    judged = requirements_of(study)
+    judged = requirements_of(with_cost(study))
     plan = Plan(study)
+    if study.tune is not None:
+        check_tuning(study, study.tune)
     keys = {}
     for cases, scenario in study.bases.items():
         with ExitStack() as cleanup:
@@ -110,6 +123,10 @@ def conduct(
         The user pressed Ctrl-C; the rows so far are kept.
     """
     plan, keys, requirements = check_study(study)
+    count = workers or usual_workers()
+    if study.tune is not None:
+        with Store(folder, study.name) as store, Maker(study, keys, store, count, executor) as maker:
+            return _tune(study, study.tune, maker, requirements, runs, progress)
     wanted = min(len(plan), runs or len(plan))
     rows: dict[int, Row] = {}
     ending = _Ending(requirements, rows)
@@ -120,7 +137,7 @@ def conduct(
             progress(some, wanted - len(rows))
         return not ending.reached()
 
-    with Store(folder, study.name) as store, Maker(study, keys, store, workers or usual_workers(), executor) as maker:
+    with Store(folder, study.name) as store, Maker(study, keys, store, count, executor) as maker:
         maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
@@ -132,6 +149,41 @@ def conduct(
         verdicts=tuple(one.judge(ordered) for one in requirements) if judged else (),
         made=maker.made,
         early=last < wanted,
+    )
+
+
+def _tune(
+    study: Study,
+    tune: Tune,
+    maker: Maker,
+    requirements: Sequence[Judged],
+    runs: int | None,
+    progress: Callable[[Sequence[Row], int], None] | None,
+) -> StudyOutcome:
+    """Tune each case, and judge the best values on the draws that were held out."""
+    planned = most_runs(study, tune)
+    tuning = Tuning(study, tune, runs)
+    rows: dict[int, Row] = {}
+
+    def told(some: Sequence[Row]) -> bool:
+        rows.update((row.number, row) for row in some)
+        if progress is not None:
+            progress(some, min(planned, runs or planned) - len(rows))
+        return True
+
+    maker.make(tuning.ask, lambda some: told(some) and tuning.take(some))
+    judged = runs is None or runs >= planned
+    found = tuned_values(study, tune, maker, tuning, told) if judged else tuning.found()
+    to_look_at = to_judge(study, tune, found)
+    own = tuple(one.verdict for one in found if one.verdict is not None)
+    return StudyOutcome(
+        study=study,
+        rows=tuple(rows[number] for number in sorted(rows)),
+        planned=planned,
+        verdicts=(*own, *(one.judge(to_look_at) for one in requirements)) if judged else (),
+        made=maker.made,
+        early=False,
+        tuned=tuple(found),
     )
 
 

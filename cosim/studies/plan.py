@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,19 +94,14 @@ class Plan:
         if self._crossed:
             of_copy = np.unravel_index(copy, self._cross_shape)
             chosen |= {at: int(value) for at, value in zip(self._crossed, of_copy, strict=True)}
-        cases: list[int] = []
         values: list[str | None] = []
-        changes: list[str] = []
         for at, vary in enumerate(self._vary):
             pick = chosen[at]
-            text = vary.values.texts[pick] if isinstance(pick, int) and isinstance(vary.values, Finite) else pick
-            assert not isinstance(text, int)
-            values.append(text)
-            if vary.cases:
-                cases.append(pick if isinstance(pick, int) else 0)
-            elif text is not None:
-                changes += [f"{target.select}={_computed(target, text)}" for target in vary.targets]
-        return Run(index + 1, draw + 1, tuple(cases), tuple(values), tuple(changes))
+            if isinstance(pick, int):
+                assert isinstance(vary.values, Finite)
+                pick = vary.values.texts[pick]
+            values.append(pick)
+        return run_of(self._study, index + 1, draw + 1, values)
 
     def _counts(self, index: int) -> bool:
         return isinstance(self._vary[index].values, Count)
@@ -131,6 +126,32 @@ class Plan:
                 chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
             column += not isinstance(values, Count)
         return chosen
+
+
+def run_of(study: Study, number: int, draw: int, values: Sequence[str | None]) -> Run:
+    """Return the run in which the varied values are given ones; of cases, their names, and None for the first.
+
+    Raises
+    ------
+    InputError
+        A value cannot be computed from them.
+    """
+    texts = [list(vary.values.texts) if vary.cases and isinstance(vary.values, Finite) else [] for vary in study.vary]
+    cases = tuple(own.index(value) if value in own else 0 for own, value in zip(texts, values, strict=True) if own)
+    named = [own[index] for own, index in zip(filter(None, texts), cases, strict=True)]
+    kept = [
+        None if vary.case and vary.case not in named else value for vary, value in zip(study.vary, values, strict=True)
+    ]
+    given: dict[str, str] = {}
+    for vary, value in zip(study.vary, kept, strict=True):
+        for target in vary.targets if value is not None else ():
+            text = _computed(target, str(value))
+            if target.entry:
+                entries = given.get(target.select, study.own[cases][target.select]).split()
+                entries[target.entry - 1] = text
+                text = " ".join(entries)
+            given[target.select] = text
+    return Run(number, draw, cases, tuple(kept), tuple(f"{select}={text}" for select, text in given.items()))
 
 
 def _size(vary: Vary) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from cosim.errors import InputError, Location, printable
+from cosim.errors import InputError, Location, nearest, printable, shown
 from cosim.quantity import split
 from cosim.scenario.document import Document, read_study_document, read_variant_of
 from cosim.scenario.edits import Change, as_changes, in_words
@@ -22,6 +23,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
+from cosim.studies.read_tune import draws_of, read_tune
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
 from cosim.studies.values import Count, Finite, Values, number_of, values_of
 
@@ -50,14 +52,16 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
     document = read_study_document(Path(path))
     root = Element.root(document)
     vary = _distinct(map(_vary, root.children("vary")), "value")
+    _check_cases(vary)
     measures = [_measured(element) for element in root.children("measure")]
-    sample = _sample(root.child("sample"), vary)
+    tune = root.find("tune")
+    tuned = None if tune is None else read_tune(tune, vary, [measured for measured, _ in measures])
     study = Study(
         document=document,
         name=root.get("name"),
         title=printable(root.child("title").text),
         vary=vary,
-        sample=sample,
+        sample=_sample(root.child("sample"), vary) if tuned is None else draws_of(tuned),
         measures=_distinct((measured for measured, _ in measures), "measure"),
         requirements=tuple(
             Requirement(element.kind, element.attributes, element.where)
@@ -65,9 +69,9 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
             if element.kind in _REQUIREMENTS
         ),
         bases=_bases(document, root, [(own, one.where) for one, own in measures], as_changes(changes)),
+        tune=tuned,
     )
-    _check_selections(study)
-    return study
+    return replace(study, own=_selected(study))
 
 
 # Values ------------------------------------------------------------------------------------------------------
@@ -81,24 +85,35 @@ def _vary(element: Element) -> Vary:
         for name, case in zip(names, cases, strict=True):
             if names.count(name) > 1:
                 raise case.error(f"the case {name!r} is given twice")
-        if "select" in element or also:
-            raise element.error("cases say themselves what changes: leave select=... and <also> out")
+        if "select" in element or "entry" in element or "case" in element or also:
+            raise element.error(
+                "cases say themselves what changes: leave select=..., entry=..., case=... and <also> out"
+            )
         return Vary(element.get("name"), Finite(names), (), True, "cross" in element, element.where)
     values = values_of(next(child for child in element.inside if child.kind != "also"))
     if "select" in element:
-        also = (Target(element.get("select"), where=element.where), *also)
+        also = (Target(element.get("select"), where=element.where, entry=int(element.get("entry", "0"))), *also)
+    elif "entry" in element:
+        raise element.error("entry=... is about select=...: add it, or give the entry in <also>")
     if not also:
         raise element.error(f"nothing gets the value {element.get('name')!r}: add select=... or <also select=.../>")
     if "cross" in element and not isinstance(values, Finite):
         raise element.error('cross="yes" needs a list, a grid, a range or cases: another value has no end')
     if any(target.factor or target.offset for target in also):
         _check_numbers(element, values)
-    return Vary(element.get("name"), values, also, False, "cross" in element, element.where)
+    return Vary(element.get("name"), values, also, False, "cross" in element, element.where, element.get("case"))
+
+
+def _check_cases(vary: Sequence[Vary]) -> None:
+    names = [name for one in vary if one.cases for name in _texts(one)]
+    for one in vary:
+        if one.case and one.case not in names:
+            raise InputError(f"no value has a case {one.case!r}: {nearest(one.case, names)}", one.where)
 
 
 def _target(element: Element) -> Target:
     factor, offset = (number_of(element, name) if name in element else None for name in ("factor", "offset"))
-    return Target(element.get("select"), factor, offset, element.where)
+    return Target(element.get("select"), factor, offset, element.where, int(element.get("entry", "0")))
 
 
 def _check_numbers(element: Element, values: Values) -> None:
@@ -222,30 +237,61 @@ def _add_expectations(root: etree._Element, elements: Sequence[etree._Element]) 
         put(expect := root.find("expect"), expect[-1] if len(expect) else None, [element])
 
 
-def _check_selections(study: Study) -> None:
-    """Check that each value has one place in each scenario, and no two the same one."""
-    check = partial(_check_targets, vary=study.vary)
-    for scenario in study.bases.values():
-        scenario.edited([check])
+def _selected(study: Study) -> Mapping[tuple[int, ...], Mapping[str, str]]:
+    """Return what each scenario has where values go; check that each has one place there, and no two the same one."""
+    found: dict[tuple[int, ...], dict[str, str]] = {}
+    having = [vary for vary in study.vary if vary.cases]
+    for cases, scenario in study.bases.items():
+        named = [_texts(vary)[index] for vary, index in zip(having, cases, strict=True)]
+        vary = [one for one in study.vary if not one.case or one.case in named]
+        scenario.edited([partial(_select, vary=vary, found=found.setdefault(cases, {}))])
+    return found
 
 
-def _check_targets(root: etree._Element, vary: Sequence[Vary]) -> None:
-    taken: dict[tuple[object, str], Vary] = {}
+def _texts(vary: Vary) -> Sequence[str]:
+    return vary.values.texts if isinstance(vary.values, Finite) else ()
+
+
+def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -> None:
+    taken: dict[tuple[object, str], dict[int, Vary]] = {}
     for one in vary:
         for target in one.targets:
             try:
                 nodes = selected_or_added(root, target.select)
                 if len(nodes) > 1:
                     raise ValueError(f"{target.select!r} selects {len(nodes)} nodes: expected one; <also> adds others")
-                element = assign(nodes[0], str(getattr(nodes[0], "text", nodes[0]) or ""))
+                own = str(getattr(nodes[0], "text", nodes[0]) or "")
+                element = assign(nodes[0], own)
+                _check_entry(target, own)
             except ValueError as error:
                 raise InputError(str(error), target.where) from None
-            place = element, getattr(nodes[0], "attrname", "")
-            if place in taken:
+            entries = taken.setdefault((element, getattr(nodes[0], "attrname", "")), {})
+            other = next((entries[at] for at in entries if at == target.entry or not at or not target.entry), None)
+            if other is not None:
+                raise InputError(f"{target.select!r} selects what the value {other.name!r} has already", target.where)
+            entries[target.entry] = one
+            if len(entries) > 1 and target.select not in found:
                 raise InputError(
-                    f"{target.select!r} selects what the value {taken[place].name!r} has already", target.where
+                    f"{target.select!r} selects what the value {next(iter(entries.values())).name!r} has under another "
+                    "select: write both alike",
+                    target.where,
                 )
-            taken[place] = one
+            found[target.select] = own
+
+
+def _check_entry(target: Target, own: str) -> None:
+    entries = own.split()
+    if not target.entry:
+        return
+    try:
+        list(map(float, entries))
+    except ValueError:
+        raise ValueError(f"{target.select!r} selects {shown(own)!r}, which is not several numbers") from None
+    if target.entry > len(entries):
+        raise ValueError(
+            f"{target.select!r} selects {shown(own)!r}, which has no entry {target.entry}: write all of them there, "
+            "with spaces between them"
+        )
 
 
 def _distinct(items: Iterable[_T], what: str) -> tuple[_T, ...]:

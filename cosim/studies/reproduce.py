@@ -16,18 +16,19 @@ from cosim.studies.plan import Run
 from cosim.studies.study import Study
 
 
-def as_variant(study: Study, run: Run, folder: Path) -> str:
+def as_variant(study: Study, run: Run, folder: Path, name: str = "", title: str = "") -> str:
     """Return the text of a variant that is one run of a study, to be written in a folder.
 
-    Its paths are relative to that folder. It has the scenario's expectations, and not the study's measures.
+    Its paths are relative to that folder. It has the scenario's expectations, and not the study's measures. Without
+    name and title, they tell the run.
     """
     root = study.document.root
     cases = _cases(root, run.cases)
     of = next((case.get("of", "") for case in cases if case.get("of")), root.get("of", ""))
     here = study.document.path.parent.absolute()
-    name = f"{study.name}-{run.number}"[-100:]
-    variant = etree.Element("variant", {"name": name, "of": _moved(of, here, folder)}, {None: NAMESPACE})
-    etree.SubElement(variant, "title").text = f"Run {run.number} of {study.name}: {study.title}"
+    named = (name or f"{study.name}-{run.number}")[-100:].lstrip("_.-")
+    variant = etree.Element("variant", {"name": named, "of": _moved(of, here, folder)}, {None: NAMESPACE})
+    etree.SubElement(variant, "title").text = title or f"Run {run.number} of {study.name}: {study.title}"
     for case in cases:
         for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in RULES)):
             variant.append(copied := copy.deepcopy(rule))

@@ -166,11 +166,7 @@ def _better(study: Study, written: Written) -> Judged:
             figure = math.inf if row.status == BROKEN else sign * row.measures[index]
             figures.setdefault(others, {})[str(case)] = figure
         pairs = [(own[written.get("case")], own[written.get("than")]) for own in figures.values() if _both(own)]
-        wins = sum(one < other for one, other in pairs)
-        ties = sum(one == other for one, other in pairs)
-        decided = len(pairs) - ties
-        least = bounds.probability_at_least(wins, decided, confidence) if decided else 0.0
-        detail = f"in {wins} of {len(pairs)} pairs" + (f", {ties} of them equal" if ties else "")
+        least, detail = bounds.sign_test(pairs, confidence)
         return _verdict(written, text, least, 0.5, "", least > 0.5, detail)
 
     def _both(own: Mapping[str, float]) -> bool:

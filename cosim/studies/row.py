@@ -32,6 +32,9 @@ class Row:
         Of each expectation, the least over the robots, in the unit of its bound; NaN where there is none.
     message : str
         Why it is broken: robot, time and reason; or which expectation failed.
+    least : float
+        The least of the margins, each over the magnitude of its bound: below zero if an expectation fails, minus
+        infinite if one has no figure, infinite if nothing is expected.
     """
 
     key: str
@@ -42,10 +45,12 @@ class Row:
     measures: tuple[float, ...]
     margins: tuple[float, ...]
     message: str
+    least: float = math.inf
 
     def to_json(self) -> str:
         """Return it in a line."""
-        data = {**vars(self), "measures": list(map(_told, self.measures)), "margins": list(map(_told, self.margins))}
+        data = {**vars(self), "least": _told(self.least)}
+        data |= {name: list(map(_told, data[name])) for name in ("measures", "margins")}
         return json.dumps(data, allow_nan=False)
 
     @classmethod
@@ -62,6 +67,7 @@ class Row:
             measures=tuple(map(float, data["measures"])),
             margins=tuple(map(float, data["margins"])),
             message=str(data["message"]),
+            least=float(data["least"]),
         )
 
 

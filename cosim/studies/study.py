@@ -21,12 +21,15 @@ class Target:
         The XPath.
     factor, offset : tuple of float and str, or None
         A quantity; None to leave the value as it is.
+    entry : int
+        Which of several numbers with spaces between them it is, from 1; 0 for all that is there.
     """
 
     select: str
     factor: tuple[float, str] | None = None
     offset: tuple[float, str] | None = None
     where: Location = field(default_factory=lambda: Location(""))
+    entry: int = 0
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ class Vary:
         Whether each value is a change of the scenario's structure.
     crossed : bool
         Whether every draw is run with each of its values.
+    case : str
+        The case that alone has the value; empty if all have it.
     """
 
     name: str
@@ -51,6 +56,7 @@ class Vary:
     cases: bool
     crossed: bool
     where: Location
+    case: str = ""
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,65 @@ class Sample:
     method: str
     runs: int | None
     seed: int
+    where: Location
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A part of what is made least: a measure over a quantity, which makes it a pure number.
+
+    Attributes
+    ----------
+    of : int
+        The index of the measure.
+    per : float
+        In the measure's unit; negative for a measure that is made greatest.
+    """
+
+    of: int
+    per: float
+
+
+@dataclass(frozen=True)
+class Tune:
+    """A search for the values with the least cost, in each case by itself.
+
+    Attributes
+    ----------
+    values : tuple of int
+        Which of the varied values are tuned.
+    costs : tuple of Cost
+        What is added up.
+    method : str
+        ``cma_es`` or ``tpe``.
+    evaluations : int
+        How many trials each case has, over all restarts.
+    restarts : int
+        How many searches there are, each from another start.
+    batch : int
+        How many trials a search asks for at once.
+    seed : int
+        Seed of the searches.
+    training, held_out : tuple of int
+        Numbers of the draws that each trial is run on, and on which the best one is compared with the scenario's own.
+    confidence : float
+        Of that comparison.
+    prune : float or None
+        A trial ends as soon as it is worse than the best one, with a probability of error of at most this.
+    """
+
+    values: tuple[int, ...]
+    costs: tuple[Cost, ...]
+    method: str
+    evaluations: int
+    restarts: int
+    batch: int
+    seed: int
+    training: tuple[int, ...]
+    held_out: tuple[int, ...]
+    confidence: float
+    prune: float | None
+    fails: str
     where: Location
 
 
@@ -114,6 +179,12 @@ class Study:
         expectations are the measures.
     vary, measures, requirements : tuple
         In the order of the file.
+    sample : Sample
+        How draws are chosen; of a search, those of what is not searched.
+    own : dict
+        What each scenario has where a value goes, by the XPath; by the indices of cases as `bases`.
+    tune : Tune or None
+        What is tuned.
     """
 
     document: Document
@@ -124,3 +195,5 @@ class Study:
     measures: tuple[Measured, ...]
     requirements: tuple[Requirement, ...]
     bases: Mapping[tuple[int, ...], Scenario]
+    own: Mapping[tuple[int, ...], Mapping[str, str]] = field(default_factory=dict)
+    tune: Tune | None = None

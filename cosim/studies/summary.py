@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.row import BROKEN
+from cosim.studies.tuned_files import as_data
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def counts(outcome: StudyOutcome) -> dict[str, int]:
 
 def spreads(outcome: StudyOutcome) -> list[Spread]:
     """Return the spread of each measure; none if no run has reached its end."""
-    rows = [row for row in outcome.rows if row.status != BROKEN]
+    rows = [row for row in outcome.shown if row.status != BROKEN]
     found = []
     for index, measured in enumerate(outcome.study.measures if rows else ()):
         values = np.array([row.measures[index] for row in rows])
@@ -69,6 +70,7 @@ def as_json(outcome: StudyOutcome) -> str:
         "ended_early": outcome.early,
         **counts(outcome),
         "measures": [asdict(spread) for spread in spreads(outcome)],
+        **({"tuned": as_data(outcome.study, tune, outcome.tuned)} if (tune := outcome.study.tune) else {}),
         "holds": outcome.passed if outcome.verdicts else None,
         "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
     }
@@ -79,7 +81,7 @@ def remarkable(outcome: StudyOutcome, most: int = 10) -> list[int]:
     """Return the numbers of runs to look at: the first broken and failed ones, and the worst of each measure."""
     numbers: list[int] = []
     for status in ("broken", "failed"):
-        numbers += [row.number for row in outcome.rows if row.status == status][:most]
+        numbers += [row.number for row in outcome.shown if row.status == status][:most]
     numbers += [spread.worst_run for spread in spreads(outcome)]
     return sorted(set(numbers))
 

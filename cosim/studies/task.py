@@ -209,6 +209,7 @@ def _judged(job: Job, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
         measures=tuple(_figure(measured, places[measured.where]) for measured in job.measures),
         margins=_margins(own),
         message=f"{failed[0].where}: {failed[0]}" if failed else "",
+        least=min(map(_over_bound, own), default=math.inf),
     )
 
 
@@ -229,17 +230,30 @@ def _margins(verdicts: Iterable[Verdict]) -> tuple[float, ...]:
     """Return the least margin of each expectation; that of one without a figure is minus infinity."""
     least: dict[object, float] = {}
     for verdict in verdicts:
-        margin = verdict.margin
-        if math.isnan(margin):
-            margin = math.inf if verdict.passed else -math.inf
-        least[verdict.where] = min(margin, least.get(verdict.where, math.inf))
+        least[verdict.where] = min(_margin(verdict), least.get(verdict.where, math.inf))
     return tuple(least.values())
+
+
+def _margin(verdict: Verdict) -> float:
+    if math.isnan(verdict.margin):
+        return math.inf if verdict.passed else -math.inf
+    return verdict.margin
+
+
+def _over_bound(verdict: Verdict) -> float:
+    """Return the margin over the magnitude of the bound, so that margins in different units can be compared.
+
+    It is below zero if the expectation fails, and not if it holds, whatever rounding its judgement allows for.
+    """
+    bound = abs(verdict.bound) if math.isfinite(verdict.bound) and verdict.bound else 1.0
+    margin = _margin(verdict) / bound
+    return max(margin, 0.0) if verdict.passed else min(margin, -1e-12)
 
 
 def broken_row(job: Job, run: Run, key: str, message: str) -> Row:
     """Return the row of a run that has not reached its end."""
     nothing = (math.nan,) * len(job.measures)
-    return Row(key, run.number, run.draw, run.values, BROKEN, nothing, (), message)
+    return Row(key, run.number, run.draw, run.values, BROKEN, nothing, (), message, -math.inf)
 
 
 def _close_all() -> None:
