@@ -202,12 +202,16 @@ def test_the_page_has_an_example_of_every_element_and_names_every_attribute() ->
 
 
 def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
-    whole, *parts = STUDY_EXAMPLES
-    assert whole == (ROOT / "studies" / "payload.xml").read_text(encoding="utf-8")
+    files = [example for example in STUDY_EXAMPLES if "<study" in example]
+    for example in files:
+        name = re.findall(r'<study [^>]*name="(\w+)"', example)[0]
+        assert example == (ROOT / "studies" / f"{name}.xml").read_text(encoding="utf-8")
+    whole = files[0]
+    parts = [example for example in STUDY_EXAMPLES if example not in files]
     of = (ROOT / "scenarios").as_posix()
     place = re.escape('<sample method="sobol" runs="512"/>')
     head, tail = re.split(place, whole)
-    payload, law, measures, requirements = parts
+    payload, law, measures, requirements, by_case = parts
     head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
     tail = tail.replace("  <probability", measures + requirements + "  <probability").replace(
         '"settling"', '"settled"', 1
@@ -217,6 +221,14 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     study = read_study(path)
     assert len(Plan(study)) == 30
     assert len(requirements_of(study)) == 7
+    seed = '<vary name="seed" select="simulation/@seed"><count from="1"/></vary>'
+    tune = (
+        '<tune values="k_d sigma K_1" evaluations="4" training="1" held_out="2" confidence="0.9"><cost of="r"/></tune>'
+        '<measure name="r" figure="rms" signal="range_error" unit="m"/>'
+    )
+    text = head.split("</title>")[0] + "</title>" + by_case + seed + tune + "</study>"
+    path.write_text(text.replace("../scenarios", of), encoding="utf-8")
+    assert len(read_study(path).bases) == 2
 
 
 def test_the_schema_documents_all_that_it_defines() -> None:

@@ -52,7 +52,7 @@ class StudyOutcome:
 
     @property
     def shown(self) -> tuple[Row, ...]:
-        """The runs that tables are about: all, or of a study that tunes, those of the best values that were held out."""
+        """The runs that tables are about: all, or of a study that tunes, the best values on held-out draws."""
         if self.study.tune is None:
             return self.rows
         return tuple(row for one in self.tuned for row in one.held_out)

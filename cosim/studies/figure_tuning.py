@@ -65,12 +65,10 @@ def _descent(panel: Axes, tune: Tune, tuned: Tuned) -> None:
         panel.scatter([at for at, _ in good], [cost for _, cost in good], s=6, color=colour, alpha=0.35, linewidths=0)
         course = [cost if math.isfinite(cost) else math.nan for _, cost in own]
         panel.step(range(1, len(own) + 1), course, where="post", color=colour, label=f"restart {restart}")
-    best = min((cost for cost in least if math.isfinite(cost)), default=math.nan)
     first = mean_cost(tune, tuned.trials[0].rows.values())
     if math.isfinite(first):
         panel.axhline(first, color=_OWN, linestyle="--", linewidth=1, label="the scenario's own values")
-    if best > 0.0:
-        panel.set_yscale("log")
+    _scale(panel, [mean_cost(tune, trial.rows.values()) for trial in tuned.trials])
     panel.set_xlabel("trial of the restart")
     panel.set_ylabel("cost in training")
     panel.legend(fontsize="small", loc="upper right")
@@ -88,9 +86,14 @@ def _held_out(panel: Axes, tune: Tune, tuned: Tuned) -> None:
     for one, other in zip(*costs, strict=True):  # a line for each draw: they are compared in pairs
         if math.isfinite(one) and math.isfinite(other):
             panel.plot([0, 1], [one, other], color="#bbbbbb", linewidth=0.7)
-    known = [float(cost) for own in costs for cost in own if math.isfinite(cost)]
-    if known and min(known) > 0.0 and max(known) > 3.0 * min(known):
-        panel.set_yscale("log")
+    _scale(panel, [float(cost) for own in costs for cost in own])
     panel.set_xticks([0, 1], ["own", "tuned"])
     panel.set_xlim(-0.5, 1.5)
     panel.set_ylabel("cost on held-out draws")
+
+
+def _scale(panel: Axes, costs: Sequence[float]) -> None:
+    """Choose a logarithmic axis for costs that differ by more than a factor of ten."""
+    known = [cost for cost in costs if math.isfinite(cost)]
+    if known and min(known) > 0.0 and max(known) > 10.0 * min(known):
+        panel.set_yscale("log")

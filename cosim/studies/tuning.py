@@ -68,7 +68,7 @@ def with_cost(study: Study) -> Study:
     """Return the study with the cost as its last measure, for requirements on the tuned values."""
     if study.tune is None:
         return study
-    cost = Measured(COST, mean=False, greatest_is_worst=True, unit="", where=study.tune.where)
+    cost = Measured(COST, over="worst", greatest_is_worst=True, unit="", where=study.tune.where)
     return replace(study, measures=(*study.measures, cost))
 
 
