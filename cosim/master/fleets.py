@@ -29,6 +29,10 @@ class AnyFleet(Protocol):
     messages: list[str]
     logged: list[RobotMessage]
 
+    @property
+    def companion(self) -> int | None:
+        """The process that steps all plants, so that it works only while this one waits; None if there is no such."""
+
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant by one communication step."""
 

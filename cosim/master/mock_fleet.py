@@ -43,7 +43,7 @@ class MockFleet:
         state: NDArray[np.float64],
         columns: Sequence[tuple[int, ...]],
     ) -> None:
-        self.process = HARNESS
+        self.process, self.companion = HARNESS, None
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []
         self.changes: list[tuple[float, str, Sequence[Value]]] = []

@@ -25,6 +25,7 @@ from cosim.master.team_arrays import TeamArrays
 from cosim.master.ticks import Ticks, driven_robots
 from cosim.master.timing import timed
 from cosim.plant.fleet import returning
+from cosim.plant.one_core import OneCore
 from cosim.results.result import Result
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import forget
@@ -270,9 +271,11 @@ class Simulation:
             with timed(self.timing, "first tick"):
                 self.step()
         segment = Segment()
-        while not self.finished and not self._signals.received:
-            with self._failing():
-                self._segment(segment)
+        with OneCore(self._fleet.companion) as core:
+            while not self.finished and not self._signals.received:
+                with self._failing():
+                    self._segment(segment)
+                core.settle()
 
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""

@@ -351,7 +351,7 @@ class _Elsewhere:
     """The plants of a run as the process that supervises it sees them: only what their FMUs have logged."""
 
     def __init__(self) -> None:
-        self.process = "supervised"
+        self.process, self.companion = "supervised", None
         self.members: list[Member] = []
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []

@@ -47,6 +47,12 @@ class Elsewhere:
         """Whether compiled code can step the plants, if there are any."""
         return not self._processes or can_ring()
 
+    def only(self, plants: int) -> int | None:
+        """Return the number of the process that has all of so many plants; None if there is no such."""
+        if len(self._homes) != 1 or len(self._homes[0].plants) != plants:
+            return None
+        return self._homes[0].process.number
+
     def start(self, members: Sequence[Member]) -> None:
         """Start those plants of a fleet that run elsewhere, after the end of those that do.
 

@@ -169,6 +169,11 @@ class Fleet:
         if self._late:
             self._check_first_step(after)
 
+    @property
+    def companion(self) -> int | None:
+        """The process that steps all plants, so that it works only while this one waits; None if there is no such."""
+        return self._elsewhere.only(len(self.members))
+
     def compiled(self, given: NDArray[np.float64]) -> CompiledFleet | None:
         """Return what compiled code needs in place of `step`; None if plants must be stepped from Python.
 

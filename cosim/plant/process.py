@@ -147,6 +147,11 @@ class PlantProcess:
             self.bell["heard"] = Heard.FAILED if self.board.tells[0] else Heard.DONE
 
     @property
+    def number(self) -> int:
+        """The system's number of the process."""
+        return self._process.pid
+
+    @property
     def heard(self) -> int:
         """What is heard of its last step, of `Heard`."""
         return int(self.bell["heard"][0])
