@@ -42,6 +42,8 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
 
 def _print_runs(study: Study, plan: Plan) -> None:
     """Show the first runs of a study, and the last one."""
+    if plan.design is not None:
+        out().print(f'{study.sample.method}: {plan.design}; runs="{study.sample.runs}" allows no more', soft_wrap=True)
     shown = table(out(), safe(f"{study.name}: {study.title}"))
     for heading in ("run", *(vary.name for vary in study.vary)):
         shown.add_column(safe(heading), justify="right" if heading == "run" else "left")

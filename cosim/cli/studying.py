@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.console import err, out, safe, table, taking_a_while, warn
+from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
@@ -142,6 +143,7 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
         _print_spreads(console, found, "tuned, on held-out draws" if of.tune is not None else "")
     if len(cases) > 1:
         _print_cases(console, outcome, cases)
+    print_sensitivities(console, of.sample.method, outcome.sensitivities)
     for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
         console.print(f"[yellow]broken:[/] run {row.number}: {safe(row.message)}", soft_wrap=True)
     for verdict in outcome.verdicts:

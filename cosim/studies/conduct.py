@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
+from cosim.studies.sensitivity import Sensitivity, check_installed, sensitivities
 from cosim.studies.store import Store
 from cosim.studies.study import Study, Tune
 from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs, to_judge, tuned_values, with_cost
@@ -62,6 +64,11 @@ class StudyOutcome:
         """Whether everything holds that must."""
         return all(verdict.passed for verdict in self.verdicts)
 
+    @cached_property
+    def sensitivities(self) -> list[Sensitivity]:
+        """What each measure depends on, if the study asks for it."""
+        return sensitivities(self.study, self.rows)
+
 
 def usual_workers() -> int:
     """Return how many processes there are without a choice: as many as processors that this one may use."""
@@ -80,6 +87,8 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     plan = Plan(study)
     if study.tune is not None:
         check_tuning(study, study.tune)
+    if plan.design is not None:
+        check_installed(study.sample.where)
     keys = {}
     for cases, scenario in study.bases.items():
         with ExitStack() as cleanup:

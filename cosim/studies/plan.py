@@ -8,16 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from cosim.errors import InputError, shown
 from cosim.quantity import split
+from cosim.studies.designs import Design, design_of
 from cosim.studies.study import Study, Target, Vary
 from cosim.studies.values import Count, Finite, written
 from plants import UnitError, units
 
 MOST_RUNS = 1_000_000
 """Upper limit for the runs of a study."""
+_USUAL = 0.1
+"""Time [s] that a run may take, for a word on how long too many would."""
 _NEXT_TO_0, _NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
 
 
@@ -49,6 +51,11 @@ class Run:
 class Plan:
     """All runs of a study, each of which is made when it is asked for.
 
+    Attributes
+    ----------
+    design : Design or None
+        That of a sensitivity.
+
     Raises
     ------
     InputError
@@ -64,23 +71,28 @@ class Plan:
         self._cross_shape = tuple(sizes[index] for index in self._crossed)
         self._copies = math.prod(self._cross_shape)
         method = study.sample.method
+        self.design = design_of(study)
         if method == "grid":
             self._shape = tuple(sizes[index] for index in drawn)
             draws = math.prod(self._shape)
         elif method == "one_at_a_time":
             self._steps = [(index, step) for index in drawn for step in range(sizes[index]) if not self._counts(index)]
             draws = 1 + len(self._steps)
+        elif self.design is not None:
+            draws = self.design.groups * self.design.size
         else:
             draws = study.sample.runs or 0
         if draws * self._copies > MOST_RUNS:
             copies = f" x {self._copies} that are crossed" if self._copies > 1 else ""
             raise InputError(
-                f"the study has {draws:,} draws{copies}, which is more than {MOST_RUNS:,} runs, the most of a study",
+                f"the study has {draws:,} draws{copies}, which is more than {MOST_RUNS:,} runs, the most of a study: "
+                f"at {_USUAL:g} s a run, they would take a processor {_long(draws * self._copies * _USUAL)}",
                 study.sample.where,
             )
         self._drawn = drawn
         self._draws = draws
-        self._fractions = _fractions(study, draws, [index for index in drawn if not self._counts(index)], method)
+        random = [index for index in drawn if not self._counts(index)]
+        self._fractions = self.design.fractions() if self.design else _fractions(study, draws, random, method)
 
     def __len__(self) -> int:
         return self._draws * self._copies
@@ -108,6 +120,8 @@ class Plan:
 
     def _chosen(self, draw: int) -> dict[int, int | str | None]:
         """Return the value of each one that is not crossed: an index, a text, or None for the scenario's own."""
+        if self.design is not None:
+            return self._of_design(self.design, draw)
         chosen: dict[int, int | str | None] = {}
         column = 0
         method = self._study.sample.method
@@ -125,6 +139,17 @@ class Plan:
                 fraction = float(self._fractions[draw, column])
                 chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
             column += not isinstance(values, Count)
+        return chosen
+
+    def _of_design(self, design: Design, draw: int) -> dict[int, int | str | None]:
+        """Return the value of each one that is not crossed, in a sensitivity."""
+        chosen: dict[int, int | str | None] = {}
+        for at, fraction in zip(self._drawn, self._fractions[draw].tolist(), strict=True):
+            values = self._vary[at].values
+            if isinstance(values, Count):
+                chosen[at] = values.at(design.count_at(draw, fraction))
+            else:
+                chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
         return chosen
 
 
@@ -158,6 +183,11 @@ def _size(vary: Vary) -> int:
     return len(vary.values) if isinstance(vary.values, Finite) else 1
 
 
+def _long(seconds: float) -> str:
+    days = seconds / 86_400.0
+    return f"{days / 365.25:,.1f} years" if days > 365.25 else f"{days:,.1f} days"
+
+
 def _fractions(study: Study, draws: int, columns: list[int], method: str) -> NDArray[np.float64]:
     """Return numbers between 0 and 1 (draws, columns); of the random ones and of Sobol's, more draws add rows."""
     if method in ("grid", "one_at_a_time") or not columns:
@@ -165,6 +195,8 @@ def _fractions(study: Study, draws: int, columns: list[int], method: str) -> NDA
     generator = np.random.default_rng(study.sample.seed)
     if method == "random":
         return generator.random((draws, len(columns)))
+    from scipy.stats import qmc  # takes a second to import: workers do without
+
     if method == "latin_hypercube":
         return np.asarray(qmc.LatinHypercube(len(columns), seed=generator).random(draws))
     power = max(draws - 1, 0).bit_length()  # a whole power of 2 is balanced

@@ -139,7 +139,15 @@ def _sample(element: Element, vary: Sequence[Vary]) -> Sample:
                 "grid or a range, or another method",
                 one.where,
             )
-    return Sample(method, int(element.get("runs")) if given else None, int(element.get("seed", "0")), element.where)
+    if "second_order" in element and method != "saltelli":
+        raise element.error('second_order="yes" of <sample> is about indices: only method="saltelli" has them')
+    return Sample(
+        method=method,
+        runs=int(element.get("runs")) if given else None,
+        seed=int(element.get("seed", "0")),
+        where=element.where,
+        second_order="second_order" in element,
+    )
 
 
 # Measures ----------------------------------------------------------------------------------------------------

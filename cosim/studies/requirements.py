@@ -13,6 +13,7 @@ from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
 from cosim.studies import bounds
 from cosim.studies.bounds import Sequential
+from cosim.studies.designs import METHODS
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.studies.study import Measured, Study
 
@@ -43,8 +44,16 @@ def requirements_of(study: Study) -> list[Judged]:
     Raises
     ------
     InputError
-        A number is out of its range, a measure or a case does not exist, or a unit does not fit; with its place.
+        A number is out of its range, a measure or a case does not exist, a unit does not fit, or a confidence is asked
+        for of runs that are no draws independent of each other; with its place.
     """
+    for one in study.requirements:
+        if study.sample.method in METHODS and one.kind != "worst":
+            raise InputError(
+                f'the runs of method="{study.sample.method}" of <sample> depend on each other, so that <{one.kind}> '
+                "can say nothing of them with confidence: only <worst> can be asked of a sensitivity",
+                one.where,
+            )
     return [_KINDS[one.kind](study, Written(one.kind, one.attributes, one.where, Path())) for one in study.requirements]
 
 

@@ -61,12 +61,21 @@ class Vary:
 
 @dataclass(frozen=True)
 class Sample:
-    """How the runs are chosen; `runs` is None where it follows from the values."""
+    """How the runs are chosen.
+
+    Attributes
+    ----------
+    runs : int or None
+        How many draws, of a sensitivity at most; None where it follows from the values.
+    second_order : bool
+        Whether a sensitivity is about pairs of values, too.
+    """
 
     method: str
     runs: int | None
     seed: int
     where: Location
+    second_order: bool = False
 
 
 @dataclass(frozen=True)

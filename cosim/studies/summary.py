@@ -71,6 +71,7 @@ def as_json(outcome: StudyOutcome) -> str:
         **counts(outcome),
         "measures": [asdict(spread) for spread in spreads(outcome)],
         **({"tuned": as_data(outcome.study, tune, outcome.tuned)} if (tune := outcome.study.tune) else {}),
+        **({"sensitivity": [one.as_data() for one in found]} if (found := outcome.sensitivities) else {}),
         "holds": outcome.passed if outcome.verdicts else None,
         "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
     }

@@ -65,7 +65,7 @@ def as_csv(outcome: StudyOutcome) -> str:
 
 
 def as_dataset(outcome: StudyOutcome) -> xr.Dataset:
-    """Return the table as an xarray dataset over the runs, with varied values as coordinates."""
+    """Return the table as an xarray dataset over the runs, with varied values as coordinates; and a sensitivity."""
     import xarray as xr
 
     variables: dict[str, xr.DataArray] = {}
@@ -75,11 +75,16 @@ def as_dataset(outcome: StudyOutcome) -> xr.Dataset:
         attributes |= {"long_name": column.about} if column.about else {}
         home = coordinates if column.kind == "value" or column.name in ("run", "draw") else variables
         home[column.name] = xr.DataArray(np.asarray(column.values), dims="run", attrs=attributes)
-    return xr.Dataset(
+    table = xr.Dataset(
         variables,
         coordinates,
         {"study": outcome.study.name, "title": outcome.study.title, "runs_planned": outcome.planned},
     )
+    if not outcome.sensitivities:
+        return table
+    from cosim.studies.sensitivity_table import as_dataset as of_sensitivity
+
+    return table.merge(of_sensitivity(outcome.sensitivities))
 
 
 def _columns(outcome: StudyOutcome) -> Iterator[Column]:

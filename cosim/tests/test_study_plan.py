@@ -196,7 +196,7 @@ def test_studies_that_make_no_sense(tmp_path: Path, parts: tuple[str, ...], said
 
 def test_a_study_that_is_too_large_is_refused_with_its_size(tmp_path: Path) -> None:
     large = X.replace('<list values="0 m, 1 m"/>', '<grid from="0 m" to="1 m" points="100000"/>')
-    with pytest.raises(InputError, match=r"1,000,000,000 draws.*more than 1,000,000 runs"):
+    with pytest.raises(InputError, match=r"1,000,000,000 draws.*more than 1,000,000 runs.*processor 3\.2 years"):
         Plan(small_study(tmp_path, large + Y.replace('points="3"', 'points="10000"'), GRID))
 
 

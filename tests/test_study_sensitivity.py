@@ -1,0 +1,43 @@
+"""A sensitivity of runs: at the command line, resumed, and equal to what the same rows give."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.cli import main
+from cosim.studies.conduct import conduct
+from cosim.studies.reader import read_study
+from cosim.tests.studies import LAST, SEEDS, Here, write_study
+
+START = """<vary name="start" select="follower[@id='follower_1']/pose/@x"><uniform from="-5.5 m" to="-4.5 m"/></vary>"""
+GAIN = """<vary name="gain" select="//gain[@name='gamma_w']/@value"><log_uniform from="9" to="11"/></vary>"""
+FIRST = LAST.replace("unit", 'robots="follower_1" unit')
+
+
+@pytest.mark.parametrize("method", ["saltelli", "morris"])
+def test_a_start_decides_the_last_error_of_a_short_run(
+    tmp_path: Path, method: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_study(tmp_path, START + GAIN + SEEDS, f'<sample method="{method}" runs="45"/>', FIRST)
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "study.xml"]) == 0
+    groups, size = {"saltelli": (8, 5), "morris": (11, 4)}[method]
+    assert f"{groups * size} runs" in capsys.readouterr().out
+    folder = tmp_path / "runs/small"
+    folder.mkdir(parents=True)
+    look = conduct(read_study(path), folder, executor=Here(), runs=13)
+    assert look.sensitivities[0].figures == {}
+    whole = conduct(read_study(path), folder, executor=Here())
+    assert whole.made == groups * size - 13
+    assert main(["study", "study.xml", "--no-figure"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.index(" start ") < printed.index(" gain ")
+    (told,) = json.loads((folder / "summary.json").read_text())["sensitivity"]
+    (found,) = whole.sensitivities
+    assert told == found.as_data() | {"cases": []}
+    start, *others = found.figures["total" if method == "saltelli" else "mean"]
+    assert np.abs(others).max() < 0.01 * abs(start)
+    if method == "morris":
+        assert -1000.0 < start < -500.0  # mm, over a range of 1 m
