@@ -164,6 +164,7 @@ def _better(study: Study, written: Written) -> Judged:
             raise written.error(f"{name!r} has no value {case!r}: {nearest(case, texts)}")
     if written.get("case") == written.get("than"):
         raise written.error("nothing is better than itself: name two cases")
+    crossed = [index for index, other in enumerate(study.vary) if other.crossed and index != place]
     sign = -1.0 if written.get("by") == "more" else 1.0
     text = f"{written.get('case')} better than {written.get('than')} in {measured.name}, with confidence {confidence:g}"
 
@@ -171,7 +172,7 @@ def _better(study: Study, written: Written) -> Judged:
         figures: dict[tuple[object, ...], dict[str, float]] = {}
         for row in rows:
             case = row.values[place]
-            others = (row.draw, *row.values[:place], *row.values[place + 1 :])
+            others = row.draw, *(row.values[other] for other in crossed)
             figure = math.inf if row.status == BROKEN else sign * row.measures[index]
             figures.setdefault(others, {})[str(case)] = figure
         pairs = [(own[written.get("case")], own[written.get("than")]) for own in figures.values() if _both(own)]
