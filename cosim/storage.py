@@ -15,6 +15,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -158,8 +159,17 @@ def forget() -> None:
 
 
 def constant(values: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Return an array (samples, ...) in which all samples are the same numbers in memory."""
-    return np.lib.stride_tricks.as_strided(values, (samples, *values.shape), (0, *values.strides))
+    """Return an array (samples, ...) in which all samples are the same numbers in memory: it is only read.
+
+    For the same numbers it is the same array, so that runs of a study find them where they were.
+    """
+    return _constant(values.astype(np.float64).tobytes(), values.shape, samples)
+
+
+@lru_cache(1024)
+def _constant(numbers: bytes, shape: tuple[int, ...], samples: int) -> NDArray[np.float64]:
+    values = np.frombuffer(bytearray(numbers)).reshape(shape)
+    return np.lib.stride_tricks.as_strided(values, (samples, *shape), (0, *values.strides))
 
 
 def is_constant(course: NDArray[np.float64]) -> bool:

@@ -85,20 +85,36 @@ class Loop(NamedTuple):
 
 
 class Wiring:
-    """Who takes which number from where, and which laws are called. Whoever uses its arrays keeps it."""
+    """Who takes which number from where, and which laws are called. Whoever uses its arrays keeps it.
+
+    Attributes
+    ----------
+    given : ndarray
+        The inputs of the plants.
+    laws : list of Bound
+        The laws.
+    """
 
     def __init__(self) -> None:
         self._moves: list[list[tuple[int, ...]]] = [[] for _ in Stage]
         self._kept: list[object] = []
+        self._arrays: tuple[Places, Places, Places] | None = None
+        self.given: Floats = np.zeros(0)
         self.laws: list[Bound] = []
 
     def move(self, stage: Stage, to: Spots, of: Spots, *kept: object) -> None:
         """Move numbers at a stage of each tick; the arrays in which they are must be kept as long."""
         self._moves[stage] += moves_between(to, of)
         self._kept += kept
+        self._arrays = None
 
     def arrays(self) -> tuple[Places, Places, Places]:
         """Return moves, stages and laws for a `Loop`."""
+        if self._arrays is None:
+            self._arrays = self._in_arrays()
+        return self._arrays
+
+    def _in_arrays(self) -> tuple[Places, Places, Places]:
         moves = [move for own in self._moves for move in own]
         stages = np.cumsum([0, *map(len, self._moves)], dtype=np.int64)
         laws: Sequence[tuple[int, ...]] = [law.numbers for law in self.laws]

@@ -84,6 +84,7 @@ class Prepared:
         self._variations, self._known = Variations(scenario), Known()
         self._structure = _structure(scenario)
         self._fleet: Fleet | None = None
+        self._before: Simulation | None = None  # the last run, if it has reached its end
         self._memory: list[NDArray[Any]] = []
         self._reset = False  # whether the plants of the last run were those of the run before
         with ExitStack() as cleanup:
@@ -149,13 +150,17 @@ class Prepared:
         verdicts: tuple[Verdict, ...] = ()
         described = self._keeps or needs_outlines(scenario.expectations)
         make_result = recorded_result if described else only_signals
-        with Simulation(scenario, setup, fleet=self._lend, recorder=recorder, make_result=make_result) as simulation:
+        before, self._before = self._before, None
+        with Simulation(
+            scenario, setup, fleet=self._lend, recorder=recorder, make_result=make_result, before=before
+        ) as simulation:
             try:
                 result = simulation.run_to_end()
             except SimulationError as error:
                 failure, result = error.failure, error.recorded
             if failure is None:
                 verdicts = judge(scenario.expectations, result, partial(run_other, setup))
+                self._before = simulation
             messages = () if self._fleet is None else tuple(self._fleet.messages)
         return RunOutcome(
             status="completed" if failure is None else "failed",

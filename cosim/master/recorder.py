@@ -114,6 +114,11 @@ class Recorder:
             self._memory[used:] = [self._allocate(shape, dtype)]
         return self._memory[used]
 
+    @property
+    def places(self) -> tuple[NDArray[Any], ...]:
+        """The arrays into which ticks are recorded."""
+        return tuple(self._memory[: self._used])
+
     def arrays(self, storage: Storage | None = None) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every variable that is recorded, by name; views if possible."""
         kept = storage or Storage()

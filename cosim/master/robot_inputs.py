@@ -170,6 +170,8 @@ def _torque(
 def _samples(
     scenario: Scenario, fmu: Fmu, robot: str, storage: Storage, inputs: Sequence[_Real]
 ) -> NDArray[np.float64]:
+    if not inputs:
+        return constant(np.zeros(0), scenario.ticks + 1)
     found = storage.empty((scenario.ticks + 1, len(inputs)))
     for column, own in enumerate(inputs):
         course = found[:, column]

@@ -57,6 +57,9 @@ class Simulation:
         Gets the records, in memory that another run has used; without one, a new one.
     make_result
         Makes results of the records.
+    before
+        A run that has reached its end, and is of no use from then on: what is the same in this one is taken over from
+        it, as the arrays in which robots have their numbers, laws and wiring.
 
     Attributes
     ----------
@@ -83,6 +86,7 @@ class Simulation:
         fleet: StartFleet = start_fleet,
         recorder: Recorder | None = None,
         make_result: MakeResult = recorded_result,
+        before: Simulation | None = None,
     ) -> None:
         self.scenario = scenario
         self._make_result = make_result
@@ -94,15 +98,22 @@ class Simulation:
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
             robots = (self.setup.leader, *self.setup.followers)
-            self._now = now = TeamArrays([robot.kind for robot in robots])
+            kinds = tuple(robot.kind for robot in robots)
+            now = before._now if before is not None and before._now.kinds == kinds else TeamArrays(kinds)
+            self._now: TeamArrays = now
+            now.clear()
             self.poses = {robot.name: now.visible(row)[0] for row, robot in enumerate(robots)}
             self.velocities = {robot.name: now.visible(row)[1] for row, robot in enumerate(robots)}
-            self._teams = self._gather_teams()  # before the plants: laws load libraries, which may start threads
+            # Before the plants: laws load libraries, which may start threads
+            self._teams: list[Team] = self._gather_teams([] if before is None else before._teams)
             self._fleet = self._start_plants(fleet, cleanup)
             recorder = recorder or Recorder(
                 scenario.ticks + 1, self.setup.result_variables, allocate=self.setup.storage.empty
             )
-            self._ticks = Ticks(scenario, self.setup, now, self._teams, self._fleet, recorder)
+            self._ticks: Ticks = Ticks(
+                *(scenario, self.setup, now, self._teams, self._fleet, recorder),
+                None if before is None else before._ticks,
+            )
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
             self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
             self._next_forget = self._kept
@@ -320,21 +331,24 @@ class Simulation:
             started = fleet(driven, self.scenario.horizon, now.state[len(now.kinds) - len(driven) :], columns)
             return cleanup.enter_context(started)
 
-    def _gather_teams(self) -> list[Team]:
+    def _gather_teams(self, before: Sequence[Team]) -> list[Team]:
+        """Return the laws with their followers; those of an earlier run where they are made of the same."""
         scenario, setup = self.scenario, self.setup
         groups: dict[tuple[str, Vehicle], list[int]] = {}
         for row, (follower, robot) in enumerate(zip(scenario.followers, setup.followers, strict=True)):
             groups.setdefault((follower.controller, robot.vehicle), []).append(row)
+        teams = []
         with timed(self.timing, "controllers"):
-            return [
-                Team(
+            for (controller, vehicle), rows in groups.items():
+                made_of = (
                     setup.laws[controller],
-                    [setup.gains[row] for row in rows],
-                    [setup.followers[row].name for row in rows],
-                    rows,
+                    tuple(setup.gains[row] for row in rows),
+                    tuple(setup.followers[row].name for row in rows),
+                    tuple(rows),
                     vehicle,
                     setup.leader.vehicle,
                     scenario.step * scenario.period,
                 )
-                for (controller, vehicle), rows in groups.items()
-            ]
+                again = (team for team in before if team.restart(*made_of))
+                teams.append(next(again, None) or Team(*made_of))
+        return teams

@@ -37,14 +37,20 @@ class TeamArrays:
         self.kinds = tuple(kinds)
         self._poses = max(len(kind.pose) for kind in kinds)
         width = self._poses + max(len(kind.velocity) for kind in kinds)
-        self.state = np.full((len(kinds), width), np.nan)
-        self.torque = np.full((len(kinds), max(len(kind.command) for kind in kinds)), np.nan)
-        for row, kind in enumerate(kinds):
+        self.state: Floats = np.empty((len(kinds), width))
+        self.torque: Floats = np.empty((len(kinds), max(len(kind.command) for kind in kinds)))
+        self.pose, self.velocity = self.state[:, : self._poses], self.state[:, self._poses :]
+        self.measured: Floats = np.empty(self.pose.shape)
+        self.command: Floats = np.empty(self.torque[1:].shape)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the numbers of a run: what a robot has is zero, the rest NaN."""
+        self.state[:], self.torque[:] = np.nan, np.nan
+        for row, kind in enumerate(self.kinds):
             self.state[row, self.columns_of(kind)] = 0.0
             self.torque[row, : len(kind.command)] = 0.0
-        self.pose, self.velocity = self.state[:, : self._poses], self.state[:, self._poses :]
-        self.measured = self.pose.copy()
-        self.command = self.torque[1:].copy()
+        self.measured[:], self.command[:] = self.pose, self.torque[1:]
 
     def columns_of(self, kind: Kind) -> tuple[int, ...]:
         """Return in which columns of the state a kind has its pose and its velocities."""

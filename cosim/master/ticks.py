@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 
 import formation_controllers as fc
 import numpy as np
@@ -48,6 +47,9 @@ class Ticks:
         The plants, started.
     recorder
         Gets the records.
+    before
+        The ticks of an earlier run that has ended, with robots of the same kinds: its wiring is taken over if all
+        numbers are where they were.
 
     Attributes
     ----------
@@ -65,6 +67,7 @@ class Ticks:
         teams: Sequence[Team],
         fleet: AnyFleet,
         recorder: Recorder,
+        before: Ticks | None = None,
     ) -> None:
         self.tick = 0
         self.recorder = recorder
@@ -78,18 +81,22 @@ class Ticks:
         self._actuators = actuators(commands, [robot.actuator for robot in setup.followers], step)
         besides = any(_acts(robot.torque) for robot in setup.followers)
         self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])], setup.storage)
-        self._wiring = Wiring()
-        self._wiring.move(Stage.SENSE, spots(now.measured), spots(now.pose))
-        wire_acting(self._wiring, now, self._external)
         driven = driven_robots(setup)
-        self._given = wire_plants(self._wiring, now, len(robots) - len(driven), driven)
         self._changes: dict[int, list[tuple[int, RobotSetup]]] = {}
         for row, robot in enumerate(driven):
             for tick in robot.changes:
                 self._changes.setdefault(tick, []).append((row, robot))
         self._switches = sorted(self._changes)
-        wire_path(self._wiring, now, setup.leader, setup.motion)
-        self._telemetry = self._records()
+        self._records = self._record()
+        self._telemetry = [recorder.records_of(team.rows, team.telemetry_type) for team in self._teams]
+        self._recorded = [name for name in recorder.variables if recorder.records(name)]
+        self._places = (
+            *(now, self._external, *setup.desired, setup.motion, *(robot.samples for robot in driven)),
+            *(*self._teams, *recorder.places),
+        )
+        known = before is not None and before._has_places_of(self)
+        self._wiring: Wiring = before._wiring if before is not None and known else self._wire(driven)
+        self._has_laws: bool | None = before._has_laws if before is not None and known else None
         self._loop = self._wired(NO_FLEET)
         self._advance = entry_of(advance, self._loop, 0, 0, 0)
         self._do(Part.LEAD, -1)
@@ -123,7 +130,7 @@ class Ticks:
             for row, robot in self._changes.get(tick, ()):
                 self._fleet.change(row, [parameter.as_value for parameter in robot.changes[tick]], tick * step)
             self._do(Part.GIVE, tick)
-            self._fleet.step(tick, step, self._given)
+            self._fleet.step(tick, step, self._wiring.given)
             self._do(Part.LEAD, tick)
         self.tick += 1
 
@@ -198,30 +205,50 @@ class Ticks:
         """Run parts of a tick."""
         self._advance(self._loop, parts.value, tick, tick + 1)
 
-    def _records(self) -> list[tuple[Floats, NDArray[np.int_]]]:
-        """Prepare the records, and fill in the values known before the run; return the places of telemetry."""
+    def _record(self) -> list[tuple[Floats, Floats]]:
+        """Prepare the records, and fill in the values known before the run; return values with the places for them."""
         recorder, now, desired = self.recorder, self._now, self._setup.desired
         for name, values in (("desired_range", desired.q[..., 0]), ("desired_bearing", desired.q[..., 1])):
             if recorder.records(name):
                 recorder.of(name)[:] = values
-        commands = self._setup.columns.commands
+        records = []
         for own, values in (
             ("pose", now.pose),
             ("velocity", now.velocity),
             ("measured_pose", now.measured),
-            (commands, now.torque),
+            (self._setup.columns.commands, now.torque),
         ):
             leader = "measured_leader_pose" if own == "measured_pose" else f"leader_{own}"
             first, last = 0 if recorder.records(leader) else 1, len(values) if recorder.records(own) else 1
             if first == last:
                 continue
             place = recorder.place_of(values[first:last])
-            self._wiring.move(Stage.RECORD, spots_by_tick(place), spots(values[first:last]), values, place)
+            records.append((values[first:last], place))
             if first == 0:
                 recorder.keep(leader, place[:, 0])
             if last > 1:
                 recorder.keep(own, place[:, 1 - first :])
-        return [recorder.records_of(team.rows, team.telemetry_type) for team in self._teams]
+        return records
+
+    def _has_places_of(self, later: Ticks) -> bool:
+        """Return whether all numbers of a later run are where they are in this one."""
+        here, there = self._places, later._places
+        return (
+            self._recorded == later._recorded
+            and len(here) == len(there)
+            and all(one is other for one, other in zip(here, there, strict=True))
+        )
+
+    def _wire(self, driven: Sequence[RobotSetup]) -> Wiring:
+        """Return who takes which number from where, but for the laws; the robots that are plants are given."""
+        wiring, now, setup = Wiring(), self._now, self._setup
+        wiring.move(Stage.SENSE, spots(now.measured), spots(now.pose))
+        wire_acting(wiring, now, self._external)
+        wire_plants(wiring, now, len(now.kinds) - len(driven), driven)
+        wire_path(wiring, now, setup.leader, setup.motion)
+        for values, place in self._records:
+            wiring.move(Stage.RECORD, spots_by_tick(place), spots(values), values, place)
+        return wiring
 
     def _wired(self, fleet: CompiledFleet) -> Loop:
         moves, stages, laws = self._wiring.arrays()
@@ -239,15 +266,17 @@ class Ticks:
             fleet=fleet,
         )
 
-    @cached_property
-    def _has_laws(self) -> bool:
-        setup = self._setup
-        return wire_laws(self._wiring, self._teams, self._now, setup.desired, setup.motion, self._telemetry)
-
     @property
     def _is_compiled(self) -> bool:
         """Whether compiled code can run whole ticks, and Python has a share in none of them."""
-        if self._loop.fleet is NO_FLEET and self._has_laws and (fleet := self._fleet.compiled(self._given)) is not None:
+        if self._loop.fleet is not NO_FLEET:
+            return True
+        if self._has_laws is None:
+            setup = self._setup
+            self._has_laws = wire_laws(
+                self._wiring, self._teams, self._now, setup.desired, setup.motion, self._telemetry
+            )
+        if self._has_laws and (fleet := self._fleet.compiled(self._wiring.given)) is not None:
             self._loop = self._wired(fleet)
         return self._loop.fleet is not NO_FLEET
 

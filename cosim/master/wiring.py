@@ -87,8 +87,8 @@ def wire_acting(wiring: Wiring, now: TeamArrays, external: Floats) -> None:
         wiring.move(Stage.BESIDES, spots(now.torque[1:]), besides[1:])
 
 
-def wire_plants(wiring: Wiring, now: TeamArrays, first: int, robots: Sequence[RobotSetup]) -> Floats:
-    """Return what the plants are given: of one plant after the other, its commands and its other inputs.
+def wire_plants(wiring: Wiring, now: TeamArrays, first: int, robots: Sequence[RobotSetup]) -> None:
+    """Give the plants what they are given: of one plant after the other, its commands and its other inputs.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def wire_plants(wiring: Wiring, now: TeamArrays, first: int, robots: Sequence[Ro
     for robot in robots:
         own, others = np.split(others, [robot.samples.shape[1]])
         wiring.move(Stage.GIVE, to[own], spots_by_tick(robot.samples), robot.samples)
-    return given
+    wiring.given = given
 
 
 def wire_path(wiring: Wiring, now: TeamArrays, leader: RobotSetup, motion: Motion | None) -> None:
