@@ -153,7 +153,7 @@ def blocks(samples: int, numbers: int = 1) -> Iterator[slice]:
 
 def forget() -> None:
     """Let the system take the memory of all files that are mapped; they are read again when they are needed."""
-    for mapped in list(_MAPPED):
+    for mapped in list(_MAPPED) if _MAPPED else ():
         with suppress(AttributeError, ValueError, OSError):  # the system has no such call
             mapped.madvise(mmap.MADV_DONTNEED)
 

@@ -63,9 +63,10 @@ def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Se
     found = setup.storage.empty((len(DERIVED), desired.shape[1], samples))
     for block in blocks(samples, desired.shape[1]):
         before = found[1, :, block.start - 1] if block.start else None
-        found[..., block] = np.nan
         for team in teams:
-            if formation_of(team.vehicle) is not None:
+            if formation_of(team.vehicle) is None:
+                found[:, team.place, block] = np.nan
+            else:
                 own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][block, team.place]
                 if own != tuple(range(pose.shape[-1])):
                     pose = pose[..., own]

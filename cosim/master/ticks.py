@@ -22,7 +22,7 @@ from cosim.master.wiring import wire_acting, wire_laws, wire_path, wire_plants
 from cosim.plant.fleet_step import NO_FLEET, CompiledFleet
 from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
-from cosim.signals.chain import WINDOW
+from cosim.signals.chain import WINDOW, Chain
 from cosim.signals.sensors import pose_sensors
 from cosim.storage import blocks, is_constant
 
@@ -77,8 +77,11 @@ class Ticks:
         poses = [[role.name for role in robot.kind.pose] for robot in robots]
         commands = [[role.name for role in robot.kind.command] for robot in setup.followers]
         step = scenario.step
-        self._sensors = pose_sensors(scenario.seed, names, poses, [robot.sensor for robot in robots], step)
-        self._actuators = actuators(commands, [robot.actuator for robot in setup.followers], step)
+        sensors, acting = (None, None) if before is None else (before._sensors, before._actuators)
+        self._sensors: Chain = pose_sensors(
+            scenario.seed, names, poses, [robot.sensor for robot in robots], step, sensors
+        )
+        self._actuators: Chain = actuators(commands, [robot.actuator for robot in setup.followers], step, acting)
         besides = any(_acts(robot.torque) for robot in setup.followers)
         self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])], setup.storage)
         driven = driven_robots(setup)

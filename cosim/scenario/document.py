@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 import stat
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,8 @@ MAX_ATTRIBUTES = 100
 """Of an element; the schema knows at most a fifth of them."""
 MAX_VARIANTS = 20
 _PREFIX = f"{{{NAMESPACE}}}"
+_NEEDLESS = re.compile(r"^\s|\s\s|[^\S ]|\s\Z")
+"""White space that is needless in most attributes: at an end, more than one space, or anything else than a space."""
 _ARCHIVE = b"PK\x03\x04"
 """How a zip archive begins."""
 
@@ -294,7 +297,7 @@ def _collapse(root: etree._Element) -> None:
     kept = _kept()
     for element in root.iter("*"):
         for name, value in element.items():
-            if (collapsed := _collapsed(kept, local_name(element), name, value)) != value:
+            if _NEEDLESS.search(value) and (collapsed := _collapsed(kept, local_name(element), name, value)) != value:
                 element.set(name, collapsed)
 
 

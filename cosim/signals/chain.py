@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ class Chain:
     """The effects on the channels of some robots.
 
     Legal call order: `make_ready` for tick after tick from 0 on, at least once in a window of `WINDOW` ticks; the
-    compiled `apply` for each of these ticks.
+    compiled `apply` for each of these ticks; `restart` leads back to the start.
 
     Parameters
     ----------
@@ -53,6 +54,7 @@ class Chain:
     def __init__(self, rows: Rows) -> None:
         used = {effect.kind for effects in rows.effects for effect in effects}
         kinds = sorted(EFFECTS.values(), key=lambda kind: kind.order)
+        self._rows = rows
         self._effects = [kind(rows) for kind in kinds if kind.element in used]
         self._ready = -1  # the window whose amounts are made
         shape = (len(rows.effects), rows.width)
@@ -61,12 +63,27 @@ class Chain:
         acts = [address_of(e.act, 0, amounts[0, 0], amounts[0, 0], memory[0]) for e in self._effects]
         self.arrays = ChainArrays(np.array(acts, dtype=np.int64), amounts, memory)
 
+    def restart(self, rows: Rows) -> bool:
+        """Go back to before the first tick of a run with another seed; return whether nothing else differs."""
+        if replace(rows, seed=self._rows.seed) != self._rows:
+            return False
+        self._rows, self._ready = rows, -1
+        self.arrays.memory[:] = 0.0
+        for effect in self._effects:
+            effect.restart(rows)
+        return True
+
     def make_ready(self, tick: int) -> None:
         """Make the amounts of the window in which a tick lies."""
         if tick // WINDOW != self._ready:
             self._ready = tick // WINDOW
             for effect, amounts in zip(self._effects, self.arrays.amounts, strict=True):
                 effect.amounts(self._ready * WINDOW, amounts)
+
+
+def again(before: Chain | None, rows: Rows) -> Chain:
+    """Return the chain of an earlier run if it can be restarted with some rows, else a new one."""
+    return before if before is not None and before.restart(rows) else Chain(rows)
 
 
 @compiled

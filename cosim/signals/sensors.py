@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cosim.signals.chain import Chain
+from cosim.signals.chain import Chain, again
 from cosim.signals.effects import Effect, Rows
 
 
@@ -14,6 +14,7 @@ def pose_sensors(
     channels: Sequence[Sequence[str]],
     effects: Sequence[Sequence[Effect]],
     step: float,
+    before: Chain | None = None,
 ) -> Chain:
     """Return delay, bias, white Gaussian noise, quantisation and dropout of every pose entry of robots, in this order.
 
@@ -25,5 +26,7 @@ def pose_sensors(
         The effects of each robot's sensor.
     step
         Communication step [s].
+    before
+        The sensors of an earlier run that has ended, which are taken if only the seed differs.
     """
-    return Chain(Rows(seed, robots, channels, effects, step, at_rest=False))
+    return again(before, Rows(seed, robots, channels, effects, step, at_rest=False))

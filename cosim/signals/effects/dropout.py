@@ -31,6 +31,11 @@ class Dropout(Part):
 
     def __init__(self, rows: Rows) -> None:
         super().__init__(rows)
+        self.restart(rows)
+
+    def restart(self, rows: Rows) -> None:
+        """Begin all streams anew."""
+        super().restart(rows)
         own = [[effect for effect in effects if effect.kind == self.element] for effects in rows.effects]
         self._losses = [
             (

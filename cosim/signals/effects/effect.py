@@ -110,6 +110,10 @@ class EffectKind(ABC):
     def __init__(self, rows: Rows) -> None:
         self.rows = rows
 
+    def restart(self, rows: Rows) -> None:
+        """Go back to before the first tick, of the same rows with another seed; a kind that draws begins anew."""
+        self.rows = rows
+
     @classmethod
     @abstractmethod
     def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterable[Effect]:

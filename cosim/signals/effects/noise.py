@@ -35,15 +35,21 @@ class Noise(OfEntries):
         super().__init__(rows)
         self._deviation = Schedule(self.element, rows, 0.0, arrays.hypot)
         found = [
-            (row, column, random_stream(rows.seed, robot, f"pose.{name}"))
+            (row, column, robot, name)
             for row, (robot, names) in enumerate(zip(rows.robots, rows.channels, strict=True))
             for column, name in enumerate(names)
             if any(effect.kind == self.element and name in (effect.channels or names) for effect in rows.effects[row])
         ]
-        self._streams = [stream for *_, stream in found]
-        self._columns = np.array([row * rows.width + column for row, column, _ in found], dtype=np.int64)
+        self._names = [(robot, f"pose.{name}") for *_, robot, name in found]
+        self._columns = np.array([row * rows.width + column for row, column, *_ in found], dtype=np.int64)
         self._drawn = np.empty((0, 0))
-        self._used = 0
+        self.restart(rows)
+
+    def restart(self, rows: Rows) -> None:
+        """Begin all streams anew."""
+        super().restart(rows)
+        self._streams = [random_stream(rows.seed, *names) for names in self._names]
+        self._used = self._drawn.shape[1]
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write random numbers with the standard deviations."""
