@@ -22,7 +22,7 @@ from cosim.master.wiring import wire_acting, wire_laws, wire_path, wire_plants
 from cosim.plant.fleet_step import NO_FLEET, CompiledFleet
 from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
-from cosim.signals.chain import WINDOW, Chain
+from cosim.signals.chain import Chain
 from cosim.signals.sensors import pose_sensors
 from cosim.storage import blocks, is_constant
 
@@ -150,12 +150,11 @@ class Ticks:
             return False
         last = min(
             first + most,
-            first - first % WINDOW + WINDOW,
+            self._sensors.make_ready(first),
+            self._actuators.make_ready(first),
             horizon + 1,
             *self._switches[bisect(self._switches, first) :][:1],
         )
-        self._sensors.make_ready(first)
-        self._actuators.make_ready(first)
         self.tick, ended = self._advance(self._loop, Part.ALL.value, first, last)
         self.recorder.recorded = self.tick + (ended == Ended.PLANTS)
         if ended == Ended.PLANTS:

@@ -12,8 +12,10 @@ from cosim.compiled import address_of, call, compiled
 from cosim.signals.effects import EFFECTS
 from cosim.signals.effects.effect import Floats, Rows
 
-WINDOW = 256
-"""Number of ticks for which amounts are made at once."""
+WINDOW = 1024
+"""Number of ticks for which amounts are made at once, a power of two: making them takes its time whatever it is."""
+_FEW, _SHORT_WINDOW = 64, 256
+"""Above so many channels the number of ticks is smaller, so that the amounts stay near the processor."""
 
 
 class ChainArrays(NamedTuple):
@@ -37,7 +39,7 @@ class ChainArrays(NamedTuple):
 class Chain:
     """The effects on the channels of some robots.
 
-    Legal call order: `make_ready` for tick after tick from 0 on, at least once in a window of `WINDOW` ticks; the
+    Legal call order: `make_ready` for tick after tick from 0 on, at least once in each window that it tells; the
     compiled `apply` for each of these ticks; `restart` leads back to the start.
 
     Parameters
@@ -58,7 +60,8 @@ class Chain:
         self._effects = [kind(rows) for kind in kinds if kind.element in used]
         self._ready = -1  # the window whose amounts are made
         shape = (len(rows.effects), rows.width)
-        amounts = np.zeros((len(self._effects), WINDOW, *shape))
+        window = WINDOW if shape[0] * shape[1] <= _FEW else _SHORT_WINDOW
+        amounts = np.zeros((len(self._effects), window, *shape))
         memory = np.zeros((len(self._effects), max((e.remembers for e in self._effects), default=0), *shape))
         acts = [address_of(e.act, 0, amounts[0, 0], amounts[0, 0], memory[0]) for e in self._effects]
         self.arrays = ChainArrays(np.array(acts, dtype=np.int64), amounts, memory)
@@ -73,12 +76,14 @@ class Chain:
             effect.restart(rows)
         return True
 
-    def make_ready(self, tick: int) -> None:
-        """Make the amounts of the window in which a tick lies."""
-        if tick // WINDOW != self._ready:
-            self._ready = tick // WINDOW
+    def make_ready(self, tick: int) -> int:
+        """Make the amounts of the window in which a tick lies; return the first tick behind the window."""
+        length = int(self.arrays.amounts.shape[1])
+        if tick // length != self._ready:
+            self._ready = tick // length
             for effect, amounts in zip(self._effects, self.arrays.amounts, strict=True):
-                effect.amounts(self._ready * WINDOW, amounts)
+                effect.amounts(self._ready * length, amounts)
+        return (self._ready + 1) * length
 
 
 def again(before: Chain | None, rows: Rows) -> Chain:
@@ -89,5 +94,6 @@ def again(before: Chain | None, rows: Rows) -> Chain:
 @compiled
 def apply(chain: ChainArrays, tick: int, values: Floats) -> None:
     """Change the values (robots, channels) of a tick in place."""
+    place = tick & (chain.amounts.shape[1] - 1)  # in the window
     for e in range(len(chain.acts)):
-        call(chain.acts[e], (tick, values, chain.amounts[e, tick % WINDOW], chain.memory[e]))
+        call(chain.acts[e], (tick, values, chain.amounts[e, place], chain.memory[e]))

@@ -12,8 +12,8 @@ from cosim.signals.effects.schedule import Schedule
 from cosim.signals.random import random_stream
 from plants import arrays
 
-_AHEAD, _STREAMS = 4, 64
-"""Windows of ticks that are drawn at once, and how many streams draw so far ahead in one window each."""
+_APART = 8
+"""Numbers between the streams: a window is a power of two, and they would take turns at one place of the cache."""
 
 
 @compiled
@@ -42,29 +42,17 @@ class Noise(OfEntries):
         ]
         self._names = [(robot, f"pose.{name}") for *_, robot, name in found]
         self._columns = np.array([row * rows.width + column for row, column, *_ in found], dtype=np.int64)
-        self._drawn = np.empty((0, 0))
         self.restart(rows)
 
     def restart(self, rows: Rows) -> None:
         """Begin all streams anew."""
         super().restart(rows)
         self._streams = [random_stream(rows.seed, *names) for names in self._names]
-        self._used = self._drawn.shape[1]
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write random numbers with the standard deviations."""
         self._deviation.fill(first, out)
-        if self._used + len(out) > self._drawn.shape[1]:
-            self._draw(len(out))
-        drawn = self._drawn[:, self._used : self._used + len(out)]
-        self._used += len(out)
+        drawn = np.empty((len(self._streams), len(out) + _APART))[:, : len(out)]
+        for stream, own in zip(self._streams, drawn, strict=True):
+            stream.standard_normal(out=own)
         scale(out.reshape(len(out), -1), self._columns, drawn)
-
-    def _draw(self, ticks: int) -> None:
-        """Draw the numbers of some ticks, or of a few times as many where there are few streams: a call takes long."""
-        ahead = max(1, min(_AHEAD, _STREAMS // max(len(self._streams), 1)))
-        if self._drawn.shape[1] != ahead * ticks:
-            self._drawn = np.empty((len(self._streams), ahead * ticks))
-        for stream, drawn in zip(self._streams, self._drawn, strict=True):
-            stream.standard_normal(out=drawn)
-        self._used = 0
