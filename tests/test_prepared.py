@@ -121,6 +121,37 @@ def test_variations_have_the_numbers_of_runs_alone(scenarios: Path, name: str) -
     assert len({outcome.figures for outcome in outcomes if outcome is not None}) > VARIATIONS // 2, "nothing varies"
 
 
+def test_what_stays_where_it_is_is_not_wired_again(scenarios: Path) -> None:
+    scenario = cosim.read_scenario(scenarios / "clmr_line.xml").edited(horizon=HORIZON, expectations=False)
+    scenario = scenario.edited([with_expectations])
+    changes: dict[str, bool] = {  # whether the run before has the same wiring
+        "simulation/@seed=2": True,
+        "plant/parameter[@name='m_c']/@value=40 kg": True,
+        "follower[2]/pose/@y=9 m": True,
+        "sensor/noise/@x=2 mm": True,
+        "actuator/saturation/@limit=3 N.m": True,
+        "//gain[@name='K_p']/@value=12": False,
+        "leader/torque/@tau_steer=1 N.m": False,
+        "follower[1]/desired/@range=4 m": False,
+        "expect/peak/@signal=measured_pose": False,
+        "simulation/@seed=3": False,
+        "//gain[@name='K_p']/@value=10": True,
+    }
+    with Prepared(scenario) as prepared:
+        prepared.run()
+        for change, stays in changes.items():
+            assert prepared._before is not None
+            before = prepared._before._ticks._wiring
+            prepared.run([change])
+            ticks = prepared._before._ticks
+            assert (ticks._wiring is before) == stays, change
+            expected = Result.of(cosim.run(scenario.edited([change])))
+            arrays = ticks.recorder.arrays()
+            assert len(arrays) > 2
+            for name, values in arrays.items():
+                assert np.array_equal(values, expected[name].values, equal_nan=True), (change, name)
+
+
 def with_expectations(root: etree._Element) -> None:
     expect = etree.SubElement(root, "expect")
     etree.SubElement(expect, "rms", signal="range_error", below="1 m", to=f"{HORIZON} s")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 
 from cosim.master.ticks import Ticks
-from cosim.signals.chain import WINDOW
 
 SHORTEST, LONGEST = 0.02, 0.2
 """A segment takes about so long [s]: long enough to be fast, short enough to answer Ctrl-C and to show progress."""
+
+MOST = 256
+"""Ticks of a segment at most: a plant may become slow within it."""
 
 
 class Segment:
@@ -24,7 +26,7 @@ class Segment:
             return False
         taken = time.perf_counter() - started
         if taken < SHORTEST:
-            self.ticks = min(2 * self.ticks, WINDOW)
+            self.ticks = min(2 * self.ticks, MOST)
         elif taken > LONGEST:
             self.ticks = max(self.ticks // 2, 1)
         return True

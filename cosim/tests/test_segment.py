@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from cosim.master.segment import LONGEST, Segment
-from cosim.signals.chain import WINDOW
+from cosim.master.segment import LONGEST, MOST, Segment
 
 
 class Fast:
@@ -19,7 +18,7 @@ def test_a_plant_that_becomes_slow_soon_gets_short_segments(monkeypatch: pytest.
     run: Any = segment.run
     for _ in range(100):
         assert run(ticks)
-    assert segment.ticks == WINDOW
+    assert segment.ticks == MOST
     clock = count(0.0, 2 * LONGEST)
     monkeypatch.setattr("time.perf_counter", lambda: next(clock))
     for _ in range(8):

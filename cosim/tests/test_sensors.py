@@ -1,5 +1,6 @@
 """Effects of sensors; every robot and channel has noise of its own."""
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
-from cosim.signals.chain import apply
+from cosim.signals.chain import Chain, apply
 from cosim.signals.effects import EFFECTS, Effect, check_channels, understood
+from cosim.signals.effects.effect import Rows
 from cosim.signals.random import random_stream
 from cosim.signals.sensors import pose_sensors
 
@@ -133,6 +135,38 @@ def test_order_is_delay_bias_noise_quantisation_dropout() -> None:
 def test_streams_are_named() -> None:
     draws = {random_stream(1, robot, channel).random() for robot in "ab" for channel in CHANNELS}
     assert len(draws) == 8
+
+
+@pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32, 2**64 + 5, 2**128 - 1, 2**128, 2**200 + 3])
+def test_streams_are_those_of_the_seed_with_the_names_as_spawn_key(seed: int) -> None:
+    names = np.frombuffer(hashlib.sha256(b"a/x").digest(), dtype="<u4").tolist()
+    expected = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=names))
+    assert random_stream(seed, "a", "x").bit_generator.state == expected.state
+
+
+def test_sensors_that_are_restarted_are_as_good_as_new() -> None:
+    effects = [[*noise(), effect("dropout", 0.5), effect("delay", STEP), effect("bias", 0.1, start=0.1)]]
+
+    def rows(seed: int, amount: float = 1e-3) -> Rows:
+        own = [*effects[0][:3], effect("noise", amount, "gamma"), *effects[0][4:]]
+        return Rows(seed, ["a"], [CHANNELS], [own], STEP, at_rest=False)
+
+    def measured(chain: Chain) -> NDArray[np.float64]:
+        values = np.arange(40.0).reshape(10, 1, 4)
+        for tick in range(len(values)):
+            chain.make_ready(tick)
+            apply(chain.arrays, tick, values[tick])
+        return values
+
+    chain = Chain(rows(1))
+    first = measured(chain)
+    assert chain.restart(rows(2))
+    second = measured(chain)
+    assert chain.restart(rows(1))
+    np.testing.assert_array_equal(measured(chain), first)
+    np.testing.assert_array_equal(second, measured(Chain(rows(2))))
+    assert (first != second).any()
+    assert not chain.restart(rows(1, amount=2e-3)), "another sensor"
 
 
 @pytest.mark.parametrize(
