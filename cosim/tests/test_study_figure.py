@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.quantity import quantity
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.figure import draw, picture
 from cosim.studies.plan import Plan
@@ -59,7 +60,59 @@ def test_a_grid_of_two_values_is_a_map(tmp_path: Path) -> None:
     (image,) = shown.images
     assert np.array_equal(image.get_array().filled(math.nan), [[1.0, 3.0, math.nan], [2.0, 4.0, 6.0]], equal_nan=True)
     assert (shown.get_xlabel(), shown.get_ylabel()) == ("x [m]", "mass [kg]")
-    assert colours.get_ylabel() == "worst last [mm]; white: none"
+    assert colours.get_ylabel() == "last [mm]; white: none"
+
+
+def test_a_grid_of_one_value_is_a_curve_with_a_band_over_its_seeds(tmp_path: Path) -> None:
+    seeds = '<vary name="seed" select="simulation/@seed"><range from="1" to="3"/></vary>'
+    figures = [1.0, 3.0, 2.0, 4.0, 4.0, 4.0, 5.0, math.inf, math.inf]
+    made = outcome(tmp_path, X + seeds, '<sample method="grid"/>', figures, [PASSED] * 9)
+    spread, curve = draw(made).axes
+    median, endless, bound = curve.lines
+    assert np.array_equal(median.get_ydata(), [2.0, 4.0, math.nan], equal_nan=True)
+    assert endless.get_xdata().tolist() == [2.0], "where a run has no figure"
+    assert set(bound.get_ydata()) == {20.0}
+    assert curve.get_title(loc="left") == "median, and 5 % to 95 % of the runs"
+    assert [text.get_text() for text in spread.texts] == ["2 of 9 runs without a figure"]
+    assert not spread.collections, "runs of a grid are no draws, which would have a confidence"
+
+
+def test_each_of_a_few_cases_has_a_curve(tmp_path: Path) -> None:
+    figures = [1.0, 10.0, 2.0, 20.0, 3.0, 30.0]
+    made = outcome(tmp_path, X + LAWS, '<sample method="grid"/>', figures, [PASSED] * 6)
+    spread, curve = draw(made).axes
+    assert [line.get_ydata().tolist() for line in curve.lines[:2]] == [[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]]
+    for panel in (spread, curve):
+        assert [text.get_text() for text in panel.get_legend().get_texts()] == ["a", "b"]
+
+
+def test_one_at_a_time_is_a_tornado(tmp_path: Path) -> None:
+    figures = [5.0, 4.0, 5.5, 6.0, 9.0, math.inf]
+    made = outcome(tmp_path, X + HEAVY + SEEDS, '<sample method="one_at_a_time"/>', figures, [PASSED] * 6)
+    (panel,) = draw(made).axes
+    assert [text.get_text() for text in panel.get_yticklabels()] == ["mass", "x"], "the widest first"
+    bars = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in panel.patches]
+    assert bars == [(5.0, 5.0), (5.0, 9.0), (5.0, 4.0), (5.0, 6.0)]
+    told = [text.get_text().strip() for text in panel.texts]
+    assert told == ["", "25 kg", "no figure: 30 kg", "0 m", "2 m"]
+    assert set(panel.lines[0].get_xdata()) == {5.0}
+
+
+def test_a_sensitivity_has_bars_with_intervals(tmp_path: Path) -> None:
+    vary = UNIFORM + X.replace('<list values="0 m, 1 m, 2 m"/>', '<uniform from="0 m" to="2 m"/>')
+    study = small_study(tmp_path, vary, '<sample method="saltelli" runs="64"/>', LAST)
+    rows = [
+        Row("", run.number, run.draw, run.values, PASSED, (quantity(run.values[1] or "", "m"),), (), "")
+        for run in Plan(study)
+    ]
+    bars, scatter = draw(StudyOutcome(study, tuple(rows), 64, (), 64, False)).axes
+    assert [text.get_text() for text in bars.get_yticklabels()] == ["x", "mass"]
+    assert bars.get_xlabel() == "share of the variance of last"
+    assert [text.get_text() for text in bars.get_legend().get_texts()] == ["in all", "alone"]
+    total = [bar.get_width() for bar in bars.containers[1]]
+    assert total[0] > 0.8
+    assert abs(total[1]) < 1e-9
+    assert (scatter.get_xlabel(), scatter.get_ylabel()) == ("x [m]", "last [mm]")
 
 
 @pytest.mark.parametrize("rest", ["", LAST])
