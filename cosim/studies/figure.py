@@ -13,7 +13,6 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from cosim.errors import printable
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.figure_sensitivity import changes_of, draw_sensitivity, draw_tornado
 from cosim.studies.figure_spread import draw_spread
-from cosim.studies.figure_style import COLOURS, FONT, HEIGHT, MOST_WORDS, WIDTH
+from cosim.studies.figure_style import COLOURS, HEIGHT, MOST_WORDS, WIDTH, font
 from cosim.studies.figure_values import draw_bounds, draw_curves, draw_map, draw_runs
 from cosim.studies.row import Row
 from cosim.studies.study import Measured, Vary
@@ -38,7 +37,7 @@ _MOST_MEASURES, _MOST_VALUES = 6, 3
 def picture(outcome: StudyOutcome) -> bytes:
     """Return the picture as PNG; see `draw`."""
     buffer = io.BytesIO()
-    with rc_context(FONT):
+    with font():
         draw(outcome).savefig(buffer, format="png", dpi=130, pil_kwargs={"compress_level": 1})
     return buffer.getvalue()
 
@@ -47,7 +46,7 @@ def draw(outcome: StudyOutcome) -> Figure:
     """Return the figure: a row for each measure."""
     rows = [row[: _MOST_VALUES + 1] for row in _rows(outcome)[:_MOST_MEASURES]]
     across = max(map(len, rows), default=1)
-    with rc_context(FONT):
+    with font():
         figure = Figure(figsize=(max(across * WIDTH, 5.0), max(len(rows), 1) * HEIGHT + 0.6), layout="constrained")
         title = printable(f"{outcome.study.name}: {outcome.study.title}")
         ends = ", ".join(f"{number} {status}" for status, number in counts(outcome).items())

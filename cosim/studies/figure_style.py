@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 
 from cosim.errors import printable
@@ -9,7 +12,6 @@ from cosim.studies.row import FAILED, PASSED
 
 WIDTH, HEIGHT = 3.7, 2.8
 """Of a panel [in]."""
-FONT = {"font.size": 9.0}
 LOOK = {PASSED: ("#0072b2", "o", "passed"), FAILED: ("#d55e00", "x", "failed")}
 """Colour, marker and word of each status: colours that the colour-blind can tell, and other markers."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
@@ -17,6 +19,11 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 GREY, BOUND = "#999999", "black"
 MOST_WORDS = 12
 """Words on an axis."""
+
+
+def font() -> AbstractContextManager[None]:
+    """Return the context in which figures are made and saved."""
+    return rc_context({"font.size": 9.0})
 
 
 def label(name: str, unit: str) -> str:
