@@ -119,11 +119,10 @@ def study(
     out: str | Path | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
+    scheduler: str | None = None,
     runs: int | None = None,
 ) -> xr.Dataset:
     """Make the runs of a study and return its table, with the varied values as coordinates.
-
-    Call it below ``if __name__ == "__main__":`` in a script, as its processes import the script again.
 
     Parameters
     ----------
@@ -135,9 +134,11 @@ def study(
         A folder in which the runs are kept, in a folder of the study's name, so that the next call goes on there;
         None keeps nothing.
     workers
-        How many processes; None for one a processor.
+        How many runs are made at a time, each in a process of its own; None for one a processor, 0 for this process.
     executor
         An executor of `concurrent.futures`, in place of processes of this machine.
+    scheduler
+        The address of a scheduler of Dask, whose workers make the runs.
     runs
         Only the first ones.
 
@@ -161,7 +162,7 @@ def study(
     read = read_study(path, changes)
     with TemporaryDirectory(prefix="formation-study-") as nowhere:
         folder = writable_folder(Path(nowhere if out is None else out) / read.name, "out")
-        return as_dataset(conduct(read, folder, workers=workers, executor=executor, runs=runs))
+        return as_dataset(conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs))
 
 
 _HOMES = {

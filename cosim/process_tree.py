@@ -12,6 +12,7 @@ import os
 import secrets
 import signal
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,8 @@ from pathlib import Path
 _PR_SET_CHILD_SUBREAPER = 36
 _ROUNDS = 1000
 """Upper limit for searches, one each millisecond, until nothing new is found: something may start processes as fast."""
+_ORPHAN_CHECK = 1.0
+"""Interval [s] of the check that the process that has started this one still runs."""
 _LINUX = sys.platform == "linux"
 _PROC = Path("/proc")
 
@@ -76,6 +79,22 @@ def end_descendants(root: int) -> bool:
             _signal(process, signal.SIGKILL)
         time.sleep(0.001)
     return some
+
+
+def end_with(parent: int) -> None:
+    """End this process with all that it has started when the one that has started it ends, also while it works.
+
+    Elsewhere than on POSIX it ends only when it reads from its pipe.
+    """
+    if os.name == "posix":
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_ORPHAN_CHECK)
+    end_descendants(os.getpid())
+    os._exit(1)
 
 
 def _end_marked(mark: str, pipe: int | None) -> None:

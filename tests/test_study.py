@@ -24,10 +24,9 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
-from cosim.tests.driving import scenario
-from cosim.tests.studies import LAST, SEEDS, UNIFORM, Here, small_study, write_study
+from cosim.tests.studies import LAST, SEEDS, UNIFORM, small_study, write_study
 
-from .stub.stub import make_fmu
+from .crashing_study import crashing_study
 
 NOISE = '<vary name="noise" select="sensor/noise/@x"><list values="0 mm, 5 mm"/></vary>'
 CASES = """<vary name="law" cross="yes">
@@ -41,7 +40,7 @@ def here(folder: Path, *parts: str, runs: int | None = None, **named: str) -> St
     """Write a study and conduct it in this process."""
     study = small_study(folder, *parts, **named)
     (folder / "out").mkdir(exist_ok=True)
-    return conduct(study, folder / "out", executor=Here(), runs=runs)
+    return conduct(study, folder / "out", workers=0, runs=runs)
 
 
 def test_each_run_is_the_run_of_its_scenario_alone(tmp_path: Path) -> None:
@@ -83,9 +82,9 @@ def test_what_changes_a_run_makes_it_anew_and_nothing_else_does(tmp_path: Path) 
     base = tmp_path / "base.xml"
     study = read_study(tmp_path / "study.xml")
     base.write_text(base.read_text().replace("<title>", "<!-- a remark -->\n<title>Another "))
-    assert conduct(read_study(study.document.path), tmp_path / "out", executor=Here()).made == 0
+    assert conduct(read_study(study.document.path), tmp_path / "out", workers=0).made == 0
     base.write_text(base.read_text().replace('"0.2 s"', '"0.4 s"'))
-    assert conduct(read_study(study.document.path), tmp_path / "out", executor=Here()).made == 9
+    assert conduct(read_study(study.document.path), tmp_path / "out", workers=0).made == 9
 
 
 def test_a_first_look_makes_the_first_runs_without_a_verdict(tmp_path: Path) -> None:
@@ -206,7 +205,7 @@ def test_the_command_with_two_workers_gives_the_same_rows(
     assert 'skipped="1"' in (tmp_path / "junit.xml").read_text()
     (worst,) = (tmp_path / "runs/small/runs_to_see").glob("*.xml")
     assert main(["check", str(worst)]) == 0
-    dataset = cosim.study("study.xml", out="runs", executor=Here())  # nothing is left to make
+    dataset = cosim.study("study.xml", out="runs", workers=0)  # nothing is left to make
     assert dataset["last"].attrs["units"] == "mm"
     assert dataset["mass"].dims == ("run",)
     assert dataset["seed"].values.tolist() == [7, 8, 9, 10, 11, 12]
@@ -237,19 +236,12 @@ def test_a_killed_or_interrupted_study_goes_on(tmp_path: Path) -> None:
         _wait_for(lambda pid=command.pid: not _session(pid))
     kept = rows.read_bytes().count(b"\n") - 1
     study = read_study(tmp_path / "study.xml")
-    again = conduct(study, rows.parent, executor=Here())
+    again = conduct(study, rows.parent, workers=0)
     assert (len(again.rows), again.made) == (150, 150 - kept)
 
 
 def test_an_fmu_that_crashes_costs_the_run_that_it_has_ended(tmp_path: Path) -> None:
-    make_fmu(tmp_path, name="car", behaviour="segfault", when=9)
-    plant = '<plant id="car" fmu="car.fmu"><parameter name="when" value="9 s"/></plant>'
-    small_study(tmp_path)
-    scenario(tmp_path / "base.xml", plant, followers=["car"], horizon="0.4 s")
-    times = """<vary name="when" select="plant/parameter/@value"><list values="9 s, 8 s, 0.2 s, 7 s"/></vary>"""
-    text = (tmp_path / "study.xml").read_text().replace(UNIFORM + SEEDS, times)
-    (tmp_path / "study.xml").write_text(text.replace('method="random" runs="6"', 'method="grid"'))
-    study = read_study(tmp_path / "study.xml")
+    study = crashing_study(tmp_path, "9 s, 8 s, 0.2 s, 7 s")
     outcome = conduct(study, tmp_path, workers=1)
     assert [row.status for row in outcome.rows] == [PASSED, PASSED, BROKEN, PASSED]
     assert re.search("leader at t = 0.2 s: the plant car.fmu did not complete the step", outcome.rows[2].message)

@@ -9,7 +9,7 @@ import pytest
 from cosim.cli import main
 from cosim.studies.conduct import conduct
 from cosim.studies.reader import read_study
-from cosim.tests.studies import LAST, SEEDS, Here, write_study
+from cosim.tests.studies import LAST, SEEDS, write_study
 
 START = """<vary name="start" select="follower[@id='follower_1']/pose/@x"><uniform from="-5.5 m" to="-4.5 m"/></vary>"""
 GAIN = """<vary name="gain" select="//gain[@name='gamma_w']/@value"><log_uniform from="9" to="11"/></vary>"""
@@ -27,9 +27,9 @@ def test_a_start_decides_the_last_error_of_a_short_run(
     assert f"{groups * size} runs" in capsys.readouterr().out
     folder = tmp_path / "runs/small"
     folder.mkdir(parents=True)
-    look = conduct(read_study(path), folder, executor=Here(), runs=13)
+    look = conduct(read_study(path), folder, workers=0, runs=13)
     assert look.sensitivities[0].figures == {}
-    whole = conduct(read_study(path), folder, executor=Here())
+    whole = conduct(read_study(path), folder, workers=0)
     assert whole.made == groups * size - 13
     assert main(["study", "study.xml", "--no-figure"]) == 0
     printed = capsys.readouterr().out

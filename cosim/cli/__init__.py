@@ -146,6 +146,7 @@ def _parser() -> Parser:
     study = command("study", "make the many runs of a study, and judge them together")
     study.add_argument("study", type=Path, metavar="STUDY.xml")
     study.add_argument("--workers", type=int, metavar="N", help="processes that make the runs (one a processor)")
+    study.add_argument("--scheduler", metavar="ADDRESS", help="let the workers of a scheduler of Dask make the runs")
     study.add_argument("--runs", type=int, metavar="N", help="make the first N runs only, for a first look")
     study.add_argument(
         "--set",

@@ -66,7 +66,14 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     folder = writable_folder(options.out / read.name, "--out").absolute()
     with _progress(read) as progress:
         try:
-            outcome = conduct(read, folder, workers=options.workers, runs=options.runs, progress=progress)
+            outcome = conduct(
+                read,
+                folder,
+                workers=options.workers,
+                scheduler=options.scheduler,
+                runs=options.runs,
+                progress=progress,
+            )
         except KeyboardInterrupt:
             warn(f"interrupted: the runs so far are kept in {options.out / read.name / FILE}; the same command goes on")
             raise

@@ -87,9 +87,9 @@ class PlantProcess:
         self.board = board(memory, inputs, outputs)
         self._mark = process_tree.new_mark()
         try:
-            self._process = _launched(environment(self._mark, plain=_plain(specs)), memory.descriptors)
-        except PlantError as error:
-            raise NotStarted(0, error) from None
+            self._process = launch(WORKER, environment(self._mark, plain=_plain(specs)), memory.descriptors)
+        except OSError as error:
+            raise NotStarted(0, PlantError(f"its process cannot be started: {error.strerror}")) from None
         finally:
             memory.is_inherited()
         try:
@@ -363,21 +363,33 @@ def _message(status: object, category: object, text: object, count: int) -> Mess
     return Message(str(status), str(category), str(text), int(count))
 
 
-def _launched(variables: dict[str, str], inherited: tuple[int, ...]) -> subprocess.Popen[bytes]:
-    try:
-        return subprocess.Popen(
-            [sys.executable, *WORKER, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=variables,
-            pass_fds=inherited,
-            stderr=None if _standard_error() else subprocess.DEVNULL,
-            bufsize=0,
-            start_new_session=os.name == "posix",  # Ctrl-C is the harness's
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
-        )
-    except OSError as error:
-        raise PlantError(f"its process cannot be started: {error.strerror}") from None
+def launch(
+    options: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = ()
+) -> subprocess.Popen[bytes]:
+    """Start an interpreter that is reached through its standard input and output.
+
+    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it.
+
+    Parameters
+    ----------
+    options
+        Its options, which say what it runs.
+    variables
+        Its environment; see `environment`.
+    inherited
+        Descriptors that it has, too.
+    """
+    return subprocess.Popen(
+        [sys.executable, *options, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=variables,
+        pass_fds=inherited,
+        stderr=None if _standard_error() else subprocess.DEVNULL,
+        bufsize=0,
+        start_new_session=os.name == "posix",
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
+    )
 
 
 def _standard_error() -> bool:

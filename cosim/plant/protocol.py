@@ -49,3 +49,21 @@ def exactly(pipe: int, length: int) -> bytes | None:
             return None
         data += part
     return data
+
+
+def out_of_reach(descriptor: int) -> int:
+    """Return another descriptor of a pipe, and let the one that FMUs know lead to standard error, or nowhere.
+
+    Parameters
+    ----------
+    descriptor
+        0 or 1: standard input or output.
+    """
+    if os.name == "posix":
+        import fcntl
+
+        other = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 10)
+    else:
+        other = os.dup(descriptor)
+    os.dup2(2 if descriptor == 1 else os.open(os.devnull, os.O_RDWR), descriptor)
+    return other

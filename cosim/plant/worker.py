@@ -9,18 +9,13 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
-import time
 import traceback
 
 from cosim import process_tree
 from cosim.plant.failures import NoInstance, PlantError
 from cosim.plant.local import NotStarted
-from cosim.plant.protocol import HEADER, Reply, Request, exactly, send
+from cosim.plant.protocol import HEADER, Reply, Request, exactly, out_of_reach, send
 from cosim.plant.serving import Served
-
-_ORPHAN_CHECK = 1.0
-"""Interval [s] of the check that the harness still runs."""
 
 
 def main() -> None:
@@ -30,28 +25,15 @@ def main() -> None:
     """
     process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
-    replies = _out_of_reach(1)
-    if os.name == "posix":
-        threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    replies = out_of_reach(1)
+    process_tree.end_with(int(sys.argv[1]))
     status = 0
     try:
-        _serve(_out_of_reach(0), replies)
+        _serve(out_of_reach(0), replies)
     except BaseException:
         traceback.print_exc()
         status = 1
     os._exit(status)  # without the FMU's exit handlers
-
-
-def _out_of_reach(descriptor: int) -> int:
-    """Return another descriptor of a pipe, and let the one that the FMU knows lead to standard error, or nowhere."""
-    if os.name == "posix":
-        import fcntl
-
-        other = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 10)
-    else:
-        other = os.dup(descriptor)
-    os.dup2(2 if descriptor == 1 else os.open(os.devnull, os.O_RDWR), descriptor)
-    return other
 
 
 def _serve(requests: int, replies: int) -> None:
@@ -107,14 +89,6 @@ def _receive(pipe: int, begun: bytes = b"") -> tuple[int, bytes] | None:
     kind, length = HEADER.unpack(begun + rest)
     body = exactly(pipe, length)
     return None if body is None else (kind, body)
-
-
-def _end_with(parent: int) -> None:
-    """End this process when the harness has ended, even while the FMU works, and what the FMU has started."""
-    while os.getppid() == parent:
-        time.sleep(_ORPHAN_CHECK)
-    process_tree.end_descendants(os.getpid())
-    os._exit(1)
 
 
 if __name__ == "__main__":

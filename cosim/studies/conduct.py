@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
+from cosim.studies.crews import crew_of
 from cosim.studies.keys import key_of_scenario
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
@@ -70,11 +70,6 @@ class StudyOutcome:
         return sensitivities(self.study, self.rows)
 
 
-def usual_workers() -> int:
-    """Return how many processes there are without a choice: as many as processors that this one may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Judged]]:
     """Check everything that can be checked before a run; return the runs, each scenario's key, and what must hold.
 
@@ -102,6 +97,7 @@ def conduct(
     *,
     workers: int | None = None,
     executor: Executor | None = None,
+    scheduler: str | None = None,
     runs: int | None = None,
     progress: Callable[[Sequence[Row], int], None] | None = None,
 ) -> StudyOutcome:
@@ -113,10 +109,8 @@ def conduct(
         The study.
     folder
         Where its rows are kept; it exists.
-    workers
-        How many processes; without it, as many as processors.
-    executor
-        An executor of `concurrent.futures`, in place of processes of this machine.
+    workers, executor, scheduler
+        Who makes the runs; see `cosim.studies.crew.crew_of`.
     runs
         Only the first ones, for a first look; nothing is judged then.
     progress
@@ -132,10 +126,9 @@ def conduct(
         The user pressed Ctrl-C; the rows so far are kept.
     """
     plan, keys, requirements = check_study(study)
-    count = workers or usual_workers()
     if study.tune is not None:
-        with Store(folder, study.name) as store, Maker(study, keys, store, count, executor) as maker:
-            return _tune(study, study.tune, maker, requirements, runs, progress)
+        with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
+            return _tune(study, study.tune, Maker(study, keys, store, crew), requirements, runs, progress)
     wanted = min(len(plan), runs or len(plan))
     rows: dict[int, Row] = {}
     ending = _Ending(requirements, rows)
@@ -146,7 +139,8 @@ def conduct(
             progress(some, wanted - len(rows))
         return not ending.reached()
 
-    with Store(folder, study.name) as store, Maker(study, keys, store, count, executor) as maker:
+    with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
+        maker = Maker(study, keys, store, crew)
         maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))

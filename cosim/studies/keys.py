@@ -12,8 +12,8 @@ from lxml import etree
 from cosim.master.setup import Setup
 from cosim.scenario.grammar import attributes_of, local_name
 from cosim.scenario.scenario import Scenario
+from cosim.studies.elsewhere import LIBRARIES
 
-_LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "scipy", "numba")
 _FOR_PEOPLE = ("title", "description")
 
 
@@ -32,7 +32,7 @@ def key_of_run(scenario: str, changes: Sequence[str]) -> str:
 
 
 def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
-    for library in _LIBRARIES:
+    for library in LIBRARIES:
         yield f"{library} {version(library)}"
     for name, law in setup.laws.items():
         yield f"law {name} {law.package} {law.version}"

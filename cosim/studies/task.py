@@ -1,23 +1,12 @@
-"""What a worker does: it prepares a scenario once, and runs it with the values of some runs.
-
-A worker is a process of its own. What an FMU does to it costs a run, never the study.
-"""
+"""A chunk of runs of a study, and how it is made: a scenario is prepared once, and run with the values of each."""
 
 from __future__ import annotations
 
-import faulthandler
 import math
-import os
 import pickle
-import signal
-import struct
-import threading
-import time
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TypeAlias
 
 from cosim.errors import FormationError, Location
 from cosim.master.other_runs import run_other
@@ -31,33 +20,8 @@ from cosim.studies.plan import Run
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.study import Measured
 
-_KEPT = 4
-"""How many prepared scenarios a worker keeps."""
-_SLOW = 20.0
-"""How many times longer than a usual run one may take before the worker ends itself."""
-_LEAST_LIMIT = 60.0
-"""The least limit of time [s] for a run."""
-_LOOK = 1.0
-"""Time [s] between two looks at the process that has started this one."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """What all tasks of a study share.
-
-    Attributes
-    ----------
-    bases : dict
-        See `Study.bases`.
-    measures : tuple of Measured
-        See `Study.measures`.
-    usual : float
-        The time [s] that a run takes, about.
-    """
-
-    bases: Mapping[tuple[int, ...], Scenario]
-    measures: tuple[Measured, ...]
-    usual: float
+_KEPT = 16
+"""How many scenarios a process keeps prepared."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +30,14 @@ class Task:
 
     Attributes
     ----------
-    job_id, job : str, bytes
-        The `Job`, pickled, and its checksum.
+    study : str
+        Marks the tasks of one study, which share what is prepared.
+    bases : dict
+        Of these runs, see `Study.bases`; each pickled.
+    measures : tuple of Measured
+        See `Study.measures`.
+    usual : float
+        The time [s] that a run takes, about.
     runs : tuple of Run
         The runs.
     keys : tuple of str
@@ -76,126 +46,91 @@ class Task:
         Whether each is run as ``formation run`` does, where a process of its own shows which FMU has ended it.
     """
 
-    job_id: str
-    job: bytes
+    study: str
+    bases: Mapping[tuple[int, ...], bytes]
+    measures: tuple[Measured, ...]
+    usual: float
     runs: tuple[Run, ...]
     keys: tuple[str, ...]
     alone: bool = False
 
 
-_Kept: TypeAlias = "OrderedDict[tuple[str, tuple[int, ...]], Prepared]"
-_jobs: dict[str, Job] = {}
-_prepared: _Kept = OrderedDict()
-_variations: dict[tuple[str, tuple[int, ...]], Variations] = {}
-_note: list[int] = []
-"""The descriptor of the file in which this worker notes which run it is about, if it has one."""
+class _Base:
+    """A scenario of a study, and what of it is kept for the next run.
 
-
-def begin_worker(notes: str, parent: int) -> None:
-    """Begin a process that makes runs.
-
-    Ctrl-C is left to the process that has started it, with which it ends.
-
-    Parameters
+    Attributes
     ----------
-    notes
-        The folder for the file in which it notes the number of the run it is about.
-    parent
-        The process that has started it.
+    prepared : Prepared or None
+        With the structure of the last run.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _note.append(os.open(f"{notes}/about-{os.getpid()}", os.O_CREAT | os.O_WRONLY, 0o600))
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.variations = Variations(scenario)
+        self.prepared: Prepared | None = None
+
+    def prepare(self, scenario: Scenario) -> Prepared:
+        if self.prepared is not None and not self.prepared.accepts(scenario):
+            self.close()
+        if self.prepared is None:
+            self.prepared = Prepared(scenario)
+        return self.prepared
+
+    def close(self) -> None:
+        prepared, self.prepared = self.prepared, None
+        if prepared is not None:
+            prepared.close()
 
 
-def _end_with(parent: int) -> None:
-    """End this process when another one has ended, which cannot tell any more."""
-    while os.getppid() == parent:
-        time.sleep(_LOOK)
-    os._exit(1)
+_bases: OrderedDict[tuple[str, tuple[int, ...]], _Base] = OrderedDict()
 
 
-@cache
-def _nowhere() -> int:
-    return os.open(os.devnull, os.O_WRONLY)
+def rows_of(task: Task) -> Iterator[Row]:
+    """Run a chunk, and return each row as it comes.
 
-
-def _about(run: int) -> None:
-    for descriptor in _note:
-        os.lseek(descriptor, 0, os.SEEK_SET)
-        os.write(descriptor, struct.pack("<q", run))
-
-
-def run_task(task: Task) -> tuple[list[Row], float]:
-    """Run a chunk; return its rows, and the time [s] that it took."""
-    if task.job_id not in _jobs:
-        _close_all()
-        _jobs.clear()
-        _variations.clear()
-        _jobs[task.job_id] = pickle.loads(task.job)  # from the process that has started this one
-    job = _jobs[task.job_id]
-    rows = []
-    began = time.perf_counter()
+    What is prepared is kept for the next one; one thread at a time may do this.
+    """
     for run, key in zip(task.runs, task.keys, strict=True):
-        _about(run.number)
-        # an FMU that hangs holds Python's lock, but not this watch's thread
-        faulthandler.dump_traceback_later(_LEAST_LIMIT + _SLOW * job.usual, exit=True, file=_nowhere())
-        try:
-            rows.append(row_of(job, run, key) if task.alone else _together(task.job_id, job, run, key))
-        finally:
-            faulthandler.cancel_dump_traceback_later()
-    _about(0)
-    return rows, time.perf_counter() - began
+        base = _base(task, run.cases)
+        yield _alone(task, base, run, key) if task.alone else _together(task, base, run, key)
 
 
-def _together(job_id: str, job: Job, run: Run, key: str) -> Row:
+def _base(task: Task, cases: tuple[int, ...]) -> _Base:
+    kept = task.study, cases
+    if kept not in _bases:
+        _bases[kept] = _Base(pickle.loads(task.bases[cases]))  # from the process that has made the task
+    _bases.move_to_end(kept)
+    while len(_bases) > _KEPT:
+        _bases.popitem(last=False)[1].close()
+    return _bases[kept]
+
+
+def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
     """Run with the plants of the run before, where the structure is the same."""
     try:
-        scenario = _variations_of(job_id, job, run).edited(run.changes)
-        prepared = _prepare(job_id, job, run, scenario)
-        outcome = prepared.run(scenario)
+        scenario = base.variations.edited(run.changes)
+        outcome = base.prepare(scenario).run(scenario)
     except FormationError as error:
-        return broken_row(job, run, key, str(error))
+        return broken_row(task, run, key, str(error))
     if outcome.failure is not None:
-        return broken_row(job, run, key, outcome.message)
-    return _judged(job, run, key, outcome.verdicts)
+        return broken_row(task, run, key, outcome.message)
+    return _judged(task, run, key, outcome.verdicts)
 
 
-def _variations_of(job_id: str, job: Job, run: Run) -> Variations:
-    kept = job_id, run.cases
-    if kept not in _variations:
-        _variations[kept] = Variations(job.bases[run.cases])
-    return _variations[kept]
-
-
-def _prepare(job_id: str, job: Job, run: Run, scenario: Scenario) -> Prepared:
-    kept = job_id, run.cases
-    prepared = _prepared.pop(kept, None)
-    if prepared is not None and not prepared.accepts(scenario):
-        prepared.close()
-        prepared = None
-    if prepared is None:
-        prepared = Prepared(scenario)
-    _prepared[kept] = prepared
-    while len(_prepared) > _KEPT:
-        _prepared.popitem(last=False)[1].close()
-    return prepared
-
-
-def row_of(job: Job, run: Run, key: str) -> Row:
-    """Return the row of a run that is made as one scenario by itself, its FMUs in a process that is supervised."""
+def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
+    """Run as one scenario by itself, its FMUs in a process that is supervised."""
     try:
-        scenario = job.bases[run.cases].edited(run.changes)
+        scenario = base.scenario.edited(run.changes)
         with whole_run(scenario) as whole:
             result = whole.run_to_end()
             verdicts = judge(scenario.expectations, result, lambda path: run_other(whole.setup, path))
     except FormationError as error:
-        return broken_row(job, run, key, str(error))
-    return _judged(job, run, key, verdicts)
+        return broken_row(task, run, key, str(error))
+    return _judged(task, run, key, verdicts)
 
 
-def _judged(job: Job, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
-    places: dict[Location, list[Verdict]] = {measured.where: [] for measured in job.measures}
+def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
+    places: dict[Location, list[Verdict]] = {measured.where: [] for measured in task.measures}
     own: list[Verdict] = []
     for verdict in verdicts:
         places.get(verdict.where, own).append(verdict)
@@ -206,7 +141,7 @@ def _judged(job: Job, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
         draw=run.draw,
         values=run.values,
         status=FAILED if failed else PASSED,
-        measures=tuple(_figure(measured, places[measured.where]) for measured in job.measures),
+        measures=tuple(_figure(measured, places[measured.where]) for measured in task.measures),
         margins=_margins(own),
         message=f"{failed[0].where}: {failed[0]}" if failed else "",
         least=min(map(_over_bound, own), default=math.inf),
@@ -250,12 +185,7 @@ def _over_bound(verdict: Verdict) -> float:
     return max(margin, 0.0) if verdict.passed else min(margin, -1e-12)
 
 
-def broken_row(job: Job, run: Run, key: str, message: str) -> Row:
+def broken_row(task: Task, run: Run, key: str, message: str) -> Row:
     """Return the row of a run that has not reached its end."""
-    nothing = (math.nan,) * len(job.measures)
+    nothing = (math.nan,) * len(task.measures)
     return Row(key, run.number, run.draw, run.values, BROKEN, nothing, (), message, -math.inf)
-
-
-def _close_all() -> None:
-    while _prepared:
-        _prepared.popitem()[1].close()

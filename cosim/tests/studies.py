@@ -1,19 +1,10 @@
 """Small studies for tests: their file, and an executor in this process."""
 
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from pathlib import Path
-from typing import Any
-
-import pytest
 
 from cosim.scenario.grammar import NAMESPACE
-from cosim.studies import making
-from cosim.studies.plan import Run
 from cosim.studies.reader import read_study
-from cosim.studies.row import Row
 from cosim.studies.study import Study
-from cosim.studies.task import Job, Task
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 MASS = "plant/parameter[@name='m_c']/@value"
@@ -41,38 +32,3 @@ def write_study(
 def small_study(folder: Path, *parts: str, **named: str) -> Study:
     """Write a study and read it; see `write_study`."""
     return read_study(write_study(folder, *parts, **named))
-
-
-class Here(Executor):
-    """Runs what is submitted at once, in this process."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Return a future that is done."""
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
-class Played(Executor):
-    """Makes rows by a function of the run in place of a simulation; from here on, of all studies of a test."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, play: Callable[[Run, str], Row]) -> None:
-        self._play = play
-        self.runs = 0
-        monkeypatch.setattr(making, "row_of", self._row)
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Return a future with the rows of a task."""
-        (task,) = args
-        assert isinstance(task, Task)
-        future: Future[Any] = Future()
-        self.runs += len(task.runs)
-        future.set_result(([self._play(run, key) for run, key in zip(task.runs, task.keys, strict=True)], 0.01))
-        return future
-
-    def _row(self, job: Job, run: Run, key: str) -> Row:
-        self.runs += 1
-        return self._play(run, key)

@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.studies import by_case
 from cosim.studies.conduct import StudyOutcome, conduct
 from cosim.studies.row import Row
-from cosim.tests.studies import LAST, SEEDS, UNIFORM, Here, small_study
+from cosim.tests.studies import LAST, SEEDS, UNIFORM, small_study
 
 LAWS = """<vary name="law" cross="yes">
   <case name="soft"/>
@@ -27,7 +27,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> StudyOutcome:
     folder = tmp_path_factory.mktemp("cases")
     study = small_study(folder, UNIFORM + LAWS + SEEDS, rest=LAST + SETTLED + WOBBLE)
     (folder / "out").mkdir()
-    return conduct(study, folder / "out", executor=Here())
+    return conduct(study, folder / "out", workers=0)
 
 
 def test_each_case_has_its_worst_its_mean_and_its_deviation(outcome: StudyOutcome) -> None:

@@ -10,11 +10,12 @@ import pytest
 
 from cosim.errors import InputError, OutputError
 from cosim.studies.conduct import check_study
+from cosim.studies.crews import crew_of
 from cosim.studies.making import Maker
 from cosim.studies.plan import Run
 from cosim.studies.row import Row
 from cosim.studies.store import FILE, Store
-from cosim.tests.studies import Here, small_study
+from cosim.tests.studies import small_study
 
 
 def row(number: int) -> Row:
@@ -130,6 +131,7 @@ def test_a_search_asks_for_runs_when_it_has_the_rows_before(tmp_path: Path) -> N
     for made in (7, 0):
         asked: list[Run] = []
         told.clear()
-        with Store(tmp_path, "small") as store, Maker(study, keys, store, 2, Here()) as maker:
+        with Store(tmp_path, "small") as store, crew_of(workers=0) as crew:
+            maker = Maker(study, keys, store, crew)
             maker.make(ask, take)
         assert (told, maker.made) == ([1, 2, 3, 4, 5, 6, 7], made)

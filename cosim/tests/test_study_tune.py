@@ -22,7 +22,7 @@ from cosim.studies.row import FAILED, PASSED, Row
 from cosim.studies.store import FILE
 from cosim.studies.study import Study
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
-from cosim.tests.studies import LAST, SEEDS, Here, Played, small_study, write_study
+from cosim.tests.studies import LAST, SEEDS, Played, small_study, write_study
 
 GAINS = """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>
 <vary name="k_d" select="//gain[@name='k_d']/@value"><uniform from="0" to="20"/></vary>"""
@@ -160,7 +160,7 @@ def test_an_entry_of_several_numbers_is_tuned_by_itself(tmp_path: Path) -> None:
     base = tmp_path / "base.xml"
     base.write_text(base.read_text().replace('name="K_p" value="10"', 'name="K_p" value="10 12"'))
     (tmp_path / "out").mkdir()
-    outcome = conduct(cosim.studies.reader.read_study(path), tmp_path / "out", executor=Here())
+    outcome = conduct(cosim.studies.reader.read_study(path), tmp_path / "out", workers=0)
     assert {row.status for row in outcome.rows} == {PASSED}
     assert outcome.rows[0].measures != outcome.rows[3].measures
     base.write_text(base.read_text().replace("10 12", "10"))

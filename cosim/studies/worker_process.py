@@ -1,0 +1,193 @@
+"""Processes that make runs, as the process sees them that has started them: whatever ends one costs it a run at most.
+
+A run that has ended its process is made once more, in a process that is supervised, where its FMU shows.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+
+from cosim import process_tree
+from cosim.plant.process import environment, how_it_ended, kill, launch
+from cosim.plant.protocol import HEADER, MOST, exactly
+from cosim.studies.row import Row
+from cosim.studies.task import Task, broken_row
+from cosim.studies.worker import LENGTH, Told
+
+_LAST_MOMENT = 5.0
+"""Time [s] for a process that has closed its pipe to end."""
+_OFTEN = 3
+"""Processes that may end in the middle of a task, besides one in ten runs, before each run is supervised."""
+
+
+class Ended(Exception):
+    """A process has ended in the middle of a task; says how, in words that follow what it did not do."""
+
+
+class NotBegun(Exception):
+    """A process has ended before it got another task."""
+
+
+class Closed(Exception):
+    """No more runs are made here."""
+
+
+class WorkerProcess:
+    """A process that makes runs, one task at a time."""
+
+    def __init__(self) -> None:
+        self._has_begun = False
+        self._mark = process_tree.new_mark()
+        self._process = launch(("-P", "-m", "cosim.studies.worker"), environment(self._mark, plain=False))
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._tasks, self._answers = self._process.stdin.fileno(), self._process.stdout.fileno()
+
+    def rows(self, task: bytes) -> Iterator[Row | float]:
+        """Return the rows of a task as they come, and in the end the time [s] that it took.
+
+        Raises
+        ------
+        NotBegun, Ended
+            The process has ended before the task, or in it; it remains to be closed.
+        """
+        with suppress(BrokenPipeError):
+            data = memoryview(len(task).to_bytes(LENGTH, "little") + task)
+            while data:
+                data = data[os.write(self._tasks, data) :]
+        try:
+            begun, _ = self._answer()
+        except Ended as how:
+            if self._has_begun:  # and had nothing to do for a while
+                raise NotBegun from None
+            raise RuntimeError(f"a process that makes runs did not start{how}") from None
+        self._has_begun = True
+        while True:
+            kind, body = self._answer() if begun == Told.BEGUN else (-1, b"")
+            try:
+                told = json.loads(body)
+                if kind == Told.ROW:
+                    yield Row.of(told)
+                elif kind == Told.DONE:
+                    yield float(told)
+                    return
+                else:
+                    message, where = str(told["message"]), str(told["traceback"])
+            except (ValueError, TypeError, LookupError, RecursionError):
+                raise Ended(": its process answers with bytes that are no reply") from None
+            if kind not in (Told.ROW, Told.DONE):
+                error = RuntimeError(message)
+                error.add_note(where)
+                raise error
+
+    def end(self) -> None:
+        """End it at once; whoever waits for its rows hears of it, and closes it."""
+        self._process.kill()
+
+    def close(self) -> None:
+        """End it at once, with all that it has started."""
+        kill(self._process, self._mark)
+
+    def _answer(self) -> tuple[int, bytes]:
+        if (header := exactly(self._answers, HEADER.size)) is not None:
+            kind, length = HEADER.unpack(header)
+            body = exactly(self._answers, length) if length <= MOST else b""
+            if body is not None:
+                return kind, body
+        try:
+            raise Ended(how_it_ended(self._process.wait(_LAST_MOMENT)))
+        except subprocess.TimeoutExpired:
+            raise Ended(": its process has closed its pipe") from None
+
+
+class Processes:
+    """All processes of this one that make runs: a task borrows one, which keeps what it has prepared."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._idle: list[WorkerProcess] = []
+        self._lent: set[WorkerProcess] = set()
+        self._open = True
+        self._ended = self._made = 0
+
+    def make(self, task: Task) -> tuple[list[Row], float]:
+        """Return the rows of a task, and the time [s] that it took in its processes.
+
+        Raises
+        ------
+        Closed
+            No more runs are made here.
+        """
+        rows: list[Row] = []
+        seconds = 0.0
+        while left := task.runs[len(rows) :]:
+            often = self._ended > _OFTEN + self._made / 10
+            rest = replace(task, runs=left, keys=task.keys[len(rows) :], alone=often)
+            try:
+                for told in self._rows(rest):
+                    if isinstance(told, Row):
+                        rows.append(told)
+                    else:
+                        seconds += told
+            except Ended:
+                rows.append(self._alone(replace(rest, runs=rest.runs[:1], keys=rest.keys[:1], alone=True)))
+        self._made += len(rows)
+        return rows, seconds
+
+    def close(self) -> None:
+        """End all processes at once, in the middle of their tasks, which raise `Closed`."""
+        with self._lock:
+            self._open = False
+            idle, self._idle = self._idle, []
+            for process in self._lent:
+                process.end()
+        for process in idle:
+            process.close()
+
+    def _alone(self, task: Task) -> Row:
+        """Make one run, which may end its process."""
+        try:
+            (row,) = (told for told in self._rows(task) if isinstance(told, Row))
+        except Ended as how:
+            return broken_row(task, task.runs[0], task.keys[0], f"it did not end{how}")
+        return row
+
+    def _rows(self, task: Task) -> Iterator[Row | float]:
+        data = pickle.dumps(task)
+        while True:
+            try:
+                with self._borrowed() as process:
+                    yield from process.rows(data)
+                return
+            except NotBegun:
+                continue
+
+    @contextmanager
+    def _borrowed(self) -> Iterator[WorkerProcess]:
+        """Lend a process, which is idle afterwards, unless it has failed."""
+        with self._lock:
+            if not self._open:
+                raise Closed
+            process = self._idle.pop() if self._idle else WorkerProcess()
+            self._lent.add(process)
+        idle = False
+        try:
+            yield process
+            idle = True
+        except Ended:
+            self._ended += 1
+            raise
+        finally:
+            with self._lock:
+                self._lent.discard(process)
+                if idle and self._open:
+                    self._idle.append(process)
+                else:
+                    process.close()

@@ -1,0 +1,140 @@
+"""Studies on a cluster that Dask leads: the rows are those of processes here, whatever is killed meanwhile."""
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from cosim.cli import main
+from cosim.errors import InputError
+from cosim.studies import cluster, elsewhere
+from cosim.studies.conduct import conduct
+from cosim.studies.row import BROKEN, PASSED, Row
+from cosim.tests.studies import small_study, write_study
+from cosim.unforeseen import Lack
+
+from .crashing_study import crashing_study
+
+pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are killed by signals")
+MANY = '<sample method="random" runs="40"/>'
+
+
+class Cluster:
+    """A scheduler and its workers, each started as a user does it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.workers: list[subprocess.Popen[bytes]] = []
+        about = folder / "scheduler.json"
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(about))
+        _wait_for(lambda: about.exists() and about.read_text().endswith("}"))
+        self.address = json.loads(about.read_text())["address"]
+
+    def add_worker(self, path: str = "") -> None:
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self._folder))
+        self.workers.append(self._start("worker", self.address, *options, path=path))
+
+    def kill_worker(self) -> None:
+        killed = self.workers.pop(0)
+        killed.kill()
+        killed.wait()
+
+    def close(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, *options: str, path: str = "") -> subprocess.Popen[bytes]:
+        with (self._folder / "log").open("ab") as log:
+            command = [sys.executable, "-m", "dask", *options, "--no-dashboard"]
+            return subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, "PYTHONPATH": path})
+
+
+@pytest.fixture(scope="module")
+def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    led = Cluster(tmp_path_factory.mktemp("dask"))
+    try:
+        led.add_worker()
+        led.add_worker()
+        yield led
+    finally:
+        led.close()
+
+
+def test_an_fmu_that_crashes_costs_its_run_and_no_worker(tmp_path: Path, two_workers: Cluster) -> None:
+    study = crashing_study(tmp_path, "9 s, 0.2 s, 8 s")
+    outcome = conduct(study, tmp_path, scheduler=two_workers.address)
+    assert [row.status for row in outcome.rows] == [PASSED, BROKEN, PASSED]
+    assert re.search("leader at t = 0.2 s: the plant car.fmu did not complete the step", outcome.rows[1].message)
+    assert [worker.poll() for worker in two_workers.workers] == [None, None]
+
+
+def test_workers_and_schedulers_that_are_killed_cost_nothing(tmp_path: Path, two_workers: Cluster) -> None:
+    study = small_study(tmp_path, sample=MANY)
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+    expected = conduct(study, tmp_path / "here", workers=0).rows
+    killed: list[int] = []
+
+    def conducted(kill: Callable[[], object], runs: int) -> tuple[Row, ...]:
+        def look(rows: Sequence[Row], left: int) -> None:
+            if rows and left < runs - 2 and runs not in killed:
+                killed.append(runs)
+                kill()
+
+        return conduct(study, tmp_path / "there", scheduler=two_workers.address, runs=runs, progress=look).rows
+
+    assert conducted(two_workers.kill_worker, 20) == expected[:20]
+    with pytest.raises(Lack, match="the runs so far are kept, and the same command goes on"):
+        conducted(two_workers.scheduler.kill, 40)
+    last = conduct(study, tmp_path / "there", workers=0)
+    assert (killed, last.rows, last.made < 20) == ([20, 40], expected, True)
+
+
+def test_another_version_on_a_worker_is_refused(tmp_path: Path) -> None:
+    about = tmp_path / "formation_cosim-9.9.dist-info" / "METADATA"
+    about.parent.mkdir()
+    about.write_text("Metadata-Version: 2.1\nName: formation-cosim\nVersion: 9.9\n")
+    led = Cluster(tmp_path)
+    try:
+        led.add_worker(str(tmp_path))
+        with pytest.raises(InputError, match=r"worker on .* has formation-cosim 9.9, where this command has .* 0\."):
+            conduct(small_study(tmp_path), tmp_path, scheduler=led.address)
+    finally:
+        led.close()
+    with pytest.raises(InputError, match=r"has Python 3\.\d+, where this command has Python 2\.7"):
+        elsewhere.make({"Python": "2.7"}, b"")
+    with pytest.raises(InputError, match=r"has no dask-of-old, where this command has dask-of-old 1"):
+        elsewhere.make({"dask-of-old": "1"}, b"")
+
+
+def test_a_scheduler_that_is_not_there_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cluster, "_ANSWER", 0.2)
+    path = write_study(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as deaf:
+        port = deaf.getsockname()[1]
+        for address in (f"tcp://127.0.0.1:{port}", "nonsense"):
+            assert main(["study", str(path), "--out", str(tmp_path), "--scheduler", address]) == 2
+            assert f"no scheduler of Dask answers at {address!r}" in capsys.readouterr().err
+    assert main(["study", str(path), "--out", str(tmp_path), "--scheduler", f"tcp://127.0.0.1:{port}"]) == 2
+    assert "`dask scheduler` prints its address" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(["study", str(path), "--out", str(tmp_path), "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "pip install 'formation-cosim[cluster]'" in capsys.readouterr().err
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    give_up = time.monotonic() + 120
+    while not condition():
+        assert time.monotonic() < give_up
+        time.sleep(0.02)
