@@ -1,10 +1,20 @@
-"""Small studies for tests: their file, and an executor in this process."""
+"""Small studies for tests: their file, and an executor that plays their runs."""
 
+import pickle
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from cosim.scenario.grammar import NAMESPACE
+from cosim.studies import making
+from cosim.studies.plan import Run
 from cosim.studies.reader import read_study
+from cosim.studies.row import Row
 from cosim.studies.study import Study
+from cosim.studies.task import Task
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 MASS = "plant/parameter[@name='m_c']/@value"
@@ -32,3 +42,24 @@ def write_study(
 def small_study(folder: Path, *parts: str, **named: str) -> Study:
     """Write a study and read it; see `write_study`."""
     return read_study(write_study(folder, *parts, **named))
+
+
+class Played(Executor):
+    """Makes rows by a function of the run in place of a simulation; from here on, of all studies of a test."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, play: Callable[[Run, str], Row]) -> None:
+        self._play = play
+        self.runs = 0
+        monkeypatch.setattr(making, "rows_of", self._rows)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return a future with the rows of a task."""
+        _, task = args
+        future: Future[Any] = Future()
+        future.set_result((list(self._rows(pickle.loads(task))), 0.01))
+        return future
+
+    def _rows(self, task: Task) -> Iterator[Row]:
+        for run, key in zip(task.runs, task.keys, strict=True):
+            self.runs += 1
+            yield self._play(run, key)
