@@ -19,7 +19,7 @@ from formation_controllers.geometry import formation_rates, range_bearing
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from variation import heading, row, save
+from pages import heading, row, save
 
 import plants
 from plants import numeric

@@ -1,6 +1,6 @@
 """The panels of the paper's Figures 6, 7 and 9, drawn from the scenarios: python studies/panels.py."""
 
-from variation import SCENARIOS, save
+from pages import SCENARIOS, save
 
 import cosim
 from cosim.results.figure import draw
