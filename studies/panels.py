@@ -1,11 +1,14 @@
-"""The panels of the paper's Figures 6, 7 and 9, drawn from the scenarios: python studies/panels.py."""
+"""The panels of the paper's Figures 6, 7, 9 and 10, drawn from the scenarios: python studies/panels.py."""
 
 from pages import SCENARIOS, save
 
 import cosim
 from cosim.results.figure import draw
 
-FILES = ("clmr_line_as_printed", "clmr_line", "clmr_circle_as_printed", "clmr_circle", "tractor_trailer_circle")
+FILES = (
+    *("clmr_line_as_printed", "clmr_line", "clmr_circle_as_printed", "clmr_circle", "tractor_trailer_circle"),
+    *("compare_neural_pid_wide", "compare_high_gain_wide"),
+)
 
 if __name__ == "__main__":
     for file in FILES:

@@ -7,6 +7,7 @@ import pytest
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
 from cosim.studies.requirements import requirements_of
+from cosim.studies.tuning import with_cost
 
 ROOT = Path(__file__).parent.parent
 FILES = sorted((ROOT / "studies").glob("*.xml"))
@@ -16,7 +17,7 @@ FILES = sorted((ROOT / "studies").glob("*.xml"))
 def test_the_study_can_be_read_and_planned(file: Path) -> None:
     study = read_study(file)
     assert study.name == file.stem
-    requirements_of(study)
+    requirements_of(with_cost(study))
     plan = Plan(study)
     assert plan[len(plan) - 1].number == len(plan)
 

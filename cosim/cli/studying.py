@@ -192,7 +192,7 @@ def _print_cases(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRo
     """Print the worst figure of each measure by case; the file has them all."""
     shown = table(console, f"worst of the runs of each of the {len(cases)} cases")
     for name in by_case.compared(outcome):
-        shown.add_column(safe(name))
+        shown.add_column(safe(name), no_wrap=True)
     shown.add_column("passed", justify="right", no_wrap=True)
     for measured in outcome.study.measures:
         unit = f"\n[{measured.unit}]" if measured.unit else ""
