@@ -202,3 +202,23 @@ def test_what_another_fmu_lacks_is_left_out(tmp_path: Path, capsys: pytest.Captu
     said = " ".join(capsys.readouterr().err.split())
     assert "no such input: leader: gear, enable; leader at 0.9 s: enable, direction; leader at 0.5 s" in said
     assert gains(cosim.run(variant)) == pytest.approx(course((1.0, 1)))
+
+
+@pytest.mark.parametrize(
+    ("limit", "sentence"),
+    [
+        (
+            "MAX_SAMPLES",
+            "the input 'enable' has 2 signals at 51 communication points; at most 3e+00 values are computed",
+        ),
+        ("MAX_CHANGES", "the input 'enable' has changed more than 1 times at 1 s; at most 3e+00 changes"),
+    ],
+)
+def test_more_than_can_be_kept_is_refused_at_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, sentence: str
+) -> None:
+    for module in ("discrete_inputs", "robot_inputs"):
+        monkeypatch.setattr(f"cosim.master.{module}.{limit}", 3, raising=False)
+    path = written(tmp_path, INPUTS)
+    with pytest.raises(cosim.InputError, match=rf"s.xml:\d+:\d+: {re.escape(sentence)}"):
+        cosim.run(path)

@@ -24,7 +24,13 @@ _Which: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.int64]]
 """Returns the index of a value at each of some times."""
 
 
-def input_course(source: InputSource, variable: Variable, clock: Clock) -> dict[int, Discrete]:
+MAX_SAMPLES = 1_000_000_000
+"""Signals of an input times communication points: some ten seconds."""
+MAX_CHANGES = 2_000_000
+"""Changes of an input, times the robots: some hundred megabytes."""
+
+
+def input_course(source: InputSource, variable: Variable, clock: Clock, most: int = MAX_CHANGES) -> dict[int, Discrete]:
     """Return the value of an input at the first tick, and at each tick at which it changes.
 
     Whole numbers of signals that act at the same time add up, as real numbers do. Of others the signal that is written
@@ -38,33 +44,50 @@ def input_course(source: InputSource, variable: Variable, clock: Clock) -> dict[
         The FMU's variable.
     clock
         The communication points.
+    most
+        How many changes there may be.
 
     Raises
     ------
     InputError
-        A signal makes no sense for the type of the input, or a value does not fit.
+        A signal makes no sense for the type of the input, a value does not fit, or there are too many.
     """
+    signals, samples = len(source.waves), clock.ticks + 1
+    if signals * samples > MAX_SAMPLES:
+        raise InputError(
+            f"the input {source.name!r} has {signals} signals at {samples} communication points; at most "
+            f"{MAX_SAMPLES:.0e} values are computed for an input that is no real number: write them as one <table>, or "
+            "shorten the run",
+            source.where,
+        )
     courses = [_course(understood(wave), source, variable) for wave in source.waves]
-    indices: dict[int, list[int]] = {}
-    last = np.full((len(courses), 1), -2)  # unlike all
-    for block in blocks(clock.ticks + 1):
+    last = np.full((signals, 1), -2)  # unlike all
+    course: dict[int, Discrete] = {}
+    before: Discrete | None = None
+    for block in blocks(samples, signals):
         times = clock.times_in(block)
         index = np.stack([which(times) for _, which in courses])
         changing = np.flatnonzero((index != np.hstack([last, index[:, :-1]])).any(axis=0))
-        indices |= {block.start + int(k): index[:, k].tolist() for k in changing}
-        last = index[:, -1:]
-    course: dict[int, Discrete] = {}
-    before: Discrete | None = None
-    for tick, chosen in indices.items():
-        acting_now = [values[k] for (values, _), k in zip(courses, chosen, strict=True) if k >= 0]
-        try:
-            value = _together(variable, acting_now)
-            if value == before:
-                continue
-            check_whole(variable, value, str(value))
-        except ValueError as error:
-            raise InputError(f"the input {source.name!r} at {tick * clock.step:g} s: {error}", source.where) from None
-        course[tick] = before = value
+        last = index[:, -1:].copy()
+        for k in changing.tolist():
+            tick = block.start + k
+            acting_now = [values[i] for (values, _), i in zip(courses, index[:, k].tolist(), strict=True) if i >= 0]
+            try:
+                value = _together(variable, acting_now)
+                if value == before:
+                    continue
+                check_whole(variable, value, str(value))
+            except ValueError as error:
+                raise InputError(
+                    f"the input {source.name!r} at {tick * clock.step:g} s: {error}", source.where
+                ) from None
+            course[tick] = before = value
+        if len(course) > most:
+            raise InputError(
+                f"the input {source.name!r} has changed more than {most} times at {times[-1]:g} s; at most "
+                f"{MAX_CHANGES:.0e} changes of inputs that are no real numbers are possible, of all robots together",
+                source.where,
+            )
     return course
 
 

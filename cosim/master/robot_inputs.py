@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cosim.clock import Clock, tick_at
+from cosim.clock import tick_at
 from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value
@@ -17,7 +17,7 @@ from cosim.fmu.model_description import Variable
 from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.units import unit_of_values
 from cosim.fmu.vehicle import Fmu
-from cosim.master.discrete_inputs import input_course
+from cosim.master.discrete_inputs import MAX_CHANGES, input_course
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting
@@ -124,7 +124,7 @@ def robot_inputs(
         events = later.get(source.name, [])
         player = _player(fmu, source)
         if isinstance(player, Variable) and player.type in DISCRETE:
-            for tick, value in _course(fmu, source, events, player, scenario.clock).items():
+            for tick, value in _course(fmu, source, events, player, scenario).items():
                 discrete[tick] = (*discrete.get(tick, ()), ParameterValue(player, value, source.where))
             continue
         bound, unit = _as_role(fmu, source, player, events)
@@ -272,10 +272,11 @@ def _course(
     source: InputSource,
     events: Sequence[tuple[int, Setting]],
     variable: Variable,
-    clock: Clock,
+    scenario: Scenario,
 ) -> dict[int, Discrete]:
     """Return the values of an input that is no real number, by the ticks at which it changes."""
-    course = input_course(source, variable, clock) if source.waves else {}
+    most = MAX_CHANGES // (1 + len(scenario.followers))
+    course = input_course(source, variable, scenario.clock, most) if source.waves else {}
     if events:
         course = {tick: value for tick, value in course.items() if tick < events[0][0]}
     for tick, setting in events:

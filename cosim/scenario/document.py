@@ -22,6 +22,7 @@ from lxml import etree
 from cosim.errors import InputError, Location
 from cosim.missing_file import absent
 from cosim.scenario.edits import Change, in_words
+from cosim.scenario.element_count import first_beyond
 from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
 from cosim.scenario.malformed_xml import reason
 from cosim.scenario.variant import MAX_ELEMENTS, vary
@@ -361,6 +362,10 @@ def _serialised(root: etree._Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 
 
+def _too_many(place: Location) -> InputError:
+    return InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", place)
+
+
 def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
     builder = etree.TreeBuilder()
     places: dict[etree._Element, Location] = {}
@@ -368,6 +373,8 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
     file, kept = str(path), _kept()
+    if (beyond := first_beyond(data, MAX_ELEMENTS, MAX_DEPTH)) is not None:
+        raise _too_many(Location(file, *beyond))
 
     def here() -> Location:
         return Location(file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
@@ -382,7 +389,7 @@ def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         if len(opened) > MAX_DEPTH:
             raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", place)
         if len(places) >= MAX_ELEMENTS:
-            raise InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", place)
+            raise _too_many(place)
         if len(attributes) > MAX_ATTRIBUTES:
             raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", place)
         values = {qualified(key): _collapsed(kept, tag, key, value) for key, value in attributes.items()}

@@ -13,6 +13,7 @@ from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.scenario.document import MAX_BYTES, read_binding_document, read_document
 from cosim.scenario.edits import set_value
+from cosim.scenario.element_count import first_beyond
 from cosim.scenario.reader import read_scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -63,6 +64,18 @@ def test_too_large(tmp_path: Path) -> None:
 )
 def test_many_parts(tmp_path: Path, more: str, sentence: str) -> None:
     assert sentence in str(refused(variant(tmp_path, "<sensor>", f"{more}<sensor>")))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_too_many_elements_are_told_where_they_begin(encoding: str) -> None:
+    def beyond(text: str) -> tuple[int, int] | None:
+        return first_beyond(text.encode(encoding), 3, 2)
+
+    assert beyond("<a>\n<b/>\n <b></b><b/></a>") == (3, 9)
+    assert beyond("<a><!-- <b/><b/><b/><b/> --><b/><b/></a>") is None
+    assert beyond("<a><b><c/></b><b/><b/></a>") is None  # nested too deep before that
+    assert beyond("<!DOCTYPE a><a><b/><b/><b/></a>") is None
+    assert beyond("<a><b/></c><b/><b/></a>") is None
 
 
 @pytest.mark.parametrize(

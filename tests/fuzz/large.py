@@ -1,6 +1,7 @@
 """The largest scenarios of each kind: ``python -m tests.fuzz.large`` prints what reading and setting up take.
 
-Each file has almost the 4 MiB that are read at most, of one kind of content, as it is and with a fault at its end.
+Each file has almost the 4 MiB or the elements that are read at most, of one kind of content, as it is and with a fault
+at its end; a file of 4 MiB that has too many elements is a case of its own.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 
 from cosim.errors import FormationError
 from cosim.master.setup import set_up
-from cosim.scenario.document import MAX_BYTES
+from cosim.scenario.document import MAX_BYTES, MAX_ELEMENTS
 from cosim.scenario.reader import read_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -76,12 +77,13 @@ REPEATED: Mapping[str, tuple[str, str]] = {
 """What is repeated, and where."""
 
 
-def repeated(place: str, piece: str, fault: str = "") -> str:
-    """Return the scenario in which a piece fills a place."""
+def repeated(place: str, piece: str, fault: str = "", most: int = MAX_ELEMENTS) -> str:
+    """Return the scenario in which a piece fills a place, with at most so many elements."""
     parts = {"leader": POSE}
     rest = SCENARIO.format_map(_Missing(parts | {"events": fault}))
     count, size, pieces = 0, len(rest.encode()) + 100, []
-    while size < MAX_BYTES:
+    each = piece.count("<") - piece.count("</") - piece.count("<!")
+    while size < MAX_BYTES and (count + 1) * each < most - 100:
         pieces.append(piece.replace("{}", str(count)))
         size += len(pieces[-1].encode())
         count += 1
@@ -154,6 +156,7 @@ SINGLE: Mapping[str, Callable[[], str]] = {
 }
 CASES: dict[str, Callable[[], str]] = {
     **{name: (lambda parts=parts: repeated(*parts)) for name, parts in REPEATED.items()},
+    "more elements than are read": lambda: repeated(*REPEATED["changes of a place"], most=MAX_BYTES),
     **{
         f"{name}, wrong at the end": (lambda parts=parts: repeated(*parts, "<event/>"))
         for name, parts in REPEATED.items()
