@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cosim.results.result import Result, Variable
 from cosim.results.thinned import COLUMNS
-from cosim.storage import forget
+from cosim.storage import blocks, forget
 
 Signals: TypeAlias = Mapping[str, NDArray[np.float64] | None]
 """Signals (T, N) by their labels; None for one that is not recorded."""
@@ -84,9 +84,13 @@ def representative(result: Result) -> Result:
 
 
 def _taken(variable: Variable, which: NDArray[np.int64]) -> Variable:
-    values = variable.values.take(which, axis=variable.dims.index("time"))
-    forget()
-    return replace(variable, values=values)
+    axis = variable.dims.index("time")
+    values = np.moveaxis(variable.values, axis, 0)
+    taken = np.empty((len(which), *values.shape[1:]), values.dtype)
+    for block in blocks(len(values), values[:1].size):
+        first, last = np.searchsorted(which, (block.start, block.stop))
+        taken[first:last] = values[which[first:last]]
+    return replace(variable, values=np.moveaxis(taken, 0, axis))
 
 
 def _extremes(signal: NDArray[np.float64]) -> NDArray[np.int64]:
