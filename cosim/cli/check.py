@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
 from cosim.studies.conduct import check_study
-from cosim.studies.plan import Plan
+from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
+from cosim.studies.searching import Searching
 from cosim.studies.study import Study, Tune
 from cosim.studies.tuning import case_name, most_runs, own_text, tuned_in
 from cosim.studies.values import Random, written
@@ -31,18 +33,20 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
         raise InputError(f"--resolved prints a scenario, and {path} is a study: the files of its runs are scenarios")
     study = read_study(path, options.set)
     plan, _, requirements = check_study(study)
-    if study.tune is None:
-        out().print(safe(f"{path}: {study.name}, {len(plan)} runs of {len(study.bases)} scenarios"), soft_wrap=True)
-        _print_runs(study, plan)
-    else:
+    if study.tune is not None:
         _print_tune(path, study, study.tune)
+    else:
+        of = f"{len(plan)} runs of {len(study.bases)} scenarios"
+        told = of if study.search is None else f"a search for the worst case in at most {of}"
+        out().print(safe(f"{path}: {study.name}, {told}"), soft_wrap=True)
+        _print_runs(study, plan if study.search is None else Searching(study, study.search, _SHOWN).ask(_SHOWN))
     for one in requirements:
         out().print(safe(f"expected: {one.text}"), soft_wrap=True)
 
 
-def _print_runs(study: Study, plan: Plan) -> None:
+def _print_runs(study: Study, plan: Plan | Sequence[Run]) -> None:
     """Show the first runs of a study, and the last one."""
-    if plan.design is not None:
+    if isinstance(plan, Plan) and plan.design is not None:
         out().print(f'{study.sample.method}: {plan.design}; runs="{study.sample.runs}" allows no more', soft_wrap=True)
     shown = table(out(), safe(f"{study.name}: {study.title}"))
     for heading in ("run", *(vary.name for vary in study.vary)):

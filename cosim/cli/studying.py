@@ -97,9 +97,11 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
 
 
 def _picture(outcome: StudyOutcome) -> bytes:
-    from cosim.studies import figure, figure_tuning
+    from cosim.studies import figure, figure_search, figure_tuning
 
-    return figure.picture(outcome) if outcome.study.tune is None else figure_tuning.picture(outcome)
+    if outcome.study.tune is not None:
+        return figure_tuning.picture(outcome)
+    return figure.picture(outcome) if outcome.study.search is None else figure_search.picture(outcome)
 
 
 def _write_tuned(outcome: StudyOutcome, folder: Path) -> list[str]:
@@ -138,7 +140,8 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
     kept = len(outcome.rows) - outcome.made
     parts = [f"{len(outcome.rows)} runs", *([f"{kept} of them from before"] if kept else [])]
     if outcome.early:
-        parts.append(f"ended early, of {outcome.planned}: the verdict is certain enough")
+        why = "the verdict is certain enough" if of.search is None else "a run fails"
+        parts.append(f"ended early, of {outcome.planned}: {why}")
     elif len(outcome.rows) < outcome.planned:
         parts.append(f"a first look at {outcome.planned}, so without a verdict")
     parts.append(", ".join(f"{ends[status]} {status}" for status in ends))

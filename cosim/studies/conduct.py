@@ -18,9 +18,10 @@ from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
+from cosim.studies.searching import Searching, Worst, check_search, search_verdict
 from cosim.studies.sensitivity import Sensitivity, check_installed, sensitivities
 from cosim.studies.store import Store
-from cosim.studies.study import Study, Tune
+from cosim.studies.study import Search, Study, Tune
 from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs, to_judge, tuned_values, with_cost
 
 
@@ -42,6 +43,8 @@ class StudyOutcome:
         Whether it has ended early, because the verdict is certain enough.
     tuned : tuple of Tuned
         The best values of each case, in a study that tunes.
+    worst : Worst or None
+        The worst case that was found, in a study that searches.
     """
 
     study: Study
@@ -51,6 +54,7 @@ class StudyOutcome:
     made: int
     early: bool
     tuned: tuple[Tuned, ...] = ()
+    worst: Worst | None = None
 
     @property
     def shown(self) -> tuple[Row, ...]:
@@ -82,6 +86,8 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     plan = Plan(study)
     if study.tune is not None:
         check_tuning(study, study.tune)
+    if study.search is not None:
+        check_search(study, study.search)
     if plan.design is not None:
         check_installed(study.sample.where)
     keys = {}
@@ -126,9 +132,6 @@ def conduct(
         The user pressed Ctrl-C; the rows so far are kept.
     """
     plan, keys, requirements = check_study(study)
-    if study.tune is not None:
-        with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
-            return _tune(study, study.tune, Maker(study, keys, store, crew), requirements, runs, progress)
     wanted = min(len(plan), runs or len(plan))
     rows: dict[int, Row] = {}
     ending = _Ending(requirements, rows)
@@ -141,6 +144,10 @@ def conduct(
 
     with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
         maker = Maker(study, keys, store, crew)
+        if study.tune is not None:
+            return _tune(study, study.tune, maker, requirements, runs, progress)
+        if study.search is not None:
+            return _search(study, study.search, maker, requirements, runs, progress)
         maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
@@ -152,6 +159,40 @@ def conduct(
         verdicts=tuple(one.judge(ordered) for one in requirements) if judged else (),
         made=maker.made,
         early=last < wanted,
+    )
+
+
+def _search(
+    study: Study,
+    search: Search,
+    maker: Maker,
+    requirements: Sequence[Judged],
+    runs: int | None,
+    progress: Callable[[Sequence[Row], int], None] | None,
+) -> StudyOutcome:
+    """Search for the worst case, and judge all runs of the search."""
+    wanted = min(search.runs, runs or search.runs)
+    searching = Searching(study, search, wanted)
+
+    def take(some: Sequence[Row]) -> bool:
+        goes_on = searching.take(some)
+        if progress is not None:
+            progress(some, wanted - len(searching.rows))
+        return goes_on
+
+    maker.make(searching.ask, take)
+    rows = tuple(searching.rows[number] for number in sorted(searching.rows))
+    worst = searching.worst()
+    found = [search_verdict(study, search, worst, len(rows))] if worst is not None else []
+    judged = wanted == search.runs or bool(worst and worst.failing)
+    return StudyOutcome(
+        study=study,
+        rows=rows,
+        planned=search.runs,
+        verdicts=(*found, *(one.judge(rows) for one in requirements)) if judged else (),
+        made=maker.made,
+        early=len(rows) < wanted,
+        worst=worst,
     )
 
 

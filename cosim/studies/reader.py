@@ -23,7 +23,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
-from cosim.studies.read_tune import draws_of, read_tune
+from cosim.studies.read_search import draws_of, read_search, read_tune
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
 from cosim.studies.values import Count, Finite, Values, number_of, values_of
 
@@ -54,14 +54,16 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
     vary = _distinct(map(_vary, root.children("vary")), "value")
     _check_cases(vary)
     measures = [_measured(element) for element in root.children("measure")]
-    tune = root.find("tune")
+    tune, search = root.find("tune"), root.find("search")
     tuned = None if tune is None else read_tune(tune, vary, [measured for measured, _ in measures])
+    searched = None if search is None else read_search(search, vary)
+    searching = tuned or searched
     study = Study(
         document=document,
         name=root.get("name"),
         title=printable(root.child("title").text),
         vary=vary,
-        sample=_sample(root.child("sample"), vary) if tuned is None else draws_of(tuned),
+        sample=_sample(root.child("sample"), vary) if searching is None else draws_of(searching),
         measures=_distinct((measured for measured, _ in measures), "measure"),
         requirements=tuple(
             Requirement(element.kind, element.attributes, element.where)
@@ -70,6 +72,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         ),
         bases=_bases(document, root, [(own, one.where) for one, own in measures], as_changes(changes)),
         tune=tuned,
+        search=searched,
     )
     return replace(study, own=_selected(study))
 

@@ -138,6 +138,30 @@ class Tune:
 
 
 @dataclass(frozen=True)
+class Search:
+    """A search for the worst case.
+
+    Attributes
+    ----------
+    runs : int
+        How many it may make.
+    batch : int
+        How many it asks for at once.
+    seed : int
+        Its seed.
+    early : bool
+        Whether it ends with the batch in which a run fails.
+    """
+
+    runs: int
+    batch: int
+    seed: int
+    early: bool
+    fails: str
+    where: Location
+
+
+@dataclass(frozen=True)
 class Measured:
     """A figure of each run.
 
@@ -194,6 +218,8 @@ class Study:
         What each scenario has where a value goes, by the XPath; by the indices of cases as `bases`.
     tune : Tune or None
         What is tuned.
+    search : Search or None
+        How the worst case is searched.
     """
 
     document: Document
@@ -206,3 +232,4 @@ class Study:
     bases: Mapping[tuple[int, ...], Scenario]
     own: Mapping[tuple[int, ...], Mapping[str, str]] = field(default_factory=dict)
     tune: Tune | None = None
+    search: Search | None = None

@@ -13,6 +13,8 @@ import numpy as np
 
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.row import BROKEN
+from cosim.studies.searching import Worst
+from cosim.studies.study import Study
 from cosim.studies.tuned_files import as_data
 
 
@@ -72,17 +74,38 @@ def as_json(outcome: StudyOutcome) -> str:
         "measures": [asdict(spread) for spread in spreads(outcome)],
         **({"tuned": as_data(outcome.study, tune, outcome.tuned)} if (tune := outcome.study.tune) else {}),
         **({"sensitivity": [one.as_data() for one in found]} if (found := outcome.sensitivities) else {}),
+        **({"worst": _worst_data(outcome.study, outcome.worst)} if outcome.worst else {}),
         "holds": outcome.passed if outcome.verdicts else None,
         "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
     }
     return json.dumps(_finite(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def _worst_data(study: Study, worst: Worst) -> dict[str, Any]:
+    row = worst.row
+    return {
+        "run": row.number,
+        "status": row.status,
+        "least_margin_over_bound": row.least,
+        "values": {vary.name: value for vary, value in zip(study.vary, row.values, strict=True)},
+        "margins": list(row.margins),
+        "message": row.message,
+        "failing": [failing.number for failing in worst.failing],
+    }
+
+
 def remarkable(outcome: StudyOutcome, most: int = 10) -> list[int]:
-    """Return the numbers of runs to look at: the first broken and failed ones, and the worst of each measure."""
+    """Return the numbers of runs to look at: the first broken and failed ones, and the worst of each measure.
+
+    Of a search, they are those with the least margins.
+    """
     numbers: list[int] = []
+    rows = outcome.shown
+    if outcome.worst is not None:
+        rows = outcome.worst.failing
+        numbers.append(outcome.worst.row.number)
     for status in ("broken", "failed"):
-        numbers += [row.number for row in outcome.shown if row.status == status][:most]
+        numbers += [row.number for row in rows if row.status == status][:most]
     numbers += [spread.worst_run for spread in spreads(outcome)]
     return sorted(set(numbers))
 

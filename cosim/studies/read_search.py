@@ -1,4 +1,4 @@
-"""From the element <tune> of a study file to what it asks for; checks beyond the schema."""
+"""From the elements <tune> and <search> of a study file to what they ask for; checks beyond the schema."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from cosim.errors import InputError, nearest
 from cosim.scenario.reader.element import Element
-from cosim.studies.study import Cost, Measured, Sample, Tune, Vary
-from cosim.studies.values import Random
+from cosim.studies.study import Cost, Measured, Sample, Search, Tune, Vary
+from cosim.studies.values import Count, Random
 
 MOST_DRAWS = 100_000
 """Upper limit for the number of a draw."""
@@ -46,9 +46,35 @@ def read_tune(element: Element, vary: Sequence[Vary], measures: Sequence[Measure
     return tune
 
 
-def draws_of(tune: Tune) -> Sample:
-    """Return how the draws of a tuning are chosen: independent of each other, which the comparison relies on."""
-    return Sample("random", max(*tune.training, *tune.held_out), tune.seed, tune.where)
+def read_search(element: Element, vary: Sequence[Vary]) -> Search:
+    """Return how the worst case is searched; raises InputError with its place if it makes no sense."""
+    for one in vary:
+        if one.crossed:
+            raise InputError(
+                f"{one.name!r} is crossed, and a search chooses all values: leave cross=... out", one.where
+            )
+        if isinstance(one.values, Random) and not _has_ends(one.values):
+            raise InputError(f"{one.name!r} has no end, where a search would go: give from=... and to=...", one.where)
+    if all(isinstance(one.values, Count) for one in vary):
+        raise InputError(f"{vary[0].name!r} grows from run to run, so nothing is left to search", vary[0].where)
+    return Search(
+        runs=int(element.get("runs")),
+        batch=int(element.get("batch", "10")),
+        seed=int(element.get("seed", "0")),
+        early="stop" in element,
+        fails=element.get("fails"),
+        where=element.where,
+    )
+
+
+def draws_of(search: Tune | Search) -> Sample:
+    """Return how the draws of what is not searched are chosen: independent of each other, which comparisons rely on."""
+    runs = search.runs if isinstance(search, Search) else max(*search.training, *search.held_out)
+    return Sample("random", runs, search.seed, search.where)
+
+
+def _has_ends(values: Random) -> bool:
+    return math.isfinite(values.least) and math.isfinite(values.greatest)
 
 
 def _draws(element: Element, name: str) -> tuple[int, ...]:
@@ -75,7 +101,7 @@ def _values(element: Element, vary: Sequence[Vary]) -> tuple[int, ...]:
             raise element.error(f"nothing varies that is named {name!r}: {nearest(name, names)}")
         index = names.index(name)
         values = vary[index].values
-        if not isinstance(values, Random) or not (math.isfinite(values.least) and math.isfinite(values.greatest)):
+        if not isinstance(values, Random) or not _has_ends(values):
             raise InputError(
                 f"{name!r} cannot be tuned: a continuous range with two ends is needed, such as <uniform> or "
                 "<log_uniform>",

@@ -1,0 +1,96 @@
+"""The picture of a search for the worst case: the least margin of each run, and where in the ranges it is small."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
+from numpy.typing import NDArray
+
+from cosim.errors import printable
+from cosim.studies.conduct import StudyOutcome
+from cosim.studies.row import PASSED
+from cosim.studies.table import Column, columns
+
+_MOST_VALUES = 3
+_RUN, _FAILS, _LEAST = "#0072b2", "#d55e00", "#333333"
+"""Colours that the colour-blind can tell from each other."""
+_LOWEST = -1.0
+"""Margins below are drawn here: a margin may be without limit."""
+
+
+def picture(outcome: StudyOutcome) -> bytes:
+    """Return the picture as PNG; see `draw`."""
+    buffer = io.BytesIO()
+    draw(outcome).savefig(buffer, format="png", dpi=110, pil_kwargs={"compress_level": 1})
+    return buffer.getvalue()
+
+
+def draw(outcome: StudyOutcome) -> Figure:
+    """Return the figure: the least margin of each run over its bound, and the least so far; then over each value.
+
+    Of two or more values, the last panel has all runs over the first two.
+    """
+    table = {column.name: column for column in columns(outcome)}
+    varied = [table[vary.name] for vary in outcome.study.vary if len(set(table[vary.name].values)) > 1][:_MOST_VALUES]
+    numeric = [column for column in varied if not isinstance(column.values[0], str)]
+    both = len(numeric) > 1
+    across = 1 + len(varied) + both
+    lines = 1 if across <= 3 else 2
+    figure = Figure(figsize=(3.6 * math.ceil(across / lines), 3.2 * lines + 0.4), layout="constrained")
+    figure.suptitle(printable(f"{outcome.study.name}: {outcome.study.title}"), fontsize=12, parse_math=False)
+    panels = figure.subplots(lines, math.ceil(across / lines), squeeze=False).ravel()
+    for panel in panels[across:]:
+        panel.axis("off")
+    margins = np.maximum([row.least for row in outcome.rows], _LOWEST)
+    fails = np.array([row.status != PASSED for row in outcome.rows])
+    _descent(panels[0], margins, fails)
+    for panel, column in zip(panels[1:], varied, strict=False):
+        _over(panel, column, margins, fails)
+    if both:
+        _map(panels[across - 1], numeric[0], numeric[1], margins, fails)
+    return figure
+
+
+def _descent(panel: Axes, margins: NDArray[np.float64], fails: NDArray[np.bool_]) -> None:
+    runs = np.arange(1, len(margins) + 1)
+    panel.step(runs, np.minimum.accumulate(margins), where="post", color=_LEAST, linewidth=1, label="least so far")
+    panel.scatter(runs[~fails], margins[~fails], s=8, color=_RUN, linewidths=0, label="passes")
+    panel.scatter(runs[fails], margins[fails], s=14, color=_FAILS, marker="x", linewidths=0.8, label="fails")
+    panel.set_xlabel("run")
+    _margin_axis(panel, margins)
+    panel.legend(fontsize="small", loc="best")
+
+
+def _over(panel: Axes, column: Column, margins: NDArray[np.float64], fails: NDArray[np.bool_]) -> None:
+    words = sorted({str(value) for value in column.values}) if isinstance(column.values[0], str) else []
+    at = np.array([words.index(str(value)) if words else float(value) for value in column.values])
+    if words:
+        panel.set_xticks(range(len(words)), [printable(word) for word in words])
+    panel.scatter(at[~fails], margins[~fails], s=8, color=_RUN, linewidths=0)
+    panel.scatter(at[fails], margins[fails], s=14, color=_FAILS, marker="x", linewidths=0.8)
+    panel.set_xlabel(printable(column.heading), parse_math=False)
+    _margin_axis(panel, margins)
+
+
+def _margin_axis(panel: Axes, margins: NDArray[np.float64]) -> None:
+    panel.axhline(0.0, color=_LEAST, linestyle="--", linewidth=1)
+    cut = "; below -100 % drawn there" if margins.min() <= _LOWEST else ""
+    panel.set_ylabel(f"least margin, of its bound{cut}")
+    panel.yaxis.set_major_formatter(PercentFormatter(1.0))
+
+
+def _map(panel: Axes, one: Column, other: Column, margins: NDArray[np.float64], fails: NDArray[np.bool_]) -> None:
+    x, y = (np.array([float(value) for value in column.values]) for column in (one, other))
+    finite = margins[np.isfinite(margins)]
+    top = float(np.max(finite)) if len(finite) else math.nan
+    seen = panel.scatter(x[~fails], y[~fails], c=margins[~fails], s=14, cmap="cividis", vmin=0.0, vmax=max(top, 1e-9))
+    panel.scatter(x[fails], y[fails], s=18, color=_FAILS, marker="x", linewidths=0.9)
+    panel.set_xlabel(printable(one.heading), parse_math=False)
+    panel.set_ylabel(printable(other.heading), parse_math=False)
+    bar = panel.figure.colorbar(seen, ax=panel, label="least margin of runs that pass")
+    bar.ax.yaxis.set_major_formatter(PercentFormatter(1.0))
