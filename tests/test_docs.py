@@ -211,7 +211,7 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     of = (ROOT / "scenarios").as_posix()
     place = re.escape('<sample method="sobol" runs="512"/>')
     head, tail = re.split(place, whole)
-    payload, law, measures, requirements, by_case = parts
+    payload, law, measures, requirements, by_case, *_ = parts
     head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
     tail = tail.replace("  <probability", measures + requirements + "  <probability").replace(
         '"settling"', '"settled"', 1
