@@ -12,7 +12,7 @@ from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
-from cosim.errors import InputError
+from cosim.errors import InputError, printable
 from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
 from cosim.studies.conduct import check_study
@@ -104,8 +104,8 @@ def check(options: argparse.Namespace) -> int:
                 verbatim(scenario.text)
                 continue
             out().print(
-                f"{path}: {scenario.name}, {len(scenario.followers)} followers, {scenario.horizon:g} s "
-                f"in {scenario.ticks} steps",
+                f"{printable(str(path))}: {printable(scenario.name)}, {len(scenario.followers)} followers, "
+                f"{scenario.horizon:g} s in {scenario.ticks} steps",
                 markup=False,
                 soft_wrap=True,
             )

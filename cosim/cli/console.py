@@ -64,6 +64,20 @@ class _Tolerant(io.TextIOBase, TextIO):
         os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
+class _Disarmed(_Tolerant):
+    """A stream on which no text of others, such as the name of a file, can control a terminal or turn a line around.
+
+    The escape character may be the console's own, so `safe` takes it out of texts.
+    """
+
+    def write(self, text: str) -> int:
+        super().write(_CONTROL.sub("?", text))
+        return len(text)
+
+
+_CONTROL = re.compile("[\x80-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+
 def out() -> Console:
     """Return the console of standard output, for the output of a command."""
     return _console(sys.stdout)
@@ -139,5 +153,5 @@ def safe(text: str) -> str:
 
 
 def _console(stream: TextIO | None) -> Console:
-    tolerant = _Tolerant(stream)
+    tolerant = _Disarmed(stream)
     return Console(file=tolerant, highlight=False, width=None if tolerant.isatty() else _PLAIN_WIDTH)

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 
 import formation_controllers
-from rich.markup import escape
 
 import plants
-from cosim.cli.console import out, table
+from cosim.cli.console import out, safe, table
 from cosim.errors import InputError
 from cosim.scenario.examples import examples
 from cosim.scenario.grammar import schema_path
@@ -45,7 +44,7 @@ def inventory(_: argparse.Namespace) -> int:
     listed.add_column("file", no_wrap=True)
     listed.add_column("title")
     for path in own or [path for path in examples() if path.suffix == ".xml"]:
-        listed.add_row(escape(str(path) if own else path.name), escape(_title(path)))
+        listed.add_row(safe(str(path) if own else path.name), safe(_title(path)))
     console.print(listed)
     if not own:
         console.print(f'"formation examples" copies them to {_FOLDER}/, "formation new NAME.xml" writes another.')

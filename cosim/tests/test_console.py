@@ -61,3 +61,8 @@ def test_no_heading_is_cut(result: xr.Dataset, width: int) -> None:
 @pytest.fixture(scope="module")
 def result(scenarios: Path) -> xr.Dataset:
     return cosim.run(scenarios / "clmr_line.xml", IN_A_SECOND, horizon=1.0)
+
+
+def test_nothing_that_is_printed_controls_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    module.out().print("\x9b31m \u202e \u2067 naïve 👩\u200d🚀", markup=False)
+    assert capsys.readouterr().out == "?31m ? ? naïve 👩\u200d🚀\n"
