@@ -9,7 +9,8 @@ import pytest
 from cosim.cli import main
 from cosim.studies.conduct import conduct
 from cosim.studies.reader import read_study
-from cosim.tests.studies import LAST, SEEDS, write_study
+from cosim.studies.row import BROKEN
+from cosim.tests.studies import LAST, MASS, SEEDS, write_study
 
 START = """<vary name="start" select="follower[@id='follower_1']/pose/@x"><uniform from="-5.5 m" to="-4.5 m"/></vary>"""
 GAIN = """<vary name="gain" select="//gain[@name='gamma_w']/@value"><log_uniform from="9" to="11"/></vary>"""
@@ -41,3 +42,17 @@ def test_a_start_decides_the_last_error_of_a_short_run(
     assert np.abs(others).max() < 0.01 * abs(start)
     if method == "morris":
         assert -1000.0 < start < -500.0  # mm, over a range of 1 m
+
+
+def test_a_normal_beyond_a_bound_of_the_scenario_breaks_runs_that_are_left_out(tmp_path: Path) -> None:
+    light = f'<vary name="mass" select="{MASS}"><normal mean="25 kg" deviation="15 kg"/></vary>'
+    path = write_study(tmp_path, START + light, '<sample method="saltelli" runs="64"/>', FIRST)
+    outcome = conduct(read_study(path), tmp_path, workers=0)
+    broken = [row for row in outcome.rows if row.status == BROKEN]
+    negative = [row for row in outcome.rows if str(row.values[1]).startswith("-")]
+    assert negative
+    assert all(row in broken and "m_c" in row.message for row in negative)
+    lost = {(row.draw - 1) // 4 for row in broken}
+    last, *_ = outcome.sensitivities
+    assert (last.groups, last.left_out) == (16 - len(lost), len(lost))
+    assert f"{len(lost)} of 16 groups of runs have a run without a figure" in last.note
