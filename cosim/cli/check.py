@@ -36,7 +36,8 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
     if study.tune is not None:
         _print_tune(path, study, study.tune)
     else:
-        of = f"{len(plan)} runs of {len(study.bases)} scenarios"
+        many = f"{bases} scenarios" if (bases := len(study.bases)) > 1 else "one scenario"
+        of = f"{len(plan)} runs of {many}"
         told = of if study.search is None else f"a search for the worst case in at most {of}"
         out().print(safe(f"{path}: {study.name}, {told}"), soft_wrap=True)
         _print_runs(study, plan if study.search is None else Searching(study, study.search, _SHOWN).ask(_SHOWN))

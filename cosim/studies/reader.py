@@ -265,6 +265,7 @@ def _texts(vary: Vary) -> Sequence[str]:
 
 def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -> None:
     taken: dict[tuple[object, str], dict[int, Vary]] = {}
+    written = set(root.iter())
     for one in vary:
         for target in one.targets:
             try:
@@ -288,6 +289,8 @@ def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -
                     target.where,
                 )
             found[target.select] = own
+    for element in set(root.iter()) - written:  # what a run adds with its value is nothing yet
+        element.getparent().remove(element)
 
 
 def _check_entry(target: Target, own: str) -> None:

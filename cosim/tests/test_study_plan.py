@@ -46,6 +46,13 @@ def test_a_grid_has_all_combinations_in_the_order_of_the_file(tmp_path: Path) ->
     assert [run.number for run in runs] == [1, 2, 3, 4, 5, 6]
 
 
+@pytest.mark.parametrize("kind", ["plant/parameter[@name='m_f']", "controller/gain[@name='guard']"])
+def test_a_value_that_the_scenario_leaves_out_may_vary(tmp_path: Path, kind: str) -> None:
+    study = small_study(tmp_path, f'<vary name="one" select="{kind}/@value"><list values="12"/></vary>', GRID)
+    assert next(iter(study.own.values())) == {f"{kind}/@value": ""}
+    assert next(iter(Plan(study))).changes == (f"{kind}/@value=12",)
+
+
 def test_one_at_a_time_leaves_the_others_as_they_are(tmp_path: Path) -> None:
     runs = plan(tmp_path, X + Y, '<sample method="one_at_a_time"/>')
     assert values(runs) == [
