@@ -107,7 +107,6 @@ def _run_one(
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
-        kept = _set_aside(options.out / scenario.name, scenario)
         with taking_a_while("building and loading plants, which is slow the first time"):
             storage = Storage(options.out / scenario.name)
             ending.callback(storage.release)
@@ -115,6 +114,7 @@ def _run_one(
             for fmu in setup.fmus.values() if options.strict else ():
                 rules_kept(fmu, strict=True)  # before any is started
             storage.reserve(size_of_result(scenario, setup.result_variables))
+            kept = _set_aside(options.out / scenario.name, scenario)  # from here on something runs
             simulation = whole_run(scenario, setup)
             ending.callback(simulation.close)
         with HeldSignals() as signals:

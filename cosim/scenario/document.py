@@ -210,10 +210,22 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
     return Document(document.path, _serialised(root), root, places)
 
 
+_USES = {
+    "scenario": '"formation run" runs it',
+    "variant": '"formation run" runs it',
+    "study": '"formation study" makes its runs',
+    "binding": "the attribute binding of a plant, or --binding, names it",
+}
+"""What a file is for, by its root element."""
+
+
 def _check_names(root: etree._Element, places: Mapping[etree._Element, Location], *roots: str) -> None:
     """Refuse a tree with another root element, or with elements of another namespace."""
     if root.tag not in [f"{_PREFIX}{expected}" for expected in roots]:
-        raise InputError(f"the root element is {root.tag}; expected <{roots[0]} xmlns={NAMESPACE!r}>", places[root])
+        expected = f"expected <{roots[0]} xmlns={NAMESPACE!r}>"
+        if (use := _USES.get(str(root.tag).removeprefix(_PREFIX))) is not None and root.tag.startswith(_PREFIX):
+            raise InputError(f"this is a {local_name(root)}: {use}; {expected}", places[root])
+        raise InputError(f"the root element is {root.tag}; {expected}", places[root])
     for element, place in places.items():
         if not element.tag.startswith(_PREFIX):
             raise InputError(f"the element {element.tag} is not part of the scenario language", place)
@@ -345,7 +357,8 @@ def _read_bytes(path: Path) -> bytes:
     except FileNotFoundError:
         raise InputError(absent(path), place) from None
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", place) from None
+        every = f": name the files in it, as in {path / '*.xml'}" if isinstance(error, IsADirectoryError) else ""
+        raise InputError(f"cannot be read: {error.strerror}{every}", place) from None
     if len(data) > MAX_BYTES:  # it has grown
         raise too_large
     return data

@@ -290,7 +290,8 @@ def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -
                 )
             found[target.select] = own
     for element in set(root.iter()) - written:  # what a run adds with its value is nothing yet
-        element.getparent().remove(element)
+        if (parent := element.getparent()) is not None:
+            parent.remove(element)
 
 
 def _check_entry(target: Target, own: str) -> None:
