@@ -27,11 +27,12 @@ from lxml import etree
 from cosim.cli import entry
 from cosim.cli.earlier_results import BEFORE
 from cosim.tests.driving import scenario
+from cosim.tests.studies import write_study
 from plants import scratch
 from tests.safety import passed
 from tests.stub.stub import make_fmu
 
-KINDS = ["run", "run", "figure", "build", "check", "pytest"]
+KINDS = ["run", "run", "figure", "build", "check", "pytest", "study"]
 """Commands, those twice that are given more often."""
 KILLS = 4
 """Kills of a command before it runs to its end once."""
@@ -55,7 +56,8 @@ class Bench:
             scenario(folder / "s" / f"{name}.xml", f'<plant id="car" {plant}/>', more=expect)
             for name, plant in zip(self.names, plants, strict=True)
         ]
-        for name in ("tmp", "cache"):
+        self.out, self.table = folder / "studies", b""
+        for name in ("tmp", "cache", "study"):
             (folder / name).mkdir()
         os.environ["TMPDIR"], os.environ["FORMATION_CACHE"] = str(folder / "tmp"), str(folder / "cache")
         tempfile.tempdir = None
@@ -66,6 +68,7 @@ class Bench:
             "figure": ["run", *to],
             "check": ["check", *paths],
             "build": ["build", "car_like", "--out", str(folder / "built")],
+            "study": ["study", str(_study(folder / "study")), "--workers", "2", "--no-figure", "--out", str(self.out)],
             "pytest": ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *paths],
         }
 
@@ -96,6 +99,17 @@ class Bench:
                 os._exit(status)
         return pid, mark
 
+    def begin_anew(self, kind: str) -> None:
+        """Forget what earlier commands of a kind have left, where the next one would go on from it."""
+        if kind == "study":
+            shutil.rmtree(self.out, ignore_errors=True)
+
+    def table_differs(self) -> bool:
+        """Return whether the table of the study is another one than the first."""
+        table = (self.out / "small" / "runs.csv").read_bytes()
+        self.table = self.table or table
+        return table != self.table
+
     # What must hold -----------------------------------------------------------------------------------------
 
     def findings(self) -> Iterator[str]:
@@ -117,6 +131,11 @@ class Bench:
         return [str(path) for place in places for path in self.folder.glob(place)]
 
 
+def _study(folder: Path) -> Path:
+    """Write a study of runs that take some seconds altogether."""
+    return write_study(folder, sample='<sample method="random" runs="400"/>')
+
+
 def _result(path: Path) -> None:
     with h5py.File(path) as file:
         if file["pose"].shape[0] != file["time"].shape[0]:
@@ -127,6 +146,7 @@ def _result(path: Path) -> None:
 READERS: dict[str, Callable[[Path], object]] = {
     "runs/*/*.nc": _result,
     "runs/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
+    "studies/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
     "all.xml": etree.parse,
     "built/*.fmu": lambda path: zipfile.ZipFile(path).testzip(),
     "runs/*/figure.png": lambda path: path.read_bytes().index(b"IEND"),
@@ -174,6 +194,8 @@ def whole(bench: Bench, kind: str) -> Iterator[str]:
         yield f"the next command ends with status {status}: {(bench.folder / 'log').read_text('utf-8')[-1500:]}"
     yield from bench.findings()
     yield from (f"{path} is left" for path in bench.left())
+    if kind == "study" and status == 0 and bench.table_differs():
+        yield "the table of the study differs from that of an uninterrupted one"
     if kind in ("run", "figure"):
         yield from (f"{name} has not passed" for name in bench.names if not passed(bench.folder / "runs" / name))
 
@@ -195,6 +217,7 @@ def main() -> int:
                 bench.call(kind)  # imports and compiles for all that are forked
             for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
                 signal.signal(number, signal.SIG_DFL)
+            bench.begin_anew(kind)
             begin = time.monotonic()
             findings += sum(1 for found in whole(bench, kind) if print(f"{kind}: {found}", flush=True) is None)
             took[kind] = time.monotonic() - begin
@@ -203,6 +226,7 @@ def main() -> int:
             if kind == "build" and rng.random() < 0.5:
                 shutil.rmtree(bench.folder / "cache")
                 (bench.folder / "cache").mkdir()
+            bench.begin_anew(kind)
             for _ in range(min(KILLS, options.count - done)):
                 done += 1
                 for found in kill(bench, kind, rng, took[kind]):

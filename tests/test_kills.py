@@ -10,9 +10,10 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes that Linux shows")
-def test_a_command_that_is_killed_leaves_whole_files_and_nothing_else() -> None:
-    """The next command works; no summary is one of a run that did not end."""
-    command = [sys.executable, "-m", "tests.kills", "--count", "4", "--only", "run"]
+@pytest.mark.parametrize("kind", ["run", "study"])
+def test_a_command_that_is_killed_leaves_whole_files_and_nothing_else(kind: str) -> None:
+    """The next command works; no summary is one of a run that did not end; a study has the rows that it must have."""
+    command = [sys.executable, "-m", "tests.kills", "--count", "4", "--only", kind]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stdout.splitlines()[-1] == "4 kills, 0 findings", done.stdout + done.stderr
     assert done.returncode == 0

@@ -105,6 +105,12 @@ def _base(task: Task, cases: tuple[int, ...]) -> _Base:
     return _bases[kept]
 
 
+def close_all() -> None:
+    """End all that is prepared."""
+    while _bases:
+        _bases.popitem()[1].close()
+
+
 def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
     """Run with the plants of the run before, where the structure is the same."""
     try:

@@ -48,7 +48,7 @@ def main() -> None:
     answers, tasks = out_of_reach(1), out_of_reach(0)
     process_tree.end_with(int(sys.argv[1]))
     try:
-        from cosim.studies.task import rows_of  # and with it all that a run needs
+        from cosim.studies.task import close_all, rows_of  # and with it all that a run needs
 
         while (data := _next(tasks)) is not None:
             send(answers, Told.BEGUN)
@@ -57,6 +57,7 @@ def main() -> None:
             for row in _within(_LEAST_LIMIT + _SLOW * task.usual, rows_of(task)):
                 send(answers, Told.ROW, row.to_json().encode())
             send(answers, Told.DONE, json.dumps(time.perf_counter() - began).encode())
+        close_all()
     except BaseException as error:
         told = {"message": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc()}
         send(answers, Told.UNFORESEEN, json.dumps(told).encode())

@@ -23,6 +23,8 @@ from cosim.studies.worker import LENGTH, Told
 
 _LAST_MOMENT = 5.0
 """Time [s] for a process that has closed its pipe to end."""
+_FINISH = 1.0
+"""Time [s] for a process without tasks to end."""
 _OFTEN = 3
 """Processes that may end in the middle of a task, besides one in ten runs, before each run is supervised."""
 
@@ -91,8 +93,16 @@ class WorkerProcess:
         """End it at once; whoever waits for its rows hears of it, and closes it."""
         self._process.kill()
 
+    def finish(self) -> None:
+        """Let it end what it has prepared, as there are no more tasks; `close` waits a moment for that."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+
     def close(self) -> None:
-        """End it at once, with all that it has started."""
+        """End it with all that it has started, at once unless it finishes."""
+        if self._process.stdin is None or self._process.stdin.closed:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_FINISH)
         kill(self._process, self._mark)
 
     def _answer(self) -> tuple[int, bytes]:
@@ -127,9 +137,9 @@ class Processes:
         """
         rows: list[Row] = []
         seconds = 0.0
-        while left := task.runs[len(rows) :]:
+        while len(rows) < len(task.runs):
             often = self._ended > _OFTEN + self._made / 10
-            rest = replace(task, runs=left, keys=task.keys[len(rows) :], alone=often)
+            rest = replace(task, runs=task.runs[len(rows) :], keys=task.keys[len(rows) :], alone=often)
             try:
                 for told in self._rows(rest):
                     if isinstance(told, Row):
@@ -137,7 +147,9 @@ class Processes:
                     else:
                         seconds += told
             except Ended:
-                rows.append(self._alone(replace(rest, runs=rest.runs[:1], keys=rest.keys[:1], alone=True)))
+                at = slice(len(rows), len(rows) + 1)  # the run after those whose rows have come
+                if task.runs[at]:
+                    rows.append(self._alone(replace(task, runs=task.runs[at], keys=task.keys[at], alone=True)))
         self._made += len(rows)
         return rows, seconds
 
@@ -148,6 +160,8 @@ class Processes:
             idle, self._idle = self._idle, []
             for process in self._lent:
                 process.end()
+        for process in idle:
+            process.finish()
         for process in idle:
             process.close()
 

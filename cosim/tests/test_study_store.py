@@ -3,18 +3,24 @@
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
+from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from cosim.errors import InputError, OutputError
 from cosim.studies.conduct import check_study
+from cosim.studies.crew import Crew
 from cosim.studies.crews import crew_of
+from cosim.studies.engine import Workers
 from cosim.studies.making import Maker
-from cosim.studies.plan import Run
+from cosim.studies.plan import Plan, Run
 from cosim.studies.row import Row
 from cosim.studies.store import FILE, Store
+from cosim.studies.task import Task
+from cosim.studies.worker_process import Ended, Processes
 from cosim.tests.studies import small_study
 
 
@@ -135,3 +141,27 @@ def test_a_search_asks_for_runs_when_it_has_the_rows_before(tmp_path: Path) -> N
             maker = Maker(study, keys, store, crew)
             maker.make(ask, take)
         assert (told, maker.made) == ([1, 2, 3, 4, 5, 6, 7], made)
+
+
+@pytest.mark.parametrize("ended_after", [0, 2, 4])
+def test_a_process_that_ends_in_a_chunk_costs_no_row(
+    ended_after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = small_study(tmp_path)
+    tasks: list[Task] = []
+
+    def rows(self: Processes, task: Task) -> Iterator[Row | float]:
+        tasks.append(task)
+        for index, run in enumerate(task.runs):
+            if len(tasks) == 1 and index == ended_after:
+                raise Ended
+            yield row(run.number)
+        if len(tasks) == 1:
+            raise Ended
+        yield 0.1
+
+    monkeypatch.setattr(Processes, "_rows", rows)
+    runs = [(run, str(run.number)) for run in islice(Plan(study), 4)]
+    made, _ = Processes().make(Workers(study, Crew(lambda task: Future(), lambda: 1)).task(runs))
+    assert [one.number for one in made] == [1, 2, 3, 4]
+    assert [(len(task.runs), task.alone) for task in tasks[1:2]] == [(1, True)] * (ended_after < 4)
