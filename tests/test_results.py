@@ -150,6 +150,18 @@ def test_python_says_it_too(line: str) -> None:
 # Two results ------------------------------------------------------------------------------------------------
 
 
+def test_a_run_that_is_refused_says_where_the_results_before_are(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path)
+    run(capsys, line, "--out", out)
+    refused = "controller/gain[@name='nonsense']/@value=1"
+    assert main(["run", line, "--out", out, "--no-figure", "--set", refused]) == 2
+    told = capsys.readouterr().err
+    assert f"warning: results of the run before ({line}, unchanged) are kept in {out}/clmr_line+unchanged/" in told
+    assert not (tmp_path / "clmr_line" / "summary.json").exists(), "nobody takes it for that of the refused run"
+
+
 def test_results_of_other_changes_are_kept(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path)
     run(capsys, line, "--out", out)

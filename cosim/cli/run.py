@@ -107,14 +107,17 @@ def _run_one(
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     with timed(timing, "total"):
-        with taking_a_while("building and loading plants, which is slow the first time"):
+        kept = _set_aside(options.out / scenario.name, scenario)
+        with (
+            _told_if_refused(kept, options.out),
+            taking_a_while("building and loading plants, which is slow the first time"),
+        ):
             storage = Storage(options.out / scenario.name)
             ending.callback(storage.release)
             setup = set_up(scenario, ending, timing, storage=storage)
             for fmu in setup.fmus.values() if options.strict else ():
                 rules_kept(fmu, strict=True)  # before any is started
             storage.reserve(size_of_result(scenario, setup.result_variables))
-            kept = _set_aside(options.out / scenario.name, scenario)  # from here on something runs
             simulation = whole_run(scenario, setup)
             ending.callback(simulation.close)
         with HeldSignals() as signals:
@@ -159,11 +162,7 @@ def _run_one(
         console.print(str(pacer.report), soft_wrap=True)
     console.print(f"results in {options.out / scenario.name}/", markup=False, soft_wrap=True)
     if kept is not None:
-        place, earlier = kept
-        what = f"{earlier.file}, {earlier.changed}"
-        console.print(
-            safe(f"results of the run before ({what}) are kept in {options.out / place.name}/"), soft_wrap=True
-        )
+        console.print(safe(_where(kept, options.out)), soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
     if failure is not None:
@@ -193,6 +192,22 @@ def _set_aside(folder: Path, scenario: Scenario) -> tuple[Path, Provenance] | No
     except OSError as error:  # a run that can be computed is not refused for this
         warn(f"the results of the run before could not be kept and are overwritten: {error}")
         return None
+
+
+@contextmanager
+def _told_if_refused(kept: tuple[Path, Provenance] | None, out: Path) -> Iterator[None]:
+    """Say where the results of the run before are, if this one is refused before it begins."""
+    try:
+        yield
+    except Exception:
+        if kept is not None:
+            warn(_where(kept, out))
+        raise
+
+
+def _where(kept: tuple[Path, Provenance], out: Path) -> str:
+    place, earlier = kept
+    return f"results of the run before ({earlier.file}, {earlier.changed}) are kept in {out / place.name}/"
 
 
 def _save(result: Result, folder: Path) -> None:
