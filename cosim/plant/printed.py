@@ -59,9 +59,11 @@ class Printed:
         self._thread.join()
 
     def _forward(self) -> None:
+        printing = select.poll()
+        printing.register(self._read, select.POLLIN)
         try:
             while self._give_up is None or time.monotonic() < self._give_up:
-                if select.select([self._read], [], [], _LOOK)[0]:
+                if printing.poll(1000 * _LOOK):
                     if not (part := os.read(self._read, 65536)):
                         break
                     self._take(part)
