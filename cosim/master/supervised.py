@@ -249,7 +249,7 @@ class SupervisedRun:
         if self._pid == 0:
             try:
                 os.environ[self._mark] = ""  # for what it starts
-                run(orders[0], tells[1], printed.pipe)
+                run(printed.pipe, orders[0], tells[1])
             finally:
                 os._exit(70)
         os.close(orders[0])

@@ -55,9 +55,9 @@ def child(
     setup: Setup,
     memory: list[NDArray[Any]],
     activity: Activity,
+    printed: int,
     orders: int,
     tells: int,
-    printed: int,
 ) -> None:
     """Do everything, and end this process.
 
@@ -69,10 +69,10 @@ def child(
         Where it is recorded, see `Recorder`.
     activity
         Shows what the plants are about.
-    orders, tells
-        Pipes from and to the process that supervises this one.
     printed
-        A pipe to it for everything that is printed here.
+        A pipe to the process that supervises this one, for everything that is printed here.
+    orders, tells
+        Pipes from and to it.
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
