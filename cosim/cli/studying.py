@@ -122,7 +122,7 @@ def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
     """Write remarkable runs as scenarios, in place of those of an earlier study."""
     numbers = remarkable(outcome)
     if folder.is_dir():
-        for old in folder.glob("*.xml"):
+        for old in folder.glob("run_*.xml"):
             old.unlink()
     if numbers:
         folder.mkdir(exist_ok=True)
@@ -172,11 +172,15 @@ def _print_tuned(console: Console, of: Study, tune: Tune, found: Sequence[Tuned]
         costs = [mean_cost(tune, trial.rows.values()) for trial in (one.trials[0], one.best)]
         shown.add_row("cost in training", *map(_number, costs))
         console.print(shown)
-        pruned = sum(trial.pruned for trial in one.trials)
-        told = f"trial {one.best.number} of {len(one.trials)}" + (f", {pruned} of them pruned" if pruned else "")
-        console.print(f"{told}, in restart {one.best.restart} of {tune.restarts}")
+        console.print(f"{best_trial(one)}, in restart {one.best.restart} of {tune.restarts}")
         for sentence in one.at_bounds:
             console.print(f"[yellow]at a bound:[/] {safe(sentence)}", soft_wrap=True)
+
+
+def best_trial(one: Tuned) -> str:
+    """Return the number of the best trial, as ``trials.csv`` has it over all cases, and of how many it is the best."""
+    pruned = sum(trial.pruned for trial in one.trials)
+    return f"trial {one.best.number}, the best of {len(one.trials)}" + (f", {pruned} of them pruned" if pruned else "")
 
 
 def _print_spreads(console: Console, found: Sequence[Spread], title: str) -> None:

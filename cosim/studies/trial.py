@@ -85,7 +85,7 @@ def _lack(tune: Tune, row: Row) -> float:
     if math.isinf(cost_of(tune, row)) or row.least == -math.inf:
         return 1.0
     short = max(-row.least, 0.0)
-    return short / (1.0 + short)
+    return max(short / (1.0 + short), 0.0 if row.status == PASSED else math.ulp(0.0))
 
 
 def is_worse(tune: Tune, trial: Trial, best: Trial, error: float) -> bool:

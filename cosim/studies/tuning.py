@@ -169,11 +169,11 @@ class Tuning:
         return [self._run(begin + place, trial, draw) for place, draw in enumerate(tune.held_out, 1)]
 
     def found(self) -> list[Tuned]:
-        """Return the best trial of each case, of those that have all their runs."""
+        """Return the best trial of each case whose own values have all their runs, of the trials that have them."""
         found = []
         for index, cases in enumerate(self._study.bases):
             trials = [trial for search in self._searches if search.case == index for trial in search.ended]
-            if trials:
+            if trials and trials[0].point is None:
                 best = min((t for t in trials if not t.pruned), key=lambda trial: trial.score)
                 name = case_name(self._study, cases)
                 found.append(Tuned(cases, name, tuple(trials), best, tuple(_at_bounds(self._study, best))))
@@ -364,11 +364,11 @@ def tuned_values(study: Study, tune: Tune, maker: Maker, tuning: Tuning, take: T
         rows.update((row.number, row) for row in some)
         return take(some)
 
-    wanted = {one.name: (tuning.held_out(one.trials[0]), tuning.held_out(one.best)) for one in found}
+    wanted = {one.cases: (tuning.held_out(one.trials[0]), tuning.held_out(one.best)) for one in found}
     maker.make(in_order({run.number: run for both in wanted.values() for runs in both for run in runs}.values()), keep)
     judged = []
     for one in found:
-        own, best = (tuple(rows[run.number] for run in runs) for runs in wanted[one.name])
+        own, best = (tuple(rows[run.number] for run in runs) for runs in wanted[one.cases])
         judged.append(replace(one, own=own, held_out=best, verdict=_verdict(tune, one, own, best)))
     return judged
 

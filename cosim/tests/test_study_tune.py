@@ -14,6 +14,7 @@ import pytest
 
 import cosim
 from cosim.cli import main
+from cosim.cli.studying import best_trial
 from cosim.errors import InputError
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
 from cosim.studies.figure_tuning import picture
@@ -21,7 +22,9 @@ from cosim.studies.plan import Run
 from cosim.studies.row import FAILED, PASSED, Row
 from cosim.studies.store import FILE
 from cosim.studies.study import Study
+from cosim.studies.trial import Trial, score
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
+from cosim.studies.tuning import Tuned
 from cosim.tests.studies import LAST, SEEDS, Played, small_study, write_study
 
 GAINS = """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>
@@ -266,3 +269,15 @@ def test_a_package_that_is_missing_is_named(
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=re.escape(f"{package!r}, which is not installed: pip install")):
         check_study(small_study(tmp_path, GAINS + SEEDS, tune(method=method)))
+
+
+def test_the_best_trial_of_a_later_case_is_told_by_its_number() -> None:
+    trials = tuple(Trial(number, 1, 1, None, {}, pruned=number == 643) for number in (641, 642, 643))
+    assert best_trial(Tuned((1,), "second", trials, trials[1], ())) == "trial 642, the best of 3, 1 of them pruned"
+
+
+def test_a_failure_at_the_very_bound_is_worse_than_any_cost(tmp_path: Path) -> None:
+    study = small_study(tmp_path, GAINS + SEEDS, tune())
+    assert study.tune is not None
+    passed = Row("k", 1, 1, (), PASSED, (1e9,) * len(study.measures), (0.0,), "", least=0.0)
+    assert score(study.tune, [replace(passed, status=FAILED)]) > score(study.tune, [passed])
