@@ -40,7 +40,6 @@ from cosim.plant.activity import activity
 from cosim.plant.failures import PlantError
 from cosim.plant.member import Member
 from cosim.plant.message import Message, RobotMessage
-from cosim.plant.printed import Printed
 from cosim.plant.process import how_it_ended
 from cosim.plant.protocol import HEADER, send
 from cosim.plant.spec import Value
@@ -93,7 +92,6 @@ class SupervisedRun:
         self._nonsense = False  # whether the process has answered with something that makes no sense
         self._forwarded = 0
         self._pipes: tuple[int, ...] = ()
-        self._printed: Printed | None = None
         self._left = False  # whether the process has ended all that it has started, and leaves
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
@@ -235,9 +233,8 @@ class SupervisedRun:
 
     # The process --------------------------------------------------------------------------------------------
 
-    def _fork(self, run: Callable[[int, int, int], None]) -> None:
+    def _fork(self, run: Callable[[int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
-        printed = Printed(", ".join(dict.fromkeys(member.spec.file for member in self._fleet.members)))
         self._mark = process_tree.new_mark()
         for stream in (sys.stdout, sys.stderr):
             with suppress(AttributeError, OSError, ValueError):  # None or closed; else nothing is written twice
@@ -249,13 +246,11 @@ class SupervisedRun:
         if self._pid == 0:
             try:
                 os.environ[self._mark] = ""  # for what it starts
-                run(printed.pipe, orders[0], tells[1])
+                run(orders[0], tells[1])
             finally:
                 os._exit(70)
         os.close(orders[0])
         os.close(tells[1])
-        printed.forward()
-        self._printed = printed
         self._orders, self._tells = self._pipes = orders[1], tells[0]
 
     def _send(self, order: Order, body: dict[str, Any]) -> None:
@@ -345,8 +340,6 @@ class SupervisedRun:
             for pipe in self._pipes:
                 os.close(pipe)
             self._pipes = ()
-            if self._printed is not None:
-                self._printed.close()
 
 
 def _lives(pid: int) -> bool:

@@ -35,7 +35,6 @@ from cosim.plant.protocol import HEADER, exactly, send
 from cosim.scenario.scenario import Scenario
 
 _PR_SET_PDEATHSIG = 1
-_IOLBF = 1
 
 
 class Order(IntEnum):
@@ -51,13 +50,7 @@ class Told(IntEnum):
 
 
 def child(
-    scenario: Scenario,
-    setup: Setup,
-    memory: list[NDArray[Any]],
-    activity: Activity,
-    printed: int,
-    orders: int,
-    tells: int,
+    scenario: Scenario, setup: Setup, memory: list[NDArray[Any]], activity: Activity, orders: int, tells: int
 ) -> None:
     """Do everything, and end this process.
 
@@ -69,15 +62,13 @@ def child(
         Where it is recorded, see `Recorder`.
     activity
         Shows what the plants are about.
-    printed
-        A pipe to the process that supervises this one, for everything that is printed here.
     orders, tells
-        Pipes from and to it.
+        Pipes from and to the process that supervises this one.
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
-    orders, tells, printed = _out_of_reach(orders, tells, printed)
-    _print_to(printed)
+    orders, tells = _out_of_reach(orders, tells)
+    _print_to_standard_error()
     tell = partial(_tell, tells)
     activity.listen()
     try:
@@ -143,15 +134,12 @@ def _leave() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _print_to(pipe: int) -> None:
-    """Let everything that is printed go there, line by line, so that a crash loses none."""
-    for standard in (1, 2):
-        os.dup2(pipe, standard)
-    os.close(pipe)
-    sys.stdout = sys.stderr = open(2, "w", 1, "utf-8", "backslashreplace", closefd=False)  # noqa: SIM115
-    library = ctypes.CDLL(None)
-    with suppress(ValueError):  # it calls its standard output otherwise
-        library.setvbuf(ctypes.c_void_p.in_dll(library, "stdout"), None, _IOLBF, ctypes.c_size_t(0))
+def _print_to_standard_error() -> None:
+    """Let everything that is printed go there: it is no output of the command."""
+    with suppress(OSError):  # the harness has none
+        os.fstat(2)
+        os.dup2(2, 1)
+        sys.stdout = sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
 
 
 def _out_of_reach(*pipes: int) -> list[int]:
