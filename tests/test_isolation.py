@@ -76,7 +76,7 @@ def nothing_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[No
 
 def workers(harness: int) -> list[str]:
     """Return the processes of plants that a harness has started and that are still there, zombies included."""
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(["ps", "-wweo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
     ours = (line for line in listed.splitlines() if f"cosim.plant.worker {harness}" in line)
     defunct = (line for line in listed.splitlines() if f" {harness} " in line and "<defunct>" in line)
     return [*ours, *defunct]

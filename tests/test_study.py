@@ -260,7 +260,7 @@ def _wait_for(condition: Callable[[], bool]) -> None:
 
 def _session(leader: int) -> list[str]:
     """Return the processes of a session that have not ended."""
-    listed = subprocess.run(["ps", "-eo", "sid,stat,args"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(["ps", "-wweo", "sid,stat,args"], capture_output=True, text=True, check=True).stdout
     rows = (line.split(None, 2) for line in listed.splitlines()[1:])
     return [args for sid, stat, args in rows if int(sid) == leader and not stat.startswith("Z")]
 

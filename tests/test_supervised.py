@@ -37,7 +37,7 @@ Make = Callable[..., Path]
 
 
 def children(of: int) -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,stat,args"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(["ps", "-wweo", "pid,ppid,stat,args"], capture_output=True, text=True, check=True).stdout
     rows = (line.split(None, 3) for line in listed.splitlines()[1:])
     return [f"{pid} {stat}" for pid, parent, stat, args in rows if int(parent) == of and not args.startswith("ps ")]
 

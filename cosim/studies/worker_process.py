@@ -25,6 +25,8 @@ _LAST_MOMENT = 5.0
 """Time [s] for a process that has closed its pipe to end."""
 _FINISH = 1.0
 """Time [s] for a process without tasks to end."""
+_STARTS = 3
+"""New processes of which none begins a task before that is a fault: someone may have ended one."""
 _OFTEN = 3
 """Processes that may end in the middle of a task, besides one in ten runs, before each run is supervised."""
 
@@ -34,7 +36,7 @@ class Ended(Exception):
 
 
 class NotBegun(Exception):
-    """A process has ended before it got another task."""
+    """A process has ended before it began a task; says how."""
 
 
 class Closed(Exception):
@@ -45,7 +47,7 @@ class WorkerProcess:
     """A process that makes runs, one task at a time."""
 
     def __init__(self) -> None:
-        self._has_begun = False
+        self.has_begun = False
         self._mark = process_tree.new_mark()
         self._process = launch(("-P", "-m", "cosim.studies.worker"), environment(self._mark, plain=False))
         assert self._process.stdin is not None
@@ -67,10 +69,8 @@ class WorkerProcess:
         try:
             begun, _ = self._answer()
         except Ended as how:
-            if self._has_begun:  # and had nothing to do for a while
-                raise NotBegun from None
-            raise RuntimeError(f"a process that makes runs did not start{how}") from None
-        self._has_begun = True
+            raise NotBegun(str(how)) from None
+        self.has_begun = True
         while True:
             kind, body = self._answer() if begun == Told.BEGUN else (-1, b"")
             try:
@@ -175,13 +175,16 @@ class Processes:
 
     def _rows(self, task: Task) -> Iterator[Row | float]:
         data = pickle.dumps(task)
+        failed = 0
         while True:
             try:
                 with self._borrowed() as process:
+                    failed += not process.has_begun  # others may have had nothing to do for a while, and have ended
                     yield from process.rows(data)
                 return
-            except NotBegun:
-                continue
+            except NotBegun as how:
+                if failed == _STARTS:
+                    raise RuntimeError(f"a process that makes runs did not start{how}") from None
 
     @contextmanager
     def _borrowed(self) -> Iterator[WorkerProcess]:

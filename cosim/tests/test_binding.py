@@ -572,7 +572,7 @@ def test_a_binding_twice(tmp_path: Path) -> None:
         (f'<binding xmlns="{NAMESPACE}" vehicle="boat"/>', "car.xml:1:1: "),
         (f'<binding xmlns="{NAMESPACE}"/>', "car.xml:1:1: "),
         ('<binding vehicle="car_like"/>', "car.xml:1:1: the root element is binding; expected <binding xmlns="),
-        (f'<scenario xmlns="{NAMESPACE}" name="x"/>', "car.xml:1:1: the root element is "),
+        (f'<scenario xmlns="{NAMESPACE}" name="x"/>', "car.xml:1:1: this is a scenario: "),
         (f'<!DOCTYPE a []>\n<binding xmlns="{NAMESPACE}" vehicle="car_like"/>', "car.xml:1:13: "),
         (f'<binding xmlns="{NAMESPACE}" vehicle="car_like">\n\n<role name="x" name="y"/></binding>', "car.xml:3:"),
         (f'<binding xmlns="{NAMESPACE}" vehicle="car_like">\n  <x xmlns="urn:x"/></binding>', "car.xml:2:3: the"),

@@ -78,10 +78,10 @@ def test_plants_are_given_their_own_commands_and_inputs() -> None:
     def given(samples: np.ndarray, tick: int) -> list[float]:
         robots: list[Any] = [SimpleNamespace(kind=one, samples=samples), SimpleNamespace(kind=CAR_LIKE, samples=none)]
         wiring = Wiring()
-        given = wire_plants(wiring, now, 1, robots)
+        wire_plants(wiring, now, 1, robots)
         moves, stages, _laws = wiring.arrays()
         move(moves, stages[Stage.GIVE], stages[Stage.GIVE + 1], tick)
-        return given.tolist()
+        return wiring.given.tolist()
 
     assert given(none, 0) == [1.0, 2.0, 3.0]
     assert given(inputs, 0) == [1.0, 7.0, 2.0, 3.0]

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError, OutputError
+from cosim.studies import worker_process
 from cosim.studies.conduct import check_study
 from cosim.studies.crew import Crew
 from cosim.studies.crews import crew_of
@@ -20,7 +21,7 @@ from cosim.studies.plan import Plan, Run
 from cosim.studies.row import Row
 from cosim.studies.store import FILE, Store
 from cosim.studies.task import Task
-from cosim.studies.worker_process import Ended, Processes
+from cosim.studies.worker_process import Ended, Processes, WorkerProcess
 from cosim.tests.studies import small_study
 
 
@@ -165,3 +166,30 @@ def test_a_process_that_ends_in_a_chunk_costs_no_row(
     made, _ = Processes().make(Workers(study, Crew(lambda task: Future(), lambda: 1)).task(runs))
     assert [one.number for one in made] == [1, 2, 3, 4]
     assert [(len(task.runs), task.alone) for task in tasks[1:2]] == [(1, True)] * (ended_after < 4)
+
+
+@pytest.mark.parametrize(("ended", "fault"), [([1], False), ([1, 2, 3], True)], ids=["one", "all"])
+def test_a_process_that_is_ended_while_it_starts_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: list[int], fault: bool
+) -> None:
+    started: list[WorkerProcess] = []
+
+    class Short(WorkerProcess):
+        def __init__(self) -> None:
+            super().__init__()
+            started.append(self)
+            if len(started) in ended:
+                self.end()
+
+    monkeypatch.setattr(worker_process, "WorkerProcess", Short)
+    study = small_study(tmp_path)
+    task = Workers(study, Crew(lambda task: Future(), lambda: 1)).task([(Plan(study)[0], "key")])
+    processes = Processes()
+    try:
+        if fault:
+            with pytest.raises(RuntimeError, match="did not start: its process crashed"):
+                processes.make(task)
+        else:
+            assert len(processes.make(task)[0]) == 1
+    finally:
+        processes.close()
