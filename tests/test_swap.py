@@ -336,7 +336,7 @@ def test_nothing_is_overwritten_unasked(swap, scenario: Path, tmp_path: Path) ->
         (["--plant", "car={scenario}"], "is not an FMU: File is not a zip file"),
         (["--plant", "car={fmu}", "--out", "{scenario}"], "is the scenario itself"),
         (["--plant", "car={fmu}", "--out", "{folder}/none/a.xml"], "cannot be written: No such file or directory"),
-        (["--plant", "car={fmu}", "--binding", "car={scenario}"], "the root element is"),
+        (["--plant", "car={fmu}", "--binding", "car={scenario}"], "this is a scenario: "),
         (["--plant", "car={fmu}", "--binding", "car={folder}/none.xml"], "there is no such file"),
     ],
 )
