@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ThreadPoolExecutor
 
 from cosim.collection import without_collection
 from cosim.fmu.package import open_package
@@ -15,10 +16,11 @@ def inspect(options: argparse.Namespace) -> int:
         from cosim.cli.self_testing import self_test
 
         return self_test(options.fmu, options.time_limit)
-    package = open_package(options.fmu)
+    with ThreadPoolExecutor(1) as beside:
+        opening = beside.submit(open_package, options.fmu)
+        from cosim.cli.fmu_content import print_content  # takes long, while a large file is parsed
+    package = opening.result()
     try:
-        from cosim.cli.fmu_content import print_content
-
         print_content(package, strict=options.strict, every=options.all)
     finally:
         package.close()

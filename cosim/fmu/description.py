@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -21,10 +21,9 @@ from lxml import etree
 
 from cosim.collection import without_collection
 from cosim.errors import printable
-from cosim.fmu.alike import all_without_numbers
 from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
 from cosim.fmu.breaches import OPTIONS, Breaches
-from cosim.fmu.description_reader import description_of
+from cosim.fmu.description_reader import OPTIONAL, description_of
 from cosim.fmu.model_description import ModelDescription
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 
@@ -75,25 +74,29 @@ def read(directory: Path) -> Reading:
     path = directory / DESCRIPTION
     data = path.read_bytes()
     schema = _schema(_version(data))
-    root = _parsed(path)
-    with without_collection(), Breaches(data, schema) as breaches:
-        if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
-            raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
-        try:
-            description = description_of(root)
-        except Exception as error:  # a breach of the schema is nearer to the cause
-            raise ValueError(_cause(root, breaches.of(root), error)) from None
-        rules = list(_complaints(description))
-        problems = (" ".join(problem.split()) for problem in chain(breaches.of(root), rules))
-        return Reading(description, tuple(problems), _capabilities(root))
+    with without_collection(), ThreadPoolExecutor(1) as beside:
+        parsing = beside.submit(etree.parse, path, PARSER)
+        import_module("fmpy.validation")  # takes long; libxml2 leaves the interpreter to others meanwhile
+        with Breaches(data, schema) as breaches:
+            stated = _stated(data)
+            return _reading(parsing.result().getroot(), breaches, stated)
 
 
-def _parsed(path: Path) -> etree._Element:
-    """Parse a file; what takes long to import is imported meanwhile, as libxml2 leaves the interpreter to others."""
-    with ThreadPoolExecutor(1) as parser:
-        parsing = parser.submit(etree.parse, path, PARSER)
-        import_module("fmpy.validation")
-        return parsing.result().getroot()
+def _reading(root: etree._Element, breaches: Breaches, stated: Set[str]) -> Reading:
+    if root.tag != "fmiModelDescription" or not root.get("fmiVersion"):
+        raise ValueError(f"it begins with <{root.tag}>; expected <fmiModelDescription fmiVersion=...>")
+    try:
+        description = description_of(root, stated)
+    except Exception as error:  # a breach of the schema is nearer to the cause
+        raise ValueError(_cause(root, breaches.of(root), error)) from None
+    rules = list(_complaints(description))
+    problems = (" ".join(problem.split()) for problem in chain(breaches.of(root), rules))
+    return Reading(description, tuple(problems), _capabilities(root))
+
+
+def _stated(data: bytes) -> Set[str]:
+    """Return which optional attributes may occur in a file; all of them if its encoding is not like ASCII."""
+    return {name for name in OPTIONAL if name.encode() in data} if b"<fmiModelDescription" in data else OPTIONAL
 
 
 def summed_up(problems: Iterable[str]) -> list[str]:
@@ -184,7 +187,7 @@ def _complaints(description: ModelDescription) -> Iterator[str]:
     except Exception as error:  # FMPy raises exceptions of any kind
         yield f"the rest could not be validated: {type(error).__name__}: {error}"
     if description.variableNamingConvention == "structured":
-        names = all_without_numbers(variable.name for variable in description.modelVariables)
+        names = description.names_without_numbers
         legal = {name for name in set(names) if _STRUCTURED.fullmatch(name)}
         for variable, name in zip(description.modelVariables, names, strict=False):
             if name not in legal:

@@ -6,7 +6,7 @@ FMPy reads them too; for the hundred thousand variables that an FMU may have, it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from lxml import etree
@@ -29,6 +29,21 @@ from cosim.fmu.model_description import (
 
 _TRUE = ("true", "1")
 _TYPES_1_AND_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
+OPTIONAL = frozenset(
+    (
+        "initial",
+        "start",
+        "unit",
+        "displayUnit",
+        "declaredType",
+        "min",
+        "max",
+        "description",
+        "derivative",
+        "clocks",
+    )
+)
+"""Attributes that few variables state: it takes long to ask each of many for what none of them has."""
 _STARTS_INSIDE = ("String", "Binary")
 """Types of FMI 3.0 that have their start values in elements of their own."""
 _INITIAL: Mapping[tuple[str, str], str | None] = {
@@ -63,13 +78,15 @@ class _Structure(NamedTuple):
     event_indicators: list[Unknown]
 
 
-def description_of(root: etree._Element) -> ModelDescription:
+def description_of(root: etree._Element, stated: Set[str] = OPTIONAL) -> ModelDescription:
     """Return a model description.
 
     Parameters
     ----------
     root
         Its root element.
+    stated
+        Those of `OPTIONAL` that occur in it.
 
     Raises
     ------
@@ -81,7 +98,7 @@ def description_of(root: etree._Element) -> ModelDescription:
     if version not in ("1.0", "2.0") and not version.startswith("3."):
         raise ValueError(f"Unsupported FMI version: {version}")
     major = int(version[0])
-    variables, structure = (_variables_3 if major == 3 else _variables_1_and_2)(root, _types(root, major))
+    variables, structure = (_variables_3 if major == 3 else _variables_1_and_2)(root, _types(root, major), stated)
     states = len(structure.derivatives)
     indicators = int(get("numberOfEventIndicators") or 0)
     if major == 1:
@@ -199,7 +216,7 @@ def _types(root: etree._Element, major: int) -> dict[str | None, SimpleType | No
 
 
 def _variables_1_and_2(
-    root: etree._Element, types: dict[str | None, SimpleType | None]
+    root: etree._Element, types: dict[str | None, SimpleType | None], stated: Set[str]
 ) -> tuple[list[Variable], _Structure]:
     first = root.get("fmiVersion") == "1.0"
     found: list[Variable] = []
@@ -212,7 +229,8 @@ def _variables_1_and_2(
         if (kind := value.tag) not in _TYPES_1_AND_2:
             value, kind = next((child, child.tag) for child in element if child.tag in _TYPES_1_AND_2)
         get_value = value.get
-        causality, variability, initial = get("causality", "local"), get("variability", "continuous"), get("initial")
+        causality, variability = get("causality", "local"), get("variability", "continuous")
+        initial = get("initial") if "initial" in stated else None
         if first:
             if variability == "parameter":
                 causality, variability = "parameter", "fixed"
@@ -222,6 +240,7 @@ def _variables_1_and_2(
                 causality = NEGATED
         elif initial is None and (initial := _INITIAL.get((variability, causality), "")) == "":
             raise _illegal(element, causality, variability)
+        declared = get_value("declaredType") if "declaredType" in stated else None
         variable = Variable(
             name,
             int(get("valueReference", "")),
@@ -229,17 +248,17 @@ def _variables_1_and_2(
             causality,
             variability,
             initial,
-            get_value("start"),
-            get_value("unit"),
-            get_value("displayUnit"),
-            types[declared] if (declared := get_value("declaredType")) in types else _undeclared(element, declared),
-            get_value("min"),
-            get_value("max"),
-            get("description"),
+            get_value("start") if "start" in stated else None,
+            get_value("unit") if "unit" in stated else None,
+            get_value("displayUnit") if "displayUnit" in stated else None,
+            types[declared] if declared in types else _undeclared(element, declared),
+            get_value("min") if "min" in stated else None,
+            get_value("max") if "max" in stated else None,
+            get("description") if "description" in stated else None,
             element.sourceline or 0,
         )
         found.append(variable)
-        if (derivative := get_value("derivative")) is not None and not first:
+        if "derivative" in stated and (derivative := get_value("derivative")) is not None and not first:
             derivatives.append((variable, derivative))
 
     def numbered(text: str) -> Variable:
@@ -258,7 +277,9 @@ def _variables_1_and_2(
     return found, _Structure(unknowns("Outputs"), unknowns("Derivatives"), [], unknowns("InitialUnknowns"), [])
 
 
-def _variables_3(root: etree._Element, types: dict[str | None, SimpleType | None]) -> tuple[list[Variable], _Structure]:
+def _variables_3(
+    root: etree._Element, types: dict[str | None, SimpleType | None], stated: Set[str]
+) -> tuple[list[Variable], _Structure]:
     found: list[Variable] = []
     derivatives: list[tuple[Variable, str]] = []
     clocked: list[tuple[Variable, str]] = []
@@ -267,7 +288,8 @@ def _variables_3(root: etree._Element, types: dict[str | None, SimpleType | None
         get, kind = element.get, element.tag
         if (name := get("name")) is None:
             continue
-        causality, variability, initial = get("causality", "local"), get("variability"), get("initial")
+        causality, variability = get("causality", "local"), get("variability")
+        initial = get("initial") if "initial" in stated else None
         if variability is None:
             if causality.lower().endswith("parameter"):
                 variability = "fixed"
@@ -275,6 +297,7 @@ def _variables_3(root: etree._Element, types: dict[str | None, SimpleType | None
                 variability = "continuous" if kind in ("Float64", "Float32") else "discrete"
         if initial is None and (initial := _INITIAL.get((variability, causality), "")) == "":
             raise _illegal(element, causality, variability)
+        declared = get("declaredType") if "declaredType" in stated else None
         variable = Variable(
             name,
             int(get("valueReference", "")),
@@ -283,18 +306,18 @@ def _variables_3(root: etree._Element, types: dict[str | None, SimpleType | None
             variability,
             initial,
             get("start") if kind not in _STARTS_INSIDE else None,
-            get("unit"),
-            get("displayUnit"),
-            types[declared] if (declared := get("declaredType")) in types else _undeclared(element, declared),
-            get("min"),
-            get("max"),
-            get("description"),
+            get("unit") if "unit" in stated else None,
+            get("displayUnit") if "displayUnit" in stated else None,
+            types[declared] if declared in types else _undeclared(element, declared),
+            get("min") if "min" in stated else None,
+            get("max") if "max" in stated else None,
+            get("description") if "description" in stated else None,
             element.sourceline or 0,
         )
         found.append(variable)
-        if (derivative := get("derivative")) is not None:
+        if "derivative" in stated and (derivative := get("derivative")) is not None:
             derivatives.append((variable, derivative))
-        if (clocks := get("clocks")) is not None:
+        if "clocks" in stated and (clocks := get("clocks")) is not None:
             clocked.append((variable, clocks))
         if kind == "Clock":
             variable.intervalVariability = get("intervalVariability")

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from cosim.fmu.alike import all_without_numbers
+
 NEGATED = "negatedAlias"
 """Stands for the causality of a negated alias of FMI 1.0."""
 
@@ -201,6 +203,11 @@ class ModelDescription:
     clockedStates: Sequence[Unknown] = field(default=())
     eventIndicators: Sequence[Unknown] = field(default=())
     initialUnknowns: Sequence[Unknown] = field(default=())
+
+    @cached_property
+    def names_without_numbers(self) -> list[str]:
+        """`without_numbers` of the variables' names, in their order."""
+        return all_without_numbers(variable.name for variable in self.modelVariables)
 
     @cached_property
     def by_name(self) -> dict[str, Variable | None]:

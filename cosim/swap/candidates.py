@@ -11,7 +11,7 @@ from itertools import chain, count
 from operator import itemgetter
 from typing import NamedTuple
 
-from cosim.fmu.alike import KEPT, all_without_numbers, without_numbers
+from cosim.fmu.alike import KEPT, without_numbers
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, SimpleType, Variable
 from cosim.fmu.units import UnitContradiction, unit_name, unit_of
@@ -140,7 +140,7 @@ class Numbers:
     def _groups(self) -> Iterator[tuple[_Key, list[int]]]:
         """Yield where variables are that could play a role, those that are alike together."""
         variables, known = self._description.modelVariables, self._description.by_name
-        stems = all_without_numbers(variable.name for variable in variables)
+        stems = self._description.names_without_numbers
         groups: dict[_Key, list[int]] = defaultdict(list)
         for at, v, stem in zip(count(step=_LARGEST_ARRAY), variables, stems, strict=False):
             groups[stem, v.causality, v.type, v.unit, v.declaredType, bool(v.dimensions)].append(at)
