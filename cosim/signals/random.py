@@ -18,18 +18,19 @@ def random_stream(seed: int, robot: str, channel: str) -> np.random.Generator:
     The stream depends on the seed and the two names alone: adding a robot or a sensor leaves all others as they are.
     """
     # As NumPy puts seed and spawn key together, SeedSequence(seed, spawn_key=names), in half the time.
-    sequence = np.random.SeedSequence(np.concatenate((_words_of(seed), _words_of_names(robot, channel))))
+    sequence = np.random.SeedSequence(np.concatenate((words_of(seed), words_of_names(robot, channel))))
     return np.random.Generator(np.random.PCG64(sequence))
 
 
 @lru_cache(64)
-def _words_of(seed: int) -> NDArray[np.uint32]:
+def words_of(seed: int) -> NDArray[np.uint32]:
     """Return a seed in words, the lowest first, and at least as many as NumPy's pool has."""
     size = max(-(-seed.bit_length() // 32), _POOL)
     return np.frombuffer(seed.to_bytes(4 * size, "little"), dtype="<u4").astype(np.uint32)
 
 
 @lru_cache(4096)
-def _words_of_names(robot: str, channel: str) -> NDArray[np.uint32]:
+def words_of_names(robot: str, channel: str) -> NDArray[np.uint32]:
+    """Return the words that stand for the two names of a stream."""
     digest = hashlib.sha256(f"{robot}/{channel}".encode()).digest()
     return np.frombuffer(digest, dtype="<u4").astype(np.uint32)

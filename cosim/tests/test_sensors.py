@@ -13,6 +13,7 @@ from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
+from cosim.signals import normal
 from cosim.signals.chain import Chain, apply
 from cosim.signals.effects import EFFECTS, Effect, check_channels, understood
 from cosim.signals.effects.effect import Rows
@@ -142,6 +143,24 @@ def test_streams_are_those_of_the_seed_with_the_names_as_spawn_key(seed: int) ->
     names = np.frombuffer(hashlib.sha256(b"a/x").digest(), dtype="<u4").tolist()
     expected = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=names))
     assert random_stream(seed, "a", "x").bit_generator.state == expected.state
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("seed", [0, 1, 2**64 + 5, 2**200 + 3])
+def test_normal_numbers_are_those_of_numpy(seed: int, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not compiled:
+        monkeypatch.setattr(normal, "ZIGGURAT", None)
+    names = [("a", channel) for channel in CHANNELS]
+    streams = normal.NormalStreams(names)
+    streams.begin(seed)
+    drawn = np.full((40_000, 6), 3.0)
+    for block in (slice(0, 1), slice(1, 1024), slice(1024, None)):
+        streams.multiply(drawn[block], np.array([5, 0, 1, 3]))
+    for column, name in zip((5, 0, 1, 3), names, strict=True):
+        expected = random_stream(seed, *name).standard_normal(len(drawn))
+        assert np.array_equal(drawn[:, column], 3.0 * expected)
+        assert np.abs(expected).max() > 3.66, "numbers beyond the last layer of the ziggurat are among them"
+    assert (drawn[:, [2, 4]] == 3.0).all()
 
 
 def test_sensors_that_are_restarted_are_as_good_as_new() -> None:
