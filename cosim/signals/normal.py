@@ -173,6 +173,8 @@ _UNIT = 1.0 / float(1 << 53)
 if ZIGGURAT is not None:
     _HEIGHTS, _INSIDE = ZIGGURAT.fi_double, ZIGGURAT.ki_double
     _SIGNED = np.concatenate((ZIGGURAT.wi_double, -ZIGGURAT.wi_double))
+    _TAIL: float
+    _TAIL_SCALE: float
     _TAIL, _TAIL_SCALE = ZIGGURAT.ziggurat_nor_r, ZIGGURAT.ziggurat_nor_inv_r
 
 
