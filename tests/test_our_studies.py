@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from cosim.studies.held_out import with_cost
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
 from cosim.studies.requirements import requirements_of
-from cosim.studies.tuning import with_cost
 
 ROOT = Path(__file__).parent.parent
 FILES = sorted((ROOT / "studies").glob("*.xml"))

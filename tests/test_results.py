@@ -3,6 +3,7 @@
 import json
 import shutil
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,11 @@ def test_a_change_has_the_words_of_its_option(tmp_path: Path) -> None:
         "--binding car=car.xml",
         "--controller pid=lqg",
     ]
+    assert in_words(partial(partial(_nothing, about=1))) == "_nothing"
+
+
+def _nothing(root: object, about: int) -> None:
+    pass
 
 
 def test_terminal_summary_result_and_figure_say_what_was_changed(

@@ -15,12 +15,13 @@ from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.errors import InputError, printable
 from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
+from cosim.studies.cases import case_name, own_text, tuned_in
 from cosim.studies.conduct import check_study
 from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
 from cosim.studies.searching import Searching
 from cosim.studies.study import Study, Tune
-from cosim.studies.tuning import case_name, most_runs, own_text, tuned_in
+from cosim.studies.tuning import most_runs
 from cosim.studies.values import Random, written
 
 _SHOWN = 5

@@ -21,6 +21,7 @@ from cosim.results.files import writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
+from cosim.studies.cases import own_text
 from cosim.studies.conduct import StudyOutcome, conduct
 from cosim.studies.plan import run_of
 from cosim.studies.reader import read_study
@@ -32,7 +33,7 @@ from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
 from cosim.studies.table import as_csv
 from cosim.studies.trial import mean_cost
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
-from cosim.studies.tuning import Tuned, own_text
+from cosim.studies.tuning import Tuned
 
 _MOST_CASES = 40
 """Rows of cases that are printed."""
@@ -215,7 +216,8 @@ def _print_cases(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRo
 
 
 def _number(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "none"
+    """Return a figure; "none" where no run has one, as all are broken."""
+    return "none" if math.isnan(value) else f"{value:.4g}".replace("inf", "infinite")
 
 
 @contextmanager

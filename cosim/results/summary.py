@@ -15,6 +15,7 @@ from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
 from cosim.results.follower_figures import FollowerFigures, follower_figures
+from cosim.results.json_numbers import without_nan
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import smallest_distance
 from cosim.results.passes import sign_changes
@@ -79,11 +80,11 @@ class Summary:
         told = asdict(self)
         told |= told.pop("provenance")
         told["passed"] = self.passed
-        return json.dumps(_without_nan(told), indent=2) + "\n"
+        return json.dumps(without_nan(told), indent=2) + "\n"
 
     def verdicts_as_json(self) -> str:
         """Return the verdicts as a result keeps them in its attribute ``verdicts``."""
-        return json.dumps(_without_nan([asdict(verdict) for verdict in self.verdicts]))
+        return json.dumps(without_nan([asdict(verdict) for verdict in self.verdicts]))
 
 
 def summarise(scenario: Scenario, result: xr.Dataset | Result, run_other: RunOther | None = None) -> Summary:
@@ -182,12 +183,3 @@ def _near(values: NDArray[np.float64], below: float) -> tuple[int | None, int]:
             if nearness[nearest] < least:
                 at, least = block.start + int(nearest), float(nearness[nearest])
     return first, at
-
-
-def _without_nan(value: object) -> object:
-    """Return the value with None for every number that JSON does not know."""
-    if isinstance(value, dict):
-        return {key: _without_nan(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

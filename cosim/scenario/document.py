@@ -23,7 +23,7 @@ from cosim.errors import InputError, Location
 from cosim.missing_file import absent
 from cosim.scenario.edits import Change, in_words
 from cosim.scenario.element_count import first_beyond
-from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name, violation
+from cosim.scenario.grammar import NAMESPACE, attributes_of_types, local_name, paths_in, violation
 from cosim.scenario.malformed_xml import reason
 from cosim.scenario.variant import MAX_ELEMENTS, vary
 
@@ -289,10 +289,8 @@ def _relocate(root: etree._Element, folder: PurePath) -> None:
     """Prefix the relative paths in a tree without namespace."""
     if folder == PurePath():
         return
-    for element in root.iter("*"):
-        for name, kind in attributes_of(element.tag).items():
-            if kind == "path" and name in element.attrib:
-                element.set(name, (folder / element.get(name, "")).as_posix())
+    for element, name in paths_in(root):
+        element.set(name, (folder / element.get(name, "")).as_posix())
 
 
 def _strip_namespace(root: etree._Element) -> None:

@@ -10,6 +10,7 @@ import math
 import shlex
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from lxml import etree
@@ -47,7 +48,9 @@ class Edit:
 
 
 def in_words(change: Change) -> str:
-    """Return the name of a change."""
+    """Return the name of a change: its words, or the name of its function."""
+    while isinstance(change, partial):
+        change = change.func
     return change.words if isinstance(change, Edit) else getattr(change, "__name__", type(change).__name__)
 
 

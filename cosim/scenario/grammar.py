@@ -78,6 +78,14 @@ def attributes_of_types(*types: str) -> dict[str, frozenset[str]]:
     return {tag: frozenset(name for name, kind in attributes_of(tag).items() if kind in types) for tag in tags}
 
 
+def paths_in(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    """Yield each attribute in a tree that is a path: its element, and its name."""
+    for element in root.iter("*"):
+        for name, kind in attributes_of(local_name(element)).items():
+            if kind == "path" and name in element.attrib:
+                yield element, name
+
+
 @cache
 def children_of(tag: str) -> dict[str, int]:
     """Return the elements that the schema knows within an element, each with its rank in their order.

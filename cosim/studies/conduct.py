@@ -13,6 +13,7 @@ from pathlib import Path
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
 from cosim.studies.crews import crew_of
+from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.keys import key_of_scenario
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
@@ -22,7 +23,7 @@ from cosim.studies.searching import Searching, Worst, check_search, search_verdi
 from cosim.studies.sensitivity import Sensitivity, check_installed, sensitivities
 from cosim.studies.store import Store
 from cosim.studies.study import Search, Study, Tune
-from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs, to_judge, tuned_values, with_cost
+from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs
 
 
 @dataclass(frozen=True)

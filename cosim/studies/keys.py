@@ -10,7 +10,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.master.setup import Setup
-from cosim.scenario.grammar import attributes_of, local_name
+from cosim.scenario.grammar import local_name, paths_in
 from cosim.scenario.scenario import Scenario
 from cosim.studies.elsewhere import LIBRARIES
 
@@ -41,15 +41,13 @@ def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
     for path, (other, its) in setup.others.items():
         yield f"other {path.name} {key_of_scenario(other, its)}"
     root = etree.fromstring(scenario.text.encode(), etree.XMLParser(remove_comments=True, remove_pis=True))
+    for element, name in paths_in(root):
+        if (local_name(element), name) != ("plant", "fmu"):  # whose checksum is there already
+            yield f"file {name} {_content(scenario.folder / element.get(name, ''))}"
     for element in list(root.iter("*")):
-        kind = local_name(element)
         element.tail, element.text = None, (element.text or "").strip()
-        if kind in _FOR_PEOPLE:
+        if local_name(element) in _FOR_PEOPLE:
             element.clear()
-        for name, of_type in attributes_of(kind).items():
-            if of_type == "path" and name in element.attrib and not (kind == "plant" and name == "fmu"):
-                file = scenario.folder / element.get(name, "")
-                yield f"file {name} {_content(file)}"
     root.attrib.pop("name", None)
     yield etree.tostring(root, method="c14n").decode()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.scenario.edits import split_setting
-from cosim.scenario.grammar import NAMESPACE, attributes_of, attributes_of_types, local_name
+from cosim.scenario.grammar import NAMESPACE, attributes_of_types, local_name, paths_in
 from cosim.scenario.variant import RULES
 from cosim.studies.plan import Run
 from cosim.studies.study import Study
@@ -32,10 +32,9 @@ def as_variant(study: Study, run: Run, folder: Path, name: str = "", title: str 
     for case in cases:
         for rule in case.iterchildren(*(f"{{{NAMESPACE}}}{tag}" for tag in RULES)):
             variant.append(copied := copy.deepcopy(rule))
+            for element, attribute in paths_in(copied):
+                element.set(attribute, _moved(element.get(attribute, ""), here, folder))
             for element in copied.iter("*"):
-                for attribute, kind in attributes_of(local_name(element)).items():
-                    if kind == "path" and attribute in element.attrib:
-                        element.set(attribute, _moved(element.get(attribute, ""), here, folder))
                 element.tag = local_name(element)
     for change in run.changes:
         select, value = split_setting(change)

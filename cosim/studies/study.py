@@ -10,6 +10,9 @@ from cosim.scenario.document import Document
 from cosim.scenario.scenario import Scenario
 from cosim.studies.values import Values
 
+COST = "cost"
+"""The name of what a tuning makes least, for requirements."""
+
 
 @dataclass(frozen=True)
 class Target:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from cosim.results.json_numbers import without_nan
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.row import BROKEN
 from cosim.studies.searching import Worst
@@ -78,7 +77,7 @@ def as_json(outcome: StudyOutcome) -> str:
         "holds": outcome.passed if outcome.verdicts else None,
         "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
     }
-    return json.dumps(_finite(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(without_nan(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _worst_data(study: Study, worst: Worst) -> dict[str, Any]:
@@ -108,11 +107,3 @@ def remarkable(outcome: StudyOutcome, most: int = 10) -> list[int]:
         numbers += [row.number for row in rows if row.status == status][:most]
     numbers += [spread.worst_run for spread in spreads(outcome)]
     return sorted(set(numbers))
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, Sequence) and not isinstance(data, str):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cosim.studies.cases import own_text
 from cosim.studies.plan import run_of
 from cosim.studies.reproduce import as_variant
 from cosim.studies.study import Study, Tune
 from cosim.studies.trial import Trial, mean_cost, passes
-from cosim.studies.tuning import Tuned, own_text
+from cosim.studies.tuning import Tuned
 
 
 def trials_csv(study: Study, tune: Tune, found: Sequence[Tuned]) -> str:

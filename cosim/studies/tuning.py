@@ -1,4 +1,4 @@
-"""The trials of a study that tunes: several searches in each case, and the test of the best trial on other draws.
+"""The trials of a study that tunes: several searches in each case, and the best trial of each case.
 
 A search asks for a batch of trials, and for the next batch when all runs of this one have come. It sees no other
 search. So the trials are the same on any number of processes, and a study that goes on takes their runs from the store.
@@ -6,30 +6,18 @@ search. So the trials are the same on any number of processes, and a study that 
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy.optimize import brentq
-
 from cosim.errors import InputError
-from cosim.quantity import quantity
 from cosim.results.verdict import Verdict
-from cosim.studies.bounds import sign_test
-from cosim.studies.making import Maker, Take, in_order
+from cosim.studies.cases import case_name, cases_at, names_of, tuned_in
 from cosim.studies.plan import MOST_RUNS, Plan, Run, run_of
-from cosim.studies.row import PASSED, Row
-from cosim.studies.seeking import Point, Seeker, check_seeking, seeker
-from cosim.studies.study import Measured, Study, Tune
-from cosim.studies.trial import Trial, cost_of, is_worse, mean_cost, passes, score
-from cosim.studies.values import Finite, Random
-
-COST = "cost"
-"""The name of what is made least, for requirements."""
-_EDGE = 0.02
-"""How near to an end of its range a value is at a bound, of the range's length in the search."""
+from cosim.studies.row import Row
+from cosim.studies.seeking import check_seeking
+from cosim.studies.study import COST, Study, Tune
+from cosim.studies.trial import Trial
+from cosim.studies.tuning_search import TuningSearch, at_bounds
 
 
 @dataclass(frozen=True)
@@ -64,14 +52,6 @@ class Tuned:
     verdict: Verdict | None = None
 
 
-def with_cost(study: Study) -> Study:
-    """Return the study with the cost as its last measure, for requirements on the tuned values."""
-    if study.tune is None:
-        return study
-    cost = Measured(COST, over="worst", greatest_is_worst=True, unit="", where=study.tune.where)
-    return replace(study, measures=(*study.measures, cost))
-
-
 def check_tuning(study: Study, tune: Tune) -> None:
     """Refuse what could not be tuned; raises InputError with its place."""
     for cases in study.bases:
@@ -92,29 +72,6 @@ def most_runs(study: Study, tune: Tune) -> int:
     return len(study.bases) * (tune.evaluations * len(tune.training) + 2 * len(tune.held_out))
 
 
-def case_name(study: Study, cases: tuple[int, ...]) -> str:
-    """Return the names of cases, with spaces between them."""
-    return " ".join(_named(study, cases))
-
-
-def own_text(study: Study, cases: tuple[int, ...], index: int) -> str:
-    """Return what the scenario of some cases has where a value goes; empty where it has nothing or no such place."""
-    target = study.vary[index].targets[0]
-    text = study.own[cases].get(target.select, "")
-    return text.split()[target.entry - 1] if target.entry and text else text
-
-
-def tuned_in(study: Study, tune: Tune, cases: tuple[int, ...]) -> list[int]:
-    """Return which of the values are tuned in a case."""
-    named = _named(study, cases)
-    return [index for index in tune.values if study.vary[index].case in ("", *named)]
-
-
-def _named(study: Study, cases: tuple[int, ...]) -> list[str]:
-    having = [vary.values for vary in study.vary if vary.cases]
-    return [values.texts[index] for values, index in zip(having, cases, strict=True) if isinstance(values, Finite)]
-
-
 class Tuning:
     """The trials of all cases, whose runs are asked for and taken; see `cosim.studies.making`.
 
@@ -131,9 +88,11 @@ class Tuning:
         self._draws = draws_of_values(study, tune)
         self._left = most_runs(study, tune) if most is None else most
         self._searches = [
-            _Search(self, cases, restart) for cases in range(len(study.bases)) for restart in range(tune.restarts)
+            TuningSearch(study, tune, case, restart)
+            for case in range(len(study.bases))
+            for restart in range(tune.restarts)
         ]
-        self._of: dict[int, tuple[_Search, Trial]] = {}
+        self._of: dict[int, tuple[TuningSearch, Trial]] = {}
 
     def ask(self, most: int) -> list[Run]:
         """Return runs to begin next."""
@@ -176,119 +135,16 @@ class Tuning:
             if trials and trials[0].point is None:
                 best = min((t for t in trials if not t.pruned), key=lambda trial: trial.score)
                 name = case_name(self._study, cases)
-                found.append(Tuned(cases, name, tuple(trials), best, tuple(_at_bounds(self._study, best))))
+                found.append(Tuned(cases, name, tuple(trials), best, tuple(at_bounds(self._study, best))))
         return found
 
     def _run(self, number: int, trial: Trial, draw: int) -> Run:
-        cases = list(self._study.bases)[trial.case]
-        names = iter(_named(self._study, cases))
+        cases = cases_at(self._study, trial.case)
+        names = iter(names_of(self._study, cases))
         values = [next(names) if vary.cases else None for vary in self._study.vary]
         for index, value in (*self._draws[draw].items(), *trial.values.items()):
             values[index] = value
         return run_of(self._study, number, draw, values)
-
-
-class _Search:
-    """One search in one case: its trials, in batches.
-
-    Attributes
-    ----------
-    case : int
-        The index of the case.
-    waiting : deque
-        Trials and draws whose runs were not asked for.
-    ended : list of Trial
-        All trials whose runs have come.
-    """
-
-    def __init__(self, tuning: Tuning, case: int, restart: int) -> None:
-        study, tune = tuning._study, tuning._tune
-        cases = list(study.bases)[case]
-        each, more = divmod(tune.evaluations, tune.restarts)
-        self._study, self._tune = study, tune
-        self._tuned = tuned_in(study, tune, cases)
-        self._restart = restart
-        self._size = each + (restart < more)
-        self._first = case * tune.evaluations + restart * each + min(restart, more) + 1
-        self._stages = list(_stages(tune))
-        self.case = case
-        self.waiting: deque[tuple[Trial, int]] = deque()
-        self.ended: list[Trial] = []
-        self._batch: list[Trial] = []
-        self._running: list[Trial] = []
-        self._stage = 0
-        start = None if restart else _own_point(study, cases, self._tuned)
-        self._seeker: Seeker = seeker(tune.method, len(self._tuned), tune.batch, start, (tune.seed, case, restart))
-        self._best: Trial | None = None
-        if restart == 0:
-            self._begin([Trial(self._first, case, 1, None, dict.fromkeys(self._tuned))])
-        else:
-            self._begin(self._asked())
-
-    def go_on(self) -> None:
-        """Go on if all runs of this stage have come: with the next draws, or with the next batch."""
-        if self.waiting or any(len(trial.rows) < self._stages[self._stage] for trial in self._running):
-            return
-        self._stage += 1
-        if self._stage < len(self._stages):
-            self._drop_worse()
-            self._wait()
-        if self._stage == len(self._stages) or not self._running:
-            self._end()
-
-    def _drop_worse(self) -> None:
-        if self._best is None or self._tune.prune is None:
-            return
-        for trial in self._running:
-            trial.pruned = is_worse(self._tune, trial, self._best, self._tune.prune)
-        self._running = [trial for trial in self._running if not trial.pruned]
-
-    def _end(self) -> None:
-        """End a batch: tell the search, and begin the next one."""
-        for trial in self._batch:
-            trial.score = score(self._tune, [trial.rows[draw] for draw in self._tune.training if draw in trial.rows])
-            if not trial.pruned and (self._best is None or trial.score < self._best.score):
-                self._best = trial
-        if self.ended or self._restart:  # else it is of the scenario's own values, where the search begins
-            self._seeker.tell([trial.score for trial in self._batch])
-        self.ended += self._batch
-        self._batch = []
-        if len(self.ended) < self._size:
-            self._begin(self._asked())
-
-    def _asked(self) -> list[Trial]:
-        count = min(self._tune.batch, self._size - len(self.ended))
-        first = self._first + len(self.ended)
-        return [
-            Trial(first + place, self.case, self._restart + 1, point, self._values(point))
-            for place, point in enumerate(self._seeker.ask(count))
-        ]
-
-    def _values(self, point: Point) -> dict[int, str | None]:
-        found: dict[int, str | None] = {}
-        for index, fraction in zip(self._tuned, point.tolist(), strict=True):
-            found[index] = _range(self._study, index).at(fraction)
-        return found
-
-    def _begin(self, batch: list[Trial]) -> None:
-        self._batch = self._running = batch
-        self._stage = 0
-        self._wait()
-
-    def _wait(self) -> None:
-        begin = self._stages[self._stage - 1] if self._stage else 0
-        draws = self._tune.training[begin : self._stages[self._stage]]
-        self.waiting.extend((trial, draw) for trial in self._running for draw in draws)
-
-
-def _stages(tune: Tune) -> Iterator[int]:
-    """Return after how many draws trials may be dropped, and the number of all draws at last."""
-    if tune.prune is not None:
-        fewest = max(math.ceil(-math.log2(tune.prune)), 2)  # with fewer pairs the test never decides
-        while fewest < len(tune.training):
-            yield fewest
-            fewest *= 2
-    yield len(tune.training)
 
 
 def draws_of_values(study: Study, tune: Tune) -> Mapping[int, Mapping[int, str | None]]:
@@ -313,97 +169,3 @@ def draws_of_values(study: Study, tune: Tune) -> Mapping[int, Mapping[int, str |
                 tune.where,
             )
     return found
-
-
-def _range(study: Study, index: int) -> Random:
-    values = study.vary[index].values
-    assert isinstance(values, Random)
-    return values
-
-
-# Where the search begins and ends -----------------------------------------------------------------------------
-
-
-def _own_point(study: Study, cases: tuple[int, ...], tuned: Sequence[int]) -> Point:
-    """Return where the scenario's own values are; in the middle of a range if it has none, at its end if outside."""
-    return np.array([_own_fraction(study, cases, index) for index in tuned])
-
-
-def _own_fraction(study: Study, cases: tuple[int, ...], index: int) -> float:
-    target, values = study.vary[index].targets[0], _range(study, index)
-    try:
-        own = quantity(own_text(study, cases, index), values.unit)
-    except ValueError:
-        return 0.5
-    if target.factor is not None or target.offset is not None:
-        return 0.5
-    if own <= values.quantile(0.0):
-        return 0.0
-    if own >= values.quantile(1.0):
-        return 1.0
-    return float(brentq(lambda fraction: values.quantile(fraction) - own, 0.0, 1.0))
-
-
-def _at_bounds(study: Study, best: Trial) -> Iterator[str]:
-    for (index, value), fraction in zip(best.values.items(), () if best.point is None else best.point, strict=False):
-        if _EDGE <= fraction <= 1.0 - _EDGE:
-            continue
-        end = "least" if fraction < _EDGE else "greatest"
-        yield f"{study.vary[index].name} = {value} is at the {end} value of its range: widen it"
-
-
-# The verdict --------------------------------------------------------------------------------------------------
-
-
-def tuned_values(study: Study, tune: Tune, maker: Maker, tuning: Tuning, take: Take) -> list[Tuned]:
-    """Make the runs of the best trials and of the scenario's own values on the draws that were held out; judge them."""
-    found = tuning.found()
-    rows: dict[int, Row] = {}
-
-    def keep(some: Sequence[Row]) -> bool:
-        rows.update((row.number, row) for row in some)
-        return take(some)
-
-    wanted = {one.cases: (tuning.held_out(one.trials[0]), tuning.held_out(one.best)) for one in found}
-    maker.make(in_order({run.number: run for both in wanted.values() for runs in both for run in runs}.values()), keep)
-    judged = []
-    for one in found:
-        own, best = (tuple(rows[run.number] for run in runs) for runs in wanted[one.cases])
-        judged.append(replace(one, own=own, held_out=best, verdict=_verdict(tune, one, own, best)))
-    return judged
-
-
-def _verdict(tune: Tune, tuned: Tuned, own: Sequence[Row], best: Sequence[Row]) -> Verdict:
-    of = f" of {tuned.name}" if tuned.name else ""
-    pairs = [(score(tune, [one]), score(tune, [other])) for one, other in zip(best, own, strict=True)]
-    least, told = sign_test(pairs, tune.confidence)
-    details = [f"{told} of held-out draws", f"mean cost {mean_cost(tune, best):.4g}, was {mean_cost(tune, own):.4g}"]
-    if not passes(best):
-        details.append(f"{sum(row.status != PASSED for row in best)} of these runs do not pass")
-    if not passes(tuned.best.rows.values()):
-        details.append("in training, no trial passes on all draws")
-    return Verdict(
-        expectation=f"tuned values{of} better than the scenario's own, with confidence {tune.confidence:g}",
-        robot="",
-        figure=least,
-        bound=0.5,
-        unit="",
-        margin=least - 0.5,
-        passed=least > 0.5,
-        known_failure=tune.fails,
-        detail="; ".join(details),
-        where=tune.where,
-    )
-
-
-def to_judge(study: Study, tune: Tune, found: Sequence[Tuned]) -> list[Row]:
-    """Return the runs of all tuned cases that were held out, for requirements: with their cost, and paired by draws."""
-    return [
-        replace(
-            row,
-            measures=(*row.measures, cost_of(tune, row)),
-            values=tuple(None if index in tune.values else value for index, value in enumerate(row.values)),
-        )
-        for one in found
-        for row in one.held_out
-    ]
