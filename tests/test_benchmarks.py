@@ -48,6 +48,15 @@ def test_prepared_runs(tmp_path: Path) -> None:
     assert min(told["parts"].values()) > 0
 
 
+def test_isolation(tmp_path: Path) -> None:
+    short = ("--followers", 4, "--rounds", 1, "--ticks", 250)
+    printed = run(BENCHMARKS / "isolation.py", *short, "--json", tmp_path / "costs.json")
+    assert "the same bits" in printed
+    costs = json.loads((tmp_path / "costs.json").read_text(encoding="utf-8"))["4"]
+    assert len(costs) == 4
+    assert all(min(own["wall"] + own["CPU"]) > 0 for own in costs.values())
+
+
 def test_closed_loop_refuses_another_motion_in_c() -> None:
     code = """
 import closed_loop, numpy as np

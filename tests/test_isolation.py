@@ -453,7 +453,7 @@ def test_a_parameter_that_is_refused_in_the_course_of_a_run(make: Make, tmp_path
     ("options", "isolate", "horizon", "processes"),
     [
         ({}, "process", "0.6 s", 1),
-        ({}, "process", "8 s", 1),
+        ({}, "process", "104 s", 1),
         ({"interface": "model_exchange"}, "process", "0.6 s", 1),
         ({}, "robot", "0.6 s", 3),
         ({"once": True}, "process", "0.6 s", 3),

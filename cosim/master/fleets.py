@@ -16,6 +16,7 @@ from cosim.plant.fleet import Fleet
 from cosim.plant.fleet_step import CompiledFleet
 from cosim.plant.member import Member
 from cosim.plant.message import RobotMessage
+from cosim.plant.one_core import Companions
 from cosim.plant.spec import Value
 
 
@@ -30,8 +31,8 @@ class AnyFleet(Protocol):
     logged: list[RobotMessage]
 
     @property
-    def companion(self) -> int | None:
-        """The process that steps all plants, so that it works only while this one waits; None if there is no such."""
+    def companions(self) -> Companions:
+        """The processes that step plants besides this one."""
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant by one communication step."""

@@ -282,11 +282,11 @@ class Simulation:
             with timed(self.timing, "first tick"):
                 self.step()
         segment = Segment()
-        with OneCore(self._fleet.companion) as core:
+        with OneCore(self._fleet.companions) as core:
             while not self.finished and not self._signals.received:
                 with self._failing():
                     self._segment(segment)
-                core.settle()
+                core.settle(self.tick)
 
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""

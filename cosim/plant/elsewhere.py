@@ -14,6 +14,7 @@ from cosim.plant.failures import NoInstance
 from cosim.plant.local import NotStarted
 from cosim.plant.member import Member
 from cosim.plant.message import Message
+from cosim.plant.one_core import Companions
 from cosim.plant.process import PlantProcess, end
 from cosim.plant.spec import Value
 from cosim.plant.stepping import Rows
@@ -47,11 +48,10 @@ class Elsewhere:
         """Whether compiled code can step the plants, if there are any."""
         return not self._processes or can_ring()
 
-    def only(self, plants: int) -> int | None:
-        """Return the number of the process that has all of so many plants; None if there is no such."""
-        if len(self._homes) != 1 or len(self._homes[0].plants) != plants:
-            return None
-        return self._homes[0].process.number
+    def companions(self, plants: int) -> Companions:
+        """Return the processes, of a fleet of so many plants."""
+        in_turns = len(self._homes) == 1 and len(self._homes[0].plants) == plants
+        return Companions(tuple(home.process.number for home in self._homes), in_turns)
 
     def start(self, members: Sequence[Member]) -> None:
         """Start those plants of a fleet that run elsewhere, after the end of those that do.

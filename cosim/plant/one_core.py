@@ -1,4 +1,4 @@
-"""One core for a thread and for a process that never work at the same time.
+"""One core for a thread and for processes, as long as they are faster so.
 
 To wake up another core takes longer than most steps of a plant.
 """
@@ -9,38 +9,77 @@ import os
 import sys
 import time
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from cosim.plant.bells import core_now
 
 TOGETHER = 0.5
-"""Time [s] after which both are let go for a while, so that the system can move them to a core that is free."""
+"""Time [s] after which all are let go for a while, so that the system can move them to a core that is free."""
+TRIAL = 0.01
+"""Time [s] for which it is tried whether processes that work side by side are faster on one core or on several."""
+
+
+class Companions(NamedTuple):
+    """Processes that step plants.
+
+    Attributes
+    ----------
+    processes : tuple of int
+        Their numbers.
+    in_turns : bool
+        Whether there is one, with all plants, so that it works only while the harness waits for it.
+    """
+
+    processes: tuple[int, ...] = ()
+    in_turns: bool = False
 
 
 class OneCore:
-    """Keeps the calling thread and the main thread of a process on one core, except now and then.
+    """Keeps the calling thread and the main threads of processes on one core, except now and then.
 
-    Only Linux can do so; elsewhere, or if the system refuses it, nothing happens. At the end of the block both may work
-    where they could before.
+    If they work side by side, it is tried again and again whether they get on faster so. Only Linux can do it;
+    elsewhere, or if the system refuses it, nothing happens. At the end of the block all may work where they could
+    before.
 
     Parameters
     ----------
-    process
-        The number of the process; None for none.
+    companions
+        The processes.
     """
 
-    def __init__(self, process: int | None) -> None:
-        self._threads = () if process is None else (0, process)  # 0: the calling thread
+    def __init__(self, companions: Companions) -> None:
+        linux, (processes, self._in_turns) = sys.platform == "linux", companions
+        self._threads = (0, *processes) if processes and linux else ()  # 0: the calling thread
         self._allowed: dict[int, set[int]] = {}  # of those that are kept together
-        self._until = 0.0
+        self._trying = False
+        self._apart = 0.0  # ticks a second when they were let go
+        self._since, self._until, self._tick = 0.0, 0.0, 0
 
-    def settle(self) -> None:
-        """Bring both to the core on which this thread works; or let them go, if they have been together for long."""
-        if sys.platform != "linux" or not self._threads:
+    def settle(self, tick: int) -> None:
+        """Bring all to the core on which this thread works, or let them go, as is due at a tick."""
+        now = time.monotonic()
+        if not self._threads or now < self._until:
             return
-        if self._allowed:
-            if time.monotonic() > self._until:
-                self._let_go()
+        speed = (tick - self._tick) / (now - self._since) if now > self._since else 0.0
+        self._since, self._tick = now, tick
+        if self._in_turns:
+            self._until = now if self._allowed else now + TOGETHER
+            self._keep(not self._allowed)
+        elif not self._trying:
+            self._trying, self._apart, self._until = True, 0.0, now + TRIAL
+            self._keep(False)
+        elif not self._apart:
+            self._apart, self._until = speed, now + TRIAL
+            self._keep(True)
+        else:
+            self._trying, self._until = False, now + TOGETHER
+            self._keep(speed > self._apart)
+
+    def _keep(self, together: bool) -> None:
+        if together == bool(self._allowed) or sys.platform != "linux":
+            return
+        if not together:
+            self._let_go()
             return
         core = core_now()
         try:
@@ -51,7 +90,6 @@ class OneCore:
                     os.sched_setaffinity(thread, {core})
         except OSError:
             self._let_go()
-        self._until = time.monotonic() + TOGETHER
 
     def _let_go(self) -> None:
         if sys.platform != "linux":

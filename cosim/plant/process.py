@@ -41,8 +41,11 @@ _LAUNCH_LIMIT = 60.0
 """Time limit [s] for the interpreter of a new process to start, before a plant's own time limit counts."""
 _EXIT_LIMIT = 5.0
 """Time limit [s] for a process that has closed its pipes to exit."""
-_SOON_OVER = 20.0
-"""Simulated time [s] of all plants up to which compiled code takes longer to load than it saves."""
+_SOON_OVER = 400.0
+"""Simulated time [s] up to which compiled code takes longer to load than it saves, of all plants and once more.
+
+Loading takes a second. A step from Python takes some 40 us for the process and as much for each plant.
+"""
 
 
 class PlantProcess:
@@ -354,7 +357,7 @@ def environment(mark: str, plain: bool = True) -> dict[str, str]:
 
 def _plain(specs: Sequence[PlantSpec]) -> bool:
     """Return whether a process does without compiled code, as that gains little or the FMU has Python code."""
-    if len(specs) == 1 or sum(spec.stop_time for spec in specs) <= _SOON_OVER:
+    if (len(specs) + 1) * specs[0].stop_time <= _SOON_OVER:
         return True
     return any(pkgutil.iter_modules([str(Path(specs[0].directory, "resources"))]))
 
