@@ -1,40 +1,31 @@
 """From the text of a scenario file to a checked XML tree in which every element knows its place.
 
-The text is parsed with expat, which reports line and column of each element and lets a document type
-declaration be refused at its first character: no entity is ever declared, so none is expanded and nothing
-outside the file is read except the bases of a variant. The tree is lxml's, which checks it against the schema and
-answers XPath.
+Nothing outside the file is read except the bases of a variant. The tree is lxml's, which checks it against the schema
+and answers XPath.
 """
 
 from __future__ import annotations
 
 import copy
 import os
-import re
 import stat
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from xml.parsers import expat
 
 from lxml import etree
 
 from cosim.errors import InputError, Location
 from cosim.missing_file import absent
 from cosim.scenario.edits import Change, in_words
-from cosim.scenario.element_count import first_beyond
-from cosim.scenario.grammar import NAMESPACE, attributes_of_types, local_name, paths_in, violation
-from cosim.scenario.malformed_xml import reason
-from cosim.scenario.variant import MAX_ELEMENTS, vary
+from cosim.scenario.grammar import NAMESPACE, local_name, paths_in, violation
+from cosim.scenario.variant import vary
+from cosim.scenario.white_space import collapse
+from cosim.scenario.xml_tree import parsed
 
 MAX_BYTES = 4 * 1024 * 1024
-MAX_DEPTH = 50
-MAX_ATTRIBUTES = 100
-"""Of an element; the schema knows at most a fifth of them."""
 MAX_VARIANTS = 20
 _PREFIX = f"{{{NAMESPACE}}}"
-_NEEDLESS = re.compile(r"^\s|\s\s|[^\S ]|\s\Z")
-"""White space that is needless in most attributes: at an end, more than one space, or anything else than a space."""
 _ARCHIVE = b"PK\x03\x04"
 """How a zip archive begins."""
 
@@ -114,7 +105,7 @@ def parse_document(text: str, path: Path, places: Sequence[Location] = (), chang
     InputError
         As of `read_document`.
     """
-    root, found = _parse(text.encode(), path)
+    root, found = parsed(text.encode(), path)
     _check_names(root, found, "scenario")
     known = dict(zip(root.iter("*"), places, strict=True)) if places else found
     return _changed(Document(path, text, root, known), changes)
@@ -184,7 +175,7 @@ def read_variant_of(
 def _read(path: Path, kind: str) -> Document:
     """Read a file with a root element of a kind, which stands for itself."""
     data = _read_bytes(path)
-    root, places = _parse(data, path)
+    root, places = parsed(data, path)
     _check_names(root, places, kind)
     _validate(root, places)
     return Document(path, _decode(data, root), root, places)
@@ -205,7 +196,7 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
                     places[element] = Location(in_words(change))
     finally:
         _add_namespace(root)
-    _collapse(root)
+    collapse(root.iter("*"))
     _validate(root, places, changed_by="the command line")
     return Document(document.path, _serialised(root), root, places)
 
@@ -242,7 +233,7 @@ def _resolve(path: Path, chain: tuple[Path, ...]) -> Document:
         The variants that have led here.
     """
     data = _read_bytes(path)
-    root, places = _parse(data, path)
+    root, places = parsed(data, path)
     _check_names(root, places, "scenario", "variant")
     if local_name(root) == "scenario":
         return Document(path, _decode(data, root), root, places)
@@ -303,24 +294,6 @@ def _add_namespace(root: etree._Element) -> None:
         element.tag = f"{{{NAMESPACE}}}{local_name(element)}"
 
 
-def _collapse(root: etree._Element) -> None:
-    """Collapse the white space in a tree that has been changed."""
-    kept = _kept()
-    for element in root.iter("*"):
-        for name, value in element.items():
-            if _NEEDLESS.search(value) and (collapsed := _collapsed(kept, local_name(element), name, value)) != value:
-                element.set(name, collapsed)
-
-
-def _kept() -> Mapping[str, Collection[str]]:
-    """Return, by the element, the attributes that keep white space within: a file or a variable may be named so."""
-    return attributes_of_types("path", "variable")
-
-
-def _collapsed(kept: Mapping[str, Collection[str]], tag: str, name: str, value: str) -> str:
-    return value.strip() if name in kept.get(tag, ()) else " ".join(value.split())
-
-
 def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:
     found = violation(root)
     if found is not None:
@@ -371,68 +344,3 @@ def _decode(data: bytes, root: etree._Element) -> str:
 
 def _serialised(root: etree._Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
-
-
-def _too_many(place: Location) -> InputError:
-    return InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", place)
-
-
-def _parse(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
-    builder = etree.TreeBuilder()
-    places: dict[etree._Element, Location] = {}
-    opened: list[tuple[str, int]] = []
-    parser = expat.ParserCreate(namespace_separator="}")
-    parser.buffer_text = True
-    file, kept = str(path), _kept()
-    if (beyond := first_beyond(data, MAX_ELEMENTS, MAX_DEPTH)) is not None:
-        raise _too_many(Location(file, *beyond))
-
-    def here() -> Location:
-        return Location(file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
-
-    def qualified(name: str) -> str:
-        return "{" + name if "}" in name else name
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        place = here()
-        tag = name.rpartition("}")[2]
-        opened.append((tag, place.line))
-        if len(opened) > MAX_DEPTH:
-            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", place)
-        if len(places) >= MAX_ELEMENTS:
-            raise _too_many(place)
-        if len(attributes) > MAX_ATTRIBUTES:
-            raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", place)
-        values = {qualified(key): _collapsed(kept, tag, key, value) for key, value in attributes.items()}
-        try:
-            element = builder.start(qualified(name), values, {None: NAMESPACE} if not places else None)
-        except ValueError as error:  # a name or a namespace that expat takes and lxml refuses
-            raise InputError(
-                f"is not well-formed XML: {error}; expected elements of xmlns={NAMESPACE!r}", place
-            ) from None
-        places[element] = place
-
-    def end(name: str) -> None:
-        opened.pop()
-        builder.end(qualified(name))
-
-    def refuse_doctype(*_: object) -> None:
-        raise InputError("a scenario has no document type declaration (<!DOCTYPE ...>): remove it", here())
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
-    parser.CommentHandler = lambda text: builder.comment(text) if places else None
-    parser.StartDoctypeDeclHandler = refuse_doctype
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        if error.code == expat.errors.codes[expat.errors.XML_ERROR_NO_MEMORY]:
-            raise MemoryError from None
-        where = Location(str(path), error.lineno, error.offset + 1)
-        why = reason(data, parser.ErrorByteIndex, error.code, opened)
-        raise InputError(f"is not well-formed XML: {why}", where) from None
-    except (LookupError, ValueError) as error:  # of Python's codec
-        why = f"declares an encoding that does not fit: {error}; save it in UTF-8 and declare that"
-        raise InputError(why, here()) from None
-    return builder.close(), places

@@ -15,11 +15,9 @@ from lxml import etree
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of, described_children
 from cosim.scenario.tree_edits import insert, is_element, put, take_out
+from cosim.scenario.xml_tree import MAX_ELEMENTS
 from cosim.scenario.xpath_cost import BUDGET, cost, text_of
 from cosim.scenario.xpath_selection import assign, select, selected_or_added
-
-MAX_ELEMENTS = 50_000
-"""Of a scenario with all its variants: a rule that inserts many elements into many multiplies them."""
 
 Places = MutableMapping[etree._Element, Location]
 
@@ -151,7 +149,7 @@ def _copied(element: etree._Element, places: Places) -> etree._Element:
     copied = copy.deepcopy(element)
     for old, new in zip(element.iter("*"), copied.iter("*"), strict=True):
         places[new] = places[old]
-        if len(places) > MAX_ELEMENTS:
+        if len(places) > MAX_ELEMENTS:  # a rule that inserts many elements into many multiplies them
             raise InputError(f"the scenario grows to more than {MAX_ELEMENTS} elements here", places[element])
     return copied
 

@@ -19,8 +19,9 @@ from pathlib import Path
 
 from cosim.errors import FormationError
 from cosim.master.setup import set_up
-from cosim.scenario.document import MAX_BYTES, MAX_ELEMENTS
+from cosim.scenario.document import MAX_BYTES
 from cosim.scenario.reader import read_scenario
+from cosim.scenario.xml_tree import MAX_ELEMENTS
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 60

@@ -43,10 +43,11 @@ class Element(Written):
 
     @classmethod
     def _of(cls, node: etree._Element, document: Document, folder: Path, before: Element | None) -> Element:
-        nodes, earlier = list(node.iterchildren("*")), () if before is None else before.inside
-        inside = tuple(
-            cls._of(child, document, folder, was) for child, was in zip_longest(nodes, earlier[: len(nodes)])
-        )
+        inside: tuple[Element, ...] = ()
+        if len(node):
+            nodes, earlier = list(node.iterchildren("*")), () if before is None else before.inside
+            each = zip_longest(nodes, earlier[: len(nodes)])
+            inside = tuple([cls._of(child, document, folder, was) for child, was in each])
         kind, attributes = node.tag.rpartition("}")[2], dict(node.items())
         where, text = document.where(node), " ".join((node.text or "").split())
         facts = (kind, attributes, where, folder, inside, text)
