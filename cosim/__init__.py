@@ -121,6 +121,7 @@ def study(
     executor: Executor | None = None,
     scheduler: str | None = None,
     runs: int | None = None,
+    keep: str = "",
 ) -> xr.Dataset:
     """Make the runs of a study and return its table, with the varied values as coordinates.
 
@@ -141,6 +142,9 @@ def study(
         The address of a scheduler of Dask, whose workers make the runs.
     runs
         Only the first ones.
+    keep
+        Runs whose full results are kept in `out`, besides those that the file keeps: ``all``, ``worst``, ``median`` or
+        numbers such as ``3 5 to 9``. `load_result` reads one, ``load_result("OUT/NAME/kept/run_3")``.
 
     Raises
     ------
@@ -154,15 +158,23 @@ def study(
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
+    from cosim.errors import InputError
     from cosim.results.files import writable_folder
     from cosim.studies.conduct import conduct
+    from cosim.studies.kept_results import keep_results
+    from cosim.studies.read_keep import keeping
     from cosim.studies.reader import read_study
     from cosim.studies.table import as_dataset
 
-    read = read_study(path, changes)
+    if keep and out is None:
+        raise InputError(f"keep={keep!r}: full results need a folder, out=...")
+    read = keeping(read_study(path, changes), keep, "keep")
     with TemporaryDirectory(prefix="formation-study-") as nowhere:
         folder = writable_folder(Path(nowhere if out is None else out) / read.name, "out")
-        return as_dataset(conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs))
+        outcome = conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs)
+        if out is not None:
+            keep_results(outcome, folder)
+        return as_dataset(outcome)
 
 
 _HOMES = {

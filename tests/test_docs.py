@@ -22,6 +22,7 @@ from cosim.scenario.grammar import NAMESPACE, attributes_of, children_of, local_
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.studies.plan import Plan
+from cosim.studies.read_keep import check_keep
 from cosim.studies.reader import read_study
 from cosim.studies.requirements import requirements_of
 
@@ -211,15 +212,17 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     of = (ROOT / "scenarios").as_posix()
     place = re.escape('<sample method="sobol" runs="512"/>')
     head, tail = re.split(place, whole)
-    payload, law, measures, requirements, by_case, *_ = parts
+    payload, law, measures, requirements, keep, by_case, *_ = parts
     head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
     tail = tail.replace("  <probability", measures + requirements + "  <probability").replace(
         '"settling"', '"settled"', 1
     )
     path = tmp_path / "study.xml"
-    path.write_text(f"{head}<sample method='random' runs='10'/>{tail}".replace("../scenarios", of), encoding="utf-8")
+    tail = tail.replace("</study>", f"{keep}</study>")
+    path.write_text(f"{head}<sample method='random' runs='50'/>{tail}".replace("../scenarios", of), encoding="utf-8")
     study = read_study(path)
-    assert len(Plan(study)) == 30
+    assert len(Plan(study)) == 150
+    check_keep(study, 150)
     assert len(requirements_of(study)) == 7
     seed = '<vary name="seed" select="simulation/@seed"><count from="1"/></vary>'
     tune = (

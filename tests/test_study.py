@@ -44,13 +44,16 @@ def here(folder: Path, *parts: str, runs: int | None = None, **named: str) -> St
 
 
 def test_each_run_is_the_run_of_its_scenario_alone(tmp_path: Path) -> None:
-    outcome = here(tmp_path, UNIFORM + CASES + SEEDS, rest=LAST + SETTLING)
+    path = write_study(tmp_path, UNIFORM + CASES + SEEDS, rest=LAST + SETTLING)
+    study = read_study(path, ["follower[@id='follower_1']/pose/@y=1.5 m", "simulation/@horizon=0.4 s"])
+    outcome = conduct(study, tmp_path, workers=0)
     assert len(outcome.rows) == outcome.planned == outcome.made == 12
     plan = Plan(outcome.study)
     for index in (0, 5, 11):
         file = tmp_path / f"run_{index}.xml"
         file.write_text(as_variant(outcome.study, plan[index], tmp_path))
         read = cosim.read_scenario(file)
+        assert read.horizon == 0.4
         result = cosim.run(read)
         row = outcome.rows[index]
         last = max(float(abs(result["range_error"].sel(robot=name)[-1])) for name in result["robot"].values)

@@ -155,6 +155,12 @@ def _parser() -> Parser:
         metavar="XPATH=VALUE",
         help="set the attribute or text that an XPath selects, in every run",
     )
+    study.add_argument(
+        "--keep",
+        default="",
+        metavar="RUNS",
+        help='keep the full results of some runs, too: all, worst, median, or numbers such as "3" or "5 to 9"',
+    )
     study.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
     study.add_argument("--junit", type=Path, metavar="FILE.xml", help="write the verdicts as JUnit XML")
     study.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")

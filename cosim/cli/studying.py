@@ -23,7 +23,9 @@ from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
 from cosim.studies.cases import own_text
 from cosim.studies.conduct import StudyOutcome, conduct
+from cosim.studies.kept_results import FOLDER, keep_results
 from cosim.studies.plan import run_of
+from cosim.studies.read_keep import keeping
 from cosim.studies.reader import read_study
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
@@ -37,6 +39,8 @@ from cosim.studies.tuning import Tuned
 
 _MOST_CASES = 40
 """Rows of cases that are printed."""
+_MOST_KEPT = 5
+"""Folders with full results that are printed."""
 
 
 def study(options: argparse.Namespace) -> int:
@@ -62,22 +66,19 @@ def study(options: argparse.Namespace) -> int:
 
 
 def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
-    read = read_study(options.study, options.set)
+    read = keeping(read_study(options.study, options.set), options.keep, "--keep")
     told.name = read.name
-    folder = writable_folder(options.out / read.name, "--out").absolute()
-    with _progress(read) as progress:
-        try:
-            outcome = conduct(
-                read,
-                folder,
-                workers=options.workers,
-                scheduler=options.scheduler,
-                runs=options.runs,
-                progress=progress,
-            )
-        except KeyboardInterrupt:
-            warn(f"interrupted: the runs so far are kept in {options.out / read.name / FILE}; the same command goes on")
-            raise
+    where = options.out / read.name
+    folder = writable_folder(where, "--out").absolute()
+    with _going_on(where / FILE), _progress(read) as progress:
+        outcome = conduct(
+            read,
+            folder,
+            workers=options.workers,
+            scheduler=options.scheduler,
+            runs=options.runs,
+            progress=progress,
+        )
     write(folder / "runs.csv", as_csv(outcome).encode())
     write(folder / "summary.json", as_json(outcome).encode())
     cases = by_case.by_case(outcome)
@@ -89,12 +90,27 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     files = ["runs.csv", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
     files += ["figure.png"] * options.figure
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
+    with _going_on(where / FILE), taking_a_while("making the full results that are kept"):
+        kept = keep_results(outcome, folder)
     _print(out(), outcome, cases)
-    where = options.out / read.name
     out().print(f"results in {where}/: {', '.join(files)}", markup=False, soft_wrap=True)
     if written:
         out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
+    if kept:
+        names = ", ".join(f"{one.name}/" for one in kept[:_MOST_KEPT])
+        more = f" and {len(kept) - _MOST_KEPT} more" if len(kept) > _MOST_KEPT else ""
+        out().print(f"full results in {where}/{FOLDER}/: {names}{more}", markup=False, soft_wrap=True)
     return outcome
+
+
+@contextmanager
+def _going_on(rows: Path) -> Iterator[None]:
+    """Say, if the user interrupts what is done here, that nothing is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        warn(f"interrupted: the runs so far are kept in {rows}; the same command goes on")
+        raise
 
 
 def _picture(outcome: StudyOutcome) -> bytes:

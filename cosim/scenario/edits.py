@@ -54,6 +54,19 @@ def in_words(change: Change) -> str:
     return change.words if isinstance(change, Edit) else getattr(change, "__name__", type(change).__name__)
 
 
+def as_setting(change: Change) -> str:
+    """Return a change as ``XPATH=VALUE``.
+
+    Raises
+    ------
+    InputError
+        It is another change.
+    """
+    if isinstance(change, Edit) and change.make is _set_value:
+        return str(change.about[0])
+    raise InputError(f"the change {in_words(change)!r} sets no value, so a scenario file cannot state it")
+
+
 def set_value(setting: str) -> Edit:
     """Return the change of ``XPATH=VALUE``: the node that the XPath selects gets the value.
 

@@ -17,6 +17,7 @@ from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.keys import key_of_scenario
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
+from cosim.studies.read_keep import check_keep
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
 from cosim.studies.searching import Searching, Worst, check_search, search_verdict
@@ -89,6 +90,7 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
         check_tuning(study, study.tune)
     if study.search is not None:
         check_search(study, study.search)
+    check_keep(study, planned_runs(study, plan))
     if plan.design is not None:
         check_installed(study.sample.where)
     keys = {}
@@ -96,6 +98,13 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
         with ExitStack() as cleanup:
             keys[cases] = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
     return plan, keys, judged
+
+
+def planned_runs(study: Study, plan: Plan) -> int:
+    """Return how many runs a study has, at most."""
+    if study.tune is not None:
+        return most_runs(study, study.tune)
+    return len(plan) if study.search is None else study.search.runs
 
 
 def conduct(

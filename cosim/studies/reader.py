@@ -23,6 +23,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
+from cosim.studies.read_keep import read_keep
 from cosim.studies.read_search import draws_of, read_search, read_tune
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
 from cosim.studies.values import Count, Finite, Values, number_of, values_of
@@ -50,6 +51,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         The file is no study, or a scenario of it is wrong; with file, line and column.
     """
     document = read_study_document(Path(path))
+    made = tuple(as_changes(changes))
     root = Element.root(document)
     vary = _distinct(map(_vary, root.children("vary")), "value")
     _check_cases(vary)
@@ -70,9 +72,11 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
             for element in root.inside
             if element.kind in _REQUIREMENTS
         ),
-        bases=_bases(document, root, [(own, one.where) for one, own in measures], as_changes(changes)),
+        bases=_bases(document, root, [(own, one.where) for one, own in measures], made),
         tune=tuned,
         search=searched,
+        changes=made,
+        keep=tuple(read_keep(element, [measured for measured, _ in measures]) for element in root.children("keep")),
     )
     return replace(study, own=_selected(study))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from cosim.scenario.edits import split_setting
+from cosim.scenario.edits import as_setting, split_setting
 from cosim.scenario.grammar import NAMESPACE, attributes_of_types, local_name, paths_in
 from cosim.scenario.variant import RULES
 from cosim.studies.plan import Run
@@ -21,6 +21,11 @@ def as_variant(study: Study, run: Run, folder: Path, name: str = "", title: str 
 
     Its paths are relative to that folder. It has the scenario's expectations, and not the study's measures. Without
     name and title, they tell the run.
+
+    Raises
+    ------
+    InputError
+        The study's scenarios are changed by a function, which no file can state.
     """
     root = study.document.root
     cases = _cases(root, run.cases)
@@ -36,8 +41,8 @@ def as_variant(study: Study, run: Run, folder: Path, name: str = "", title: str 
                 element.set(attribute, _moved(element.get(attribute, ""), here, folder))
             for element in copied.iter("*"):
                 element.tag = local_name(element)
-    for change in run.changes:
-        select, value = split_setting(change)
+    for setting in (*map(as_setting, study.changes), *run.changes):
+        select, value = split_setting(setting)
         etree.SubElement(variant, "set", {"select": select, "value": value})
     for rule in variant.iterchildren("set"):
         if rule.get("select", "").rpartition("/@")[2] in _path_attributes():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from cosim.errors import Location
 from cosim.scenario.document import Document
+from cosim.scenario.edits import Change
 from cosim.scenario.scenario import Scenario
 from cosim.studies.values import Values
 
@@ -203,6 +204,26 @@ class Requirement:
 
 
 @dataclass(frozen=True)
+class Keep:
+    """Runs whose full results are kept.
+
+    Attributes
+    ----------
+    words : frozenset of str
+        ``all``, and the ``worst`` and the ``median`` run.
+    ranges : tuple of (int, int)
+        The first and the last number of runs.
+    of : int or None
+        The index of the measure that says which run is worst; None: the least margin of a run does.
+    """
+
+    words: frozenset[str]
+    ranges: tuple[tuple[int, int], ...]
+    of: int | None
+    where: Location
+
+
+@dataclass(frozen=True)
 class Study:
     """Many runs of one scenario.
 
@@ -223,6 +244,10 @@ class Study:
         What is tuned.
     search : Search or None
         How the worst case is searched.
+    changes : tuple
+        Made in every scenario, before the study's own.
+    keep : tuple of Keep
+        The runs whose full results are kept.
     """
 
     document: Document
@@ -236,3 +261,5 @@ class Study:
     own: Mapping[tuple[int, ...], Mapping[str, str]] = field(default_factory=dict)
     tune: Tune | None = None
     search: Search | None = None
+    changes: tuple[Change, ...] = ()
+    keep: tuple[Keep, ...] = ()
