@@ -212,9 +212,9 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     of = (ROOT / "scenarios").as_posix()
     place = re.escape('<sample method="sobol" runs="512"/>')
     head, tail = re.split(place, whole)
-    payload, law, measures, requirements, keep, by_case, *_ = parts
+    payload, law, measures, requirements, given, keep, by_case, *_ = parts
     head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
-    tail = tail.replace("  <probability", measures + requirements + "  <probability").replace(
+    tail = tail.replace("  <probability", measures + requirements + given + "  <probability").replace(
         '"settling"', '"settled"', 1
     )
     path = tmp_path / "study.xml"
@@ -223,7 +223,7 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     study = read_study(path)
     assert len(Plan(study)) == 150
     check_keep(study, 150)
-    assert len(requirements_of(study)) == 7
+    assert len(requirements_of(study)) == 9
     seed = '<vary name="seed" select="simulation/@seed"><count from="1"/></vary>'
     tune = (
         '<tune values="k_d sigma K_1" evaluations="4" training="1" held_out="2" confidence="0.9"><cost of="r"/></tune>'

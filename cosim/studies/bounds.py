@@ -60,7 +60,7 @@ def mean_at_least(values: ArrayLike, confidence: float) -> float:
     return -mean_at_most(-np.asarray(values, dtype=np.float64), confidence)
 
 
-def sign_test(pairs: Sequence[tuple[float, float]], confidence: float) -> tuple[float, str]:
+def sign_test(pairs: Sequence[tuple[float, float]], confidence: float, what: str = "pairs") -> tuple[float, str]:
     """Return the lower bound of the probability that the first of a pair is less, and in how many pairs it is.
 
     Pairs of equal numbers do not count: the exact sign test.
@@ -69,7 +69,7 @@ def sign_test(pairs: Sequence[tuple[float, float]], confidence: float) -> tuple[
     ties = sum(one == other for one, other in pairs)
     decided = len(pairs) - ties
     least = probability_at_least(wins, decided, confidence) if decided else 0.0
-    return least, f"in {wins} of {len(pairs)} pairs" + (f", {ties} of them equal" if ties else "")
+    return least, f"in {wins} of {len(pairs)} {what}" + (f", {ties} of them equal" if ties else "")
 
 
 class Sequential:

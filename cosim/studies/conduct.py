@@ -161,7 +161,7 @@ def conduct(
         maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
-    judged = runs is None or wanted == len(plan)
+    judged = wanted == len(plan) or ending.reached()
     return StudyOutcome(
         study=study,
         rows=ordered,
@@ -248,8 +248,9 @@ class _Ending:
     """
 
     def __init__(self, judged: Sequence[Judged], rows: dict[int, Row]) -> None:
-        self._rows, self._judged = rows, judged
-        self._possible = bool(self._judged) and all(one.test is not None for one in self._judged)
+        self._rows = rows
+        self._tests = [one.early() for one in judged if one.early is not None]
+        self._possible = bool(judged) and len(self._tests) == len(judged)
         self.last = 0
 
     def reached(self) -> bool:
@@ -258,10 +259,9 @@ class _Ending:
             return False
         while not self._decided() and (row := self._rows.get(self.last + 1)) is not None:
             self.last += 1
-            for one in self._judged:
-                assert one.test is not None
-                one.test.add(one.counts(row))
+            for test in self._tests:
+                test.add(row)
         return self._decided()
 
     def _decided(self) -> bool:
-        return all(one.test is not None and one.test.above is not None for one in self._judged)
+        return all(test.above is not None for test in self._tests)

@@ -67,11 +67,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         vary=vary,
         sample=_sample(root.child("sample"), vary) if searching is None else draws_of(searching),
         measures=_distinct((measured for measured, _ in measures), "measure"),
-        requirements=tuple(
-            Requirement(element.kind, element.attributes, element.where)
-            for element in root.inside
-            if element.kind in _REQUIREMENTS
-        ),
+        requirements=tuple(_requirement(element) for element in root.inside if element.kind in _REQUIREMENTS),
         bases=_bases(document, root, [(own, one.where) for one, own in measures], made),
         tune=tuned,
         search=searched,
@@ -155,6 +151,10 @@ def _sample(element: Element, vary: Sequence[Vary]) -> Sample:
         where=element.where,
         second_order="second_order" in element,
     )
+
+
+def _requirement(element: Element) -> Requirement:
+    return Requirement(element.kind, element.attributes, element.where, tuple(map(_requirement, element.inside)))
 
 
 # Measures ----------------------------------------------------------------------------------------------------

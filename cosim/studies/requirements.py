@@ -12,10 +12,10 @@ from cosim.errors import InputError, nearest
 from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
 from cosim.studies import bounds
-from cosim.studies.bounds import Sequential
 from cosim.studies.designs import METHODS
+from cosim.studies.draws import Draws, EarlyTest, check_choice, draws_of, value_named
 from cosim.studies.row import BROKEN, PASSED, Row
-from cosim.studies.study import Measured, Study
+from cosim.studies.study import Measured, Requirement, Study
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,13 @@ class Judged:
         It in words.
     judge : callable
         Returns the verdict from the rows, in the order of their runs.
-    test : Sequential or None
-        What ends the study early.
+    early : callable or None
+        Returns the test that ends the study early.
     """
 
     text: str
     judge: Callable[[Sequence[Row]], Verdict]
-    test: Sequential | None = None
-    counts: Callable[[Row], bool] = lambda row: row.status == PASSED
+    early: Callable[[], EarlyTest] | None = None
 
 
 def requirements_of(study: Study) -> list[Judged]:
@@ -54,70 +53,93 @@ def requirements_of(study: Study) -> list[Judged]:
                 "can say nothing of them with confidence: only <worst> can be asked of a sensitivity",
                 one.where,
             )
-    return [_KINDS[one.kind](study, Written(one.kind, one.attributes, one.where, Path())) for one in study.requirements]
+        if study.search is not None and one.kind != "worst":
+            raise InputError(
+                f"the runs of a <search> are sought where they are bad, so that <{one.kind}> can say nothing of others "
+                "with confidence: only <worst> can be asked of a search",
+                one.where,
+            )
+    return [_judged(study, one) for one in study.requirements]
 
 
-def _probability(study: Study, written: Written) -> Judged:
+def _judged(study: Study, requirement: Requirement) -> Judged:
+    given = [Written("given", own.attributes, own.where, Path()) for own in requirement.given]
+    written = Written(requirement.kind, requirement.attributes, requirement.where, Path())
+    return _KINDS[requirement.kind](study, written, draws_of(study, given))
+
+
+def _probability(study: Study, written: Written, draws: Draws) -> Judged:
     bound, confidence = _share(written, "above"), _share(written, "confidence")
     completed = written.get("of") == "completed"
-    early = "stop" in written
-    text = f"probability of {written.get('of')} above {bound:g}, with confidence {confidence:g}"
+    text = f"probability of {written.get('of')}{_given(study, draws)} above {bound:g}, with confidence {confidence:g}"
 
-    def counts(row: Row) -> bool:
+    def passes(row: Row) -> bool:
         return row.status != BROKEN if completed else row.status == PASSED
 
     def judge(rows: Sequence[Row]) -> Verdict:
-        good = sum(map(counts, rows))
-        if not rows:
+        all_draws = draws.of(rows)
+        if not all_draws:
             return _verdict(written, text, math.nan, bound, "", False, "no run")
-        least = bounds.probability_at_least(good, len(rows), confidence)
-        detail = f"{good} of {len(rows)} runs"
-        if good == len(rows) and least <= bound:
+        good, number = sum(all(map(passes, own)) for own in all_draws), len(all_draws)
+        least = bounds.probability_at_least(good, number, confidence)
+        detail = f"{good} of {draws.told(number)}"
+        if good == number and least <= bound:
             detail += f"; {bounds.trials_for(bound, confidence)} without a failure would show it"
         return _verdict(written, text, least, bound, "", least > bound, detail)
 
+    def early() -> EarlyTest:
+        return EarlyTest(draws, passes, bound, confidence)
+
     def judge_early(rows: Sequence[Row]) -> Verdict:
-        sequential = Sequential(bound, confidence)
-        good = 0
+        test = early()
         for row in rows:
-            sequential.add(counts(row))
-            good += counts(row)
-            if sequential.above is not None:
-                break
-        share = good / sequential.trials if rows else math.nan
-        how = {True: "decided", False: "decided against it", None: "still open"}[sequential.above]
-        detail = f"share of {good} of {sequential.trials} runs; {how} by the sequential test"
-        return _verdict(written, text, share, bound, "", sequential.above is True, detail)
+            test.add(row)
+        share = test.passed / test.trials if test.trials else math.nan
+        how = {True: "decided", False: "decided against it", None: "still open"}[test.above]
+        detail = f"share of {test.passed} of {draws.told(test.trials)}; {how} by the sequential test"
+        return _verdict(written, text, share, bound, "", test.above is True, detail)
 
-    return Judged(text, judge_early if early else judge, Sequential(bound, confidence) if early else None, counts)
+    return Judged(text, judge_early, early) if "stop" in written else Judged(text, judge)
 
 
-def _quantile(study: Study, written: Written) -> Judged:
+def _quantile(study: Study, written: Written, draws: Draws) -> Judged:
     at = _share(written, "at")
     return _of_measure(
         study,
         written,
+        draws,
         f"{at:g} quantile",
-        lambda values, confidence: bounds.quantile_at_most(values, at, confidence),
-        lambda values, confidence: bounds.quantile_at_least(values, at, confidence),
+        lambda values, confidence: bounds.quantile_at_most(list(map(max, values)), at, confidence),
+        lambda values, confidence: bounds.quantile_at_least(list(map(min, values)), at, confidence),
     )
 
 
-def _mean(study: Study, written: Written) -> Judged:
-    return _of_measure(study, written, "mean", bounds.mean_at_most, bounds.mean_at_least)
+def _mean(study: Study, written: Written, draws: Draws) -> Judged:
+    return _of_measure(
+        study,
+        written,
+        draws,
+        "mean",
+        lambda values, confidence: bounds.mean_at_most(list(map(_mean_of, values)), confidence),
+        lambda values, confidence: bounds.mean_at_least(list(map(_mean_of, values)), confidence),
+    )
 
 
-def _worst(study: Study, written: Written) -> Judged:
-    return _of_measure(study, written, "worst", lambda values, _: max(values), lambda values, _: min(values))
+def _worst(study: Study, written: Written, draws: Draws) -> Judged:
+    return _of_measure(
+        study, written, draws, "worst", lambda values, _: max(map(max, values)), lambda values, _: min(map(min, values))
+    )
 
 
 def _of_measure(
     study: Study,
     written: Written,
+    draws: Draws,
     what: str,
-    at_most: Callable[[Sequence[float], float], float],
-    at_least: Callable[[Sequence[float], float], float],
+    at_most: Callable[[Sequence[Sequence[float]], float], float],
+    at_least: Callable[[Sequence[Sequence[float]], float], float],
 ) -> Judged:
+    """Return a requirement on the figures of a measure, those of a draw together."""
     index, measured = _measure(study, written)
     if ("below" in written) == ("above" in written):
         raise written.error(f"<{written.kind}> needs one bound: below=... or above=...")
@@ -126,66 +148,84 @@ def _of_measure(
     bound = written.quantity(name, measured.unit or "1")
     confidence = _share(written, "confidence") if "confidence" in written else 0.0
     sure = f", with confidence {confidence:g}" if confidence else ""
-    text = f"{what} of {measured.name} {name} {f'{bound:g} {measured.unit}'.strip()}{sure}"
+    of = f"{what} of {measured.name}{_given(study, draws)}"
+    text = f"{of} {name} {f'{bound:g} {measured.unit}'.strip()}{sure}"
+
+    def figure_of(row: Row) -> float:
+        nothing = math.inf if below else -math.inf  # a run without a figure has the worst one
+        return row.measures[index] if row.status != BROKEN and math.isfinite(row.measures[index]) else nothing
 
     def judge(rows: Sequence[Row]) -> Verdict:
-        nothing = math.inf if below else -math.inf  # a broken run has the worst figure
-        values = [nothing if row.status == BROKEN else row.measures[index] for row in rows]
-        if not values:
+        all_draws = draws.of(rows)
+        if not all_draws:
             return _verdict(written, text, math.nan, bound, measured.unit, False, "no run")
+        values = [[figure_of(row) for row in own] for own in all_draws]
         figure = (at_most if below else at_least)(values, confidence)
         margin = bound - figure if below else figure - bound
-        detail = f"of {len(rows)} runs"
-        broken = sum(row.status == BROKEN for row in rows)
-        if broken:
-            detail += f", {broken} of them broken"
-        if confidence and math.isinf(figure) and not broken:
-            detail += ": too few for this confidence"
+        details = [f"of {draws.told(len(all_draws))}"]
+        counted = [row for own in all_draws for row in own]
+        broken = sum(row.status == BROKEN for row in counted)
+        without = sum(row.status != BROKEN and math.isinf(figure_of(row)) for row in counted)
+        details += [f"{broken} runs broken"] * bool(broken) + [f"{without} runs without a figure"] * bool(without)
+        if confidence and math.isinf(figure) and not broken and not without:
+            details[-1] += ": too few for this confidence"
         if not confidence:
-            detail += f", number {rows[values.index(figure)].number}"
-        return _verdict(written, text, figure, bound, measured.unit, margin > 0, detail, margin)
+            details.append(f"number {next(row.number for row in counted if figure_of(row) == figure)}")
+        return _verdict(written, text, figure, bound, measured.unit, margin > 0, ", ".join(details), margin)
 
     return Judged(text, judge)
 
 
-def _better(study: Study, written: Written) -> Judged:
+def _better(study: Study, written: Written, draws: Draws) -> Judged:
     index, measured = _measure(study, written)
     confidence = _share(written, "confidence")
-    choices = {vary.name: (place, vary) for place, vary in enumerate(study.vary)}
-    name = written.get("vary")
-    if name not in choices:
-        raise written.error(f"nothing varies that is named {name!r}: {nearest(name, list(choices))}")
-    place, vary = choices[name]
-    if not vary.crossed:
+    name, case, than = (written.get(key) for key in ("vary", "case", "than"))
+    place = value_named(study, written, name)
+    if not study.vary[place].crossed:
         raise written.error(f'{name!r} is not crossed, so no two runs have the same draw: add cross="yes" to it')
-    texts = list(getattr(vary.values, "texts", ()))
-    for case in (written.get("case"), written.get("than")):
-        if case not in texts:
-            raise written.error(f"{name!r} has no value {case!r}: {nearest(case, texts)}")
-    if written.get("case") == written.get("than"):
+    for one in (case, than):
+        check_choice(study, written, place, one)
+    if case == than:
         raise written.error("nothing is better than itself: name two cases")
-    crossed = [index for index, other in enumerate(study.vary) if other.crossed and index != place]
+    if place in dict(draws.given):
+        raise written.error(f"{name!r} is compared, so that none of its values can be given: leave <given> out")
+    others = [index for index in draws.crossed if index != place]
+    each = draws.size // len(getattr(study.vary[place].values, "texts", ()))
+    what = f"draws, each by most of its {each} pairs" if others and not draws.single else "pairs"
     sign = -1.0 if written.get("by") == "more" else 1.0
-    text = f"{written.get('case')} better than {written.get('than')} in {measured.name}, with confidence {confidence:g}"
+    text = f"{case} better than {than} in {measured.name}{_given(study, draws)}, with confidence {confidence:g}"
+
+    def figure_of(row: Row) -> float:
+        return sign * row.measures[index] if row.status != BROKEN and math.isfinite(row.measures[index]) else math.inf
 
     def judge(rows: Sequence[Row]) -> Verdict:
-        figures: dict[tuple[object, ...], dict[str, float]] = {}
-        for row in rows:
-            case = row.values[place]
-            others = row.draw, *(row.values[other] for other in crossed)
-            figure = math.inf if row.status == BROKEN else sign * row.measures[index]
-            figures.setdefault(others, {})[str(case)] = figure
-        pairs = [(own[written.get("case")], own[written.get("than")]) for own in figures.values() if _both(own)]
-        least, detail = bounds.sign_test(pairs, confidence)
+        pairs: dict[tuple[object, ...], dict[str, float]] = {}
+        for row in filter(draws.counts, rows):
+            of: tuple[object, ...] = (0 if draws.single else row.draw, *(row.values[other] for other in others))
+            pairs.setdefault(of, {})[str(row.values[place])] = figure_of(row)
+        won: dict[object, int] = {}  # of each draw, how many more pairs are won than lost
+        for named, own in pairs.items():
+            if case in own and than in own:
+                draw = named if draws.single else named[0]
+                won[draw] = won.get(draw, 0) + (own[case] < own[than]) - (own[case] > own[than])
+        least, detail = bounds.sign_test([(-more, 0) for more in won.values()], confidence, what)
         return _verdict(written, text, least, 0.5, "", least > 0.5, detail)
-
-    def _both(own: Mapping[str, float]) -> bool:
-        return written.get("case") in own and written.get("than") in own
 
     return Judged(text, judge)
 
 
-_KINDS: Mapping[str, Callable[[Study, Written], Judged]] = {
+def _given(study: Study, draws: Draws) -> str:
+    """Return which values count alone, in words."""
+    told = " and ".join(f"{study.vary[index].name} {text}" for index, text in draws.given)
+    return f" given {told}" if told else ""
+
+
+def _mean_of(values: Sequence[float]) -> float:
+    """Return a mean; infinite if a value is."""
+    return sum(values) / len(values) if any(map(math.isinf, values)) else math.fsum(values) / len(values)
+
+
+_KINDS: Mapping[str, Callable[[Study, Written, Draws], Judged]] = {
     "probability": _probability,
     "quantile": _quantile,
     "mean": _mean,

@@ -196,11 +196,14 @@ class Requirement:
         The element's name.
     attributes : dict
         Its attributes as they are written.
+    given : tuple of Requirement
+        Which values count alone.
     """
 
     kind: str
     attributes: Mapping[str, str]
     where: Location
+    given: tuple[Requirement, ...] = ()
 
 
 @dataclass(frozen=True)

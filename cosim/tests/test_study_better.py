@@ -4,7 +4,8 @@ Figures are made up, and go through the study's own verdict.
 """
 
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -14,9 +15,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from cosim.errors import InputError
 from cosim.results.verdict import Verdict
 from cosim.studies.requirements import requirements_of
-from cosim.studies.row import BROKEN, PASSED, Row
+from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.tests.studies import LAST, SEEDS, small_study
 
 LAWS = '<vary name="law" cross="yes"><case name="one"/><case name="other"/></vary>'
@@ -130,3 +132,100 @@ def test_draws_are_paired_whatever_a_case_alone_has(tmp_path: Path) -> None:
         for place, (law, gain) in enumerate((("one", "2"), ("other", None)))
     ]
     assert judged.judge(runs).detail == "in 9 of 9 pairs"
+
+
+# Runs that share a draw ------------------------------------------------------------------------------------------
+
+LOADS = '<vary name="load" cross="yes"><case name="light"/><case name="heavy"/></vary>'
+
+
+def shared(figures: Mapping[tuple[str, str], Sequence[float]], fails: float = math.inf) -> list[Row]:
+    """Return runs of two laws with two loads on the same draws; a run whose figure is too great fails."""
+    return [
+        Row("", 0, draw, (law, load, str(draw)), PASSED if figure < fails else FAILED, (figure,), (), "")
+        for draw in range(1, 1 + len(next(iter(figures.values()))))
+        for (law, load), own in figures.items()
+        for figure in [own[draw - 1]]
+    ]
+
+
+def judge_shared(text: str) -> Judge:
+    with TemporaryDirectory() as folder:
+        (judged,) = requirements_of(small_study(Path(folder), LAWS + LOADS + SEEDS, rest=LAST + text))
+    return judged.judge
+
+
+EVERY = [(law, load) for law in ("one", "other") for load in ("light", "heavy")]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<probability of="passed" above="0.5" confidence="0.9"/>',
+        '<probability of="passed" above="0.5" confidence="0.9" stop="early"/>',
+        '<quantile of="last" at="0.5" below="0.5 mm" confidence="0.9"/>',
+        '<mean of="last" below="0.45 mm" confidence="0.9"/>',
+    ],
+)
+def test_runs_of_a_draw_that_are_all_alike_count_once(text: str) -> None:
+    """If half of the draws fail, whatever the law and the load, a verdict errs in one study of ten, not in four."""
+    judge, generator, said = judge_shared(text), np.random.default_rng(7), 0
+    for _ in range(200):
+        draws = generator.integers(0, 2, 20) + 0.01 * generator.random(20)
+        draws = draws if "mean" not in text else draws - 0.05  # of which the mean is what must not be shown
+        said += judge(shared(dict.fromkeys(EVERY, draws.tolist()), fails=0.5)).passed
+    assert said <= 200 * 0.1 + 12
+
+
+def test_a_draw_is_won_by_most_of_its_pairs() -> None:
+    judge = judge_shared('<better of="last" vary="law" case="one" than="other" confidence="0.9"/>')
+    alike = {("one", "light"): [1.0] * 3, ("one", "heavy"): [2.0] * 3, ("other", "light"): [2.0] * 3}
+    found = judge(shared(alike | {("other", "heavy"): [3.0] * 3}))
+    assert (found.passed, found.detail) == (False, "in 3 of 3 draws, each by most of its 2 pairs")
+    split = judge(shared(alike | {("other", "heavy"): [1.0] * 3}))
+    assert split.detail == "in 0 of 3 draws, each by most of its 2 pairs, 3 of them equal"
+
+
+def test_one_condition_may_be_given() -> None:
+    given = '<given vary="load" is="light"/>'
+    better = f'<better of="last" vary="law" case="one" than="other" confidence="0.9">{given}</better>'
+    figures = {("one", "light"): [1.0] * 9, ("one", "heavy"): [9.0] * 9, ("other", "light"): [2.0] * 9}
+    runs = shared(figures | {("other", "heavy"): [3.0] * 9}, fails=5.0)
+    found = judge_shared(better)(runs)
+    assert (found.passed, found.detail) == (True, "in 9 of 9 pairs")
+    assert found.expectation == "one better than other in last given load light, with confidence 0.9"
+    whole = '<probability of="passed" above="0.7" confidence="0.9"/>'
+    assert judge_shared(whole)(runs).detail == "0 of 9 draws of 4 runs"
+    light = judge_shared(whole.replace("/>", f">{given}</probability>"))(runs)
+    assert (light.passed, light.detail) == (True, "9 of 9 draws of 2 runs")
+    one = whole.replace("/>", f'>{given}<given vary="law" is="one"/></probability>')
+    assert judge_shared(one)(runs).detail == "9 of 9 runs"
+
+
+def test_each_run_counts_if_nothing_is_drawn() -> None:
+    seeds = '<vary name="seed" select="simulation/@seed" cross="yes"><range from="1" to="9"/></vary>'
+    better = '<better of="last" vary="law" case="one" than="other" confidence="0.9"/>'
+    with TemporaryDirectory() as folder:
+        (judged,) = requirements_of(
+            small_study(Path(folder), LAWS + seeds, '<sample method="grid"/>', rest=LAST + better)
+        )
+    runs = [
+        Row("", number, 1, (law, str(seed)), PASSED, (float(place),), (), "")
+        for number, (seed, (place, law)) in enumerate(product(range(1, 10), enumerate(("one", "other"))), 1)
+    ]
+    assert judged.judge(runs).detail == "in 9 of 9 pairs"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ('vary="lod" is="light"', "nothing varies that is named 'lod': did you mean 'load'?"),
+        ('vary="load" is="lihgt"', "'load' has no value 'lihgt': did you mean 'light'?"),
+        ('vary="seed" is="7"', "'seed' has another value in each draw"),
+        ('vary="law" is="one"', "'law' is compared"),
+    ],
+)
+def test_what_is_given_exists(given: str, said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)) as caught:
+        judge_shared(f'<better of="last" vary="law" case="one" than="other" confidence="0.9"><given {given}/></better>')
+    assert caught.value.where is not None

@@ -188,3 +188,10 @@ def test_a_scenario_that_expects_nothing_cannot_fail(tmp_path: Path) -> None:
     base.write_text(re.sub("<expect>.*</expect>", "", base.read_text()))
     with pytest.raises(InputError, match="the scenario expects nothing, so that no run can fail"):
         check_study(read_study(path))
+
+
+def test_nothing_is_said_with_confidence_of_runs_that_were_sought(tmp_path: Path) -> None:
+    text = '<mean of="last" below="1 m" confidence="0.9"/>'
+    with pytest.raises(InputError, match="the runs of a <search> are sought where they are bad, so that <mean>"):
+        check_study(small_study(tmp_path, UNIFORM, search(), rest=LAST + text))
+    check_study(small_study(tmp_path, UNIFORM, search(), rest=LAST + '<worst of="last" below="1 m"/>'))
