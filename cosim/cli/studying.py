@@ -84,11 +84,14 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     cases = by_case.by_case(outcome)
     if cases:
         write(folder / "cases.csv", by_case.as_csv(outcome).encode())
+    pictures: dict[str, bytes] = {}
     if options.figure:
         with taking_a_while("drawing the figure"):
-            write(folder / "figure.png", _picture(outcome))
+            pictures = _pictures(outcome)
+            for name, data in pictures.items():
+                write(folder / name, data)
     files = ["runs.csv", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
-    files += ["figure.png"] * options.figure
+    files += pictures
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     with _going_on(where / FILE), taking_a_while("making the full results that are kept"):
         kept = keep_results(outcome, folder)
@@ -113,12 +116,14 @@ def _going_on(rows: Path) -> Iterator[None]:
         raise
 
 
-def _picture(outcome: StudyOutcome) -> bytes:
-    from cosim.studies import figure, figure_search, figure_tuning
+def _pictures(outcome: StudyOutcome) -> dict[str, bytes]:
+    """Return the pictures of a study, by the names of their files."""
+    from cosim.studies import figure, figure_envelope, figure_search, figure_tuning
 
-    if outcome.study.tune is not None:
-        return figure_tuning.picture(outcome)
-    return figure.picture(outcome) if outcome.study.search is None else figure_search.picture(outcome)
+    own = figure if outcome.study.search is None else figure_search
+    own = own if outcome.study.tune is None else figure_tuning
+    found = {"figure.png": own.picture(outcome)}
+    return found | ({"envelope.png": figure_envelope.picture(outcome)} if outcome.bundles else {})
 
 
 def _write_tuned(outcome: StudyOutcome, folder: Path) -> list[str]:

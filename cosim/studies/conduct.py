@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
+from cosim.studies.bundles import Bundle, bundles_of
+from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
-from cosim.studies.keys import key_of_scenario
+from cosim.studies.keys import key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.read_keep import check_keep
@@ -47,6 +49,8 @@ class StudyOutcome:
         The best values of each case, in a study that tunes.
     worst : Worst or None
         The worst case that was found, in a study that searches.
+    bundles : tuple of Bundle
+        The courses of all runs, for each envelope and case.
     """
 
     study: Study
@@ -57,6 +61,7 @@ class StudyOutcome:
     early: bool
     tuned: tuple[Tuned, ...] = ()
     worst: Worst | None = None
+    bundles: tuple[Bundle, ...] = ()
 
     @property
     def shown(self) -> tuple[Row, ...]:
@@ -96,7 +101,9 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     keys = {}
     for cases, scenario in study.bases.items():
         with ExitStack() as cleanup:
-            keys[cases] = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
+            setup = set_up(scenario, cleanup, {})
+            check_envelopes(study.envelopes, scenario, setup.signals)
+            keys[cases] = key_with_envelopes(key_of_scenario(scenario, setup), study.envelopes)
     return plan, keys, judged
 
 
@@ -142,6 +149,26 @@ def conduct(
         The user pressed Ctrl-C; the rows so far are kept.
     """
     plan, keys, requirements = check_study(study)
+    with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
+        maker = Maker(study, keys, store, crew)
+        if study.tune is not None:
+            outcome = _tune(study, study.tune, maker, requirements, runs, progress)
+        elif study.search is not None:
+            outcome = _search(study, study.search, maker, requirements, runs, progress)
+        else:
+            outcome = _sample(study, plan, maker, requirements, runs, progress)
+        return replace(outcome, bundles=bundles_of(study, outcome.shown, store))
+
+
+def _sample(
+    study: Study,
+    plan: Plan,
+    maker: Maker,
+    requirements: Sequence[Judged],
+    runs: int | None,
+    progress: Callable[[Sequence[Row], int], None] | None,
+) -> StudyOutcome:
+    """Make the runs of a plan, and judge them."""
     wanted = min(len(plan), runs or len(plan))
     rows: dict[int, Row] = {}
     ending = _Ending(requirements, rows)
@@ -152,13 +179,7 @@ def conduct(
             progress(some, wanted - len(rows))
         return not ending.reached()
 
-    with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
-        maker = Maker(study, keys, store, crew)
-        if study.tune is not None:
-            return _tune(study, study.tune, maker, requirements, runs, progress)
-        if study.search is not None:
-            return _search(study, study.search, maker, requirements, runs, progress)
-        maker.make(in_order(islice(plan, wanted)), take)
+    maker.make(in_order(islice(plan, wanted)), take)
     last = ending.last if ending.reached() else wanted
     ordered = tuple(rows[number] for number in range(1, last + 1))
     judged = wanted == len(plan) or ending.reached()

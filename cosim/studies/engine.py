@@ -43,8 +43,9 @@ class Workers:
     def __init__(self, study: Study, crew: Crew) -> None:
         self.usual = 0.0
         self._measures = study.measures
+        self._envelopes = study.envelopes
         self._bases = {cases: pickle.dumps(scenario) for cases, scenario in study.bases.items()}
-        self._mark = hashlib.sha256(pickle.dumps((self._bases, self._measures))).hexdigest()
+        self._mark = hashlib.sha256(pickle.dumps((self._bases, self._measures, self._envelopes))).hexdigest()
         self._crew = crew
         self._each = 1  # runs of a chunk
 
@@ -80,4 +81,4 @@ class Workers:
         """Return a chunk as a task."""
         runs, keys = zip(*chunk, strict=True)
         bases = {run.cases: self._bases[run.cases] for run in runs}
-        return Task(self._mark, bases, self._measures, self.usual, runs, keys, alone)
+        return Task(self._mark, bases, self._measures, self._envelopes, self.usual, runs, keys, alone)

@@ -11,7 +11,7 @@ from lxml import etree
 
 from cosim.master.setup import Setup
 from cosim.scenario.grammar import local_name, paths_in
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.elsewhere import LIBRARIES
 
 _FOR_PEOPLE = ("title", "description")
@@ -24,6 +24,13 @@ def key_of_scenario(scenario: Scenario, setup: Setup) -> str:
     versions of the packages.
     """
     return _digest(_determining(scenario, setup))
+
+
+def key_with_envelopes(scenario: str, envelopes: Sequence[Expectation]) -> str:
+    """Return the checksum of a scenario, and of what its runs keep besides figures."""
+    if not envelopes:
+        return scenario
+    return _digest([scenario, *(f"envelope {sorted(one.attributes.items())}" for one in envelopes)])
 
 
 def key_of_run(scenario: str, changes: Sequence[str]) -> str:

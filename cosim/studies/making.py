@@ -91,9 +91,9 @@ class Maker:
 
         def keep(rows: Sequence[Row]) -> bool:
             nonlocal goes_on
-            self._store.append(rows)
-            self.made += len(rows)
-            goes_on = take(rows)
+            kept = self._store.append(rows)
+            self.made += len(kept)
+            goes_on = take(kept)
             return goes_on
 
         if not self._workers.usual and (first := next(missing(1), None)) is not None:

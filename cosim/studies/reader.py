@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,10 +20,11 @@ from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import scenario_in
 from cosim.scenario.reader.element import Element
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import Expectation, Scenario
 from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
+from cosim.studies.courses import is_of_paths
 from cosim.studies.read_keep import read_keep
 from cosim.studies.read_search import draws_of, read_search, read_tune
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
@@ -73,6 +75,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         search=searched,
         changes=made,
         keep=tuple(read_keep(element, [measured for measured, _ in measures]) for element in root.children("keep")),
+        envelopes=tuple(map(_envelope, root.children("envelope"))),
     )
     return replace(study, own=_selected(study))
 
@@ -202,6 +205,15 @@ def _check_attributes(element: Element, figure: str) -> None:
     for name, wrong in misplaced.items():
         if wrong and name in element:
             raise element.error(f'figure="{figure}" of <measure> has no {name}=...: leave it out')
+
+
+def _envelope(element: Element) -> Expectation:
+    start = element.quantity("from", "s") if "from" in element else 0.0
+    stop = element.quantity("to", "s") if "to" in element else math.inf
+    if not is_of_paths(element) and "unit" not in element:
+        raise element.error("<envelope> needs unit=..., such as that of the signal")
+    robots = tuple(dict.fromkeys(element.get("robots").split()))
+    return Expectation(element.kind, element.attributes, element.where, element.folder, start, stop, robots)
 
 
 # Scenarios ---------------------------------------------------------------------------------------------------

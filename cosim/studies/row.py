@@ -35,6 +35,8 @@ class Row:
     least : float
         The least of the margins, each over the magnitude of its bound: below zero if an expectation fails, minus
         infinite if one has no figure, infinite if nothing is expected.
+    courses : tuple of str
+        Of each envelope, see `cosim.studies.courses`; none of a broken run, and none in memory once the row is kept.
     """
 
     key: str
@@ -46,11 +48,14 @@ class Row:
     margins: tuple[float, ...]
     message: str
     least: float = math.inf
+    courses: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         """Return it in a line."""
         data = {**vars(self), "least": _told(self.least)}
         data |= {name: list(map(_told, data[name])) for name in ("measures", "margins")}
+        if not self.courses:
+            del data["courses"]
         return json.dumps(data, allow_nan=False)
 
     @classmethod
@@ -68,6 +73,7 @@ class Row:
             margins=tuple(map(float, data["margins"])),
             message=str(data["message"]),
             least=float(data["least"]),
+            courses=tuple(map(str, data.get("courses", ()))),
         )
 
 

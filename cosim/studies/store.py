@@ -1,7 +1,8 @@
 """The rows of a study on disk: appended as they come, so that whatever ends the study, it goes on where it was.
 
 A file of lines, each a row as JSON, after a first line that says whose they are. A line that was cut off in the middle
-of a write is removed when the file is opened again. A row counts for a run with the same key alone.
+of a write is removed when the file is opened again. A row counts for a run with the same key alone. What a row has
+for the picture of all runs stays on disk.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -36,7 +38,7 @@ class Store:
     Attributes
     ----------
     rows : dict
-        The last row by key.
+        The last row by key, without its courses.
     unreadable : int
         Lines that are no rows; their runs are made again.
 
@@ -51,6 +53,7 @@ class Store:
     def __init__(self, folder: Path, name: str) -> None:
         self._path = folder / FILE
         self.rows: dict[str, Row] = {}
+        self._places: dict[str, int] = {}  # where in the file the rows with courses are
         self.unreadable = 0
         try:
             self._file = self._path.open("a+b", buffering=0)
@@ -63,17 +66,32 @@ class Store:
             self._file.close()
             raise
 
-    def append(self, rows: Iterable[Row]) -> None:
-        """Write rows, whole or not at all.
+    def append(self, rows: Iterable[Row]) -> list[Row]:
+        """Write rows, whole or not at all; return them as they are kept.
 
         Raises
         ------
         OutputError
             They cannot be written.
         """
-        kept = list(rows)
-        self._write("".join(row.to_json() + "\n" for row in kept))
-        self.rows |= {row.key: row for row in kept}
+        rows = list(rows)
+        lines = [(row.to_json() + "\n").encode() for row in rows]
+        place = self._write(b"".join(lines))
+        kept = []
+        for row, line in zip(rows, lines, strict=True):
+            kept.append(self._keep(row, place))
+            place += len(line)
+        return kept
+
+    def courses(self, rows: Iterable[Row]) -> Iterator[tuple[str, ...]]:
+        """Return the courses of each of some rows that are kept; of one that has none, nothing."""
+        with self._path.open("rb") as file:
+            for row in rows:
+                if (place := self._places.get(row.key)) is None:
+                    yield ()
+                    continue
+                file.seek(place)
+                yield Row.of(json.loads(file.readline())).courses
 
     def __enter__(self) -> Self:
         """Return the store; it is closed at the end of the block."""
@@ -85,23 +103,36 @@ class Store:
         self._file.close()
 
     def _read(self, name: str) -> None:
-        self._file.seek(0)
-        data = self._file.readall()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):  # the process was ended while it wrote
-            self._file.truncate(whole)
-        first, *lines = data[:whole].splitlines() or [b""]
-        if not first:
-            self._write(json.dumps({"format": _FORMAT, "study": name}) + "\n")
-            return
-        self._check(first, name)
-        for line in lines:
-            try:
-                row = Row.of(json.loads(line))
-            except (ValueError, KeyError, TypeError):
-                self.unreadable += 1
-            else:
-                self.rows[row.key] = row
+        place = 0
+        with self._path.open("rb") as file:
+            for line in file:
+                if not line.endswith(b"\n"):  # the process was ended while it wrote
+                    self._file.truncate(place)
+                    break
+                if not place:
+                    self._check(line, name)
+                else:
+                    self._read_line(line, place)
+                place += len(line)
+        if not place:
+            self._write((json.dumps({"format": _FORMAT, "study": name}) + "\n").encode())
+
+    def _read_line(self, line: bytes, place: int) -> None:
+        try:
+            row = Row.of(json.loads(line))
+        except (ValueError, KeyError, TypeError):
+            self.unreadable += 1
+        else:
+            self._keep(row, place)
+
+    def _keep(self, row: Row, place: int) -> Row:
+        """Keep a row that stands at a place of the file, but for its courses; return it without them."""
+        self._places.pop(row.key, None)
+        if row.courses:
+            self._places[row.key] = place
+            row = replace(row, courses=())
+        self.rows[row.key] = row
+        return row
 
     def _check(self, first: bytes, name: str) -> None:
         advice = "give another folder with --out, or remove it"
@@ -115,9 +146,10 @@ class Store:
         if of != name:
             raise InputError(f"{self._path} holds the rows of the study {of!r}, not of {name!r}: {advice}")
 
-    def _write(self, text: str) -> None:
+    def _write(self, data: bytes) -> int:
+        """Write at the end; return where that was."""
         size = os.fstat(self._file.fileno()).st_size
-        rest = memoryview(text.encode())
+        rest = memoryview(data)
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
@@ -126,6 +158,7 @@ class Store:
             with suppress(OSError):
                 self._file.truncate(size)
             raise OutputError(f"{self._path} cannot be written: {error.strerror}") from error
+        return size
 
 
 def _lock(file: FileIO, path: Path) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from cosim.errors import Location
 from cosim.scenario.document import Document
 from cosim.scenario.edits import Change
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.values import Values
 
 COST = "cost"
@@ -251,6 +251,8 @@ class Study:
         Made in every scenario, before the study's own.
     keep : tuple of Keep
         The runs whose full results are kept.
+    envelopes : tuple of Expectation
+        Signals of which all runs are drawn together; see `cosim.studies.courses`.
     """
 
     document: Document
@@ -266,3 +268,4 @@ class Study:
     search: Search | None = None
     changes: tuple[Change, ...] = ()
     keep: tuple[Keep, ...] = ()
+    envelopes: tuple[Expectation, ...] = ()

@@ -13,9 +13,11 @@ from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
 from cosim.results.expectations import judge
+from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import Variations
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import Expectation, Scenario
+from cosim.studies.courses import Envelope
 from cosim.studies.plan import Run
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.study import Measured
@@ -36,6 +38,8 @@ class Task:
         Of these runs, see `Study.bases`; each pickled.
     measures : tuple of Measured
         See `Study.measures`.
+    envelopes : tuple of Expectation
+        See `Study.envelopes`.
     usual : float
         The time [s] that a run takes, about.
     runs : tuple of Run
@@ -49,6 +53,7 @@ class Task:
     study: str
     bases: Mapping[tuple[int, ...], bytes]
     measures: tuple[Measured, ...]
+    envelopes: tuple[Expectation, ...]
     usual: float
     runs: tuple[Run, ...]
     keys: tuple[str, ...]
@@ -62,10 +67,14 @@ class _Base:
     ----------
     prepared : Prepared or None
         With the structure of the last run.
+    envelopes : tuple of Envelope
+        Those of the study, in this scenario.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, envelopes: Iterable[Expectation]) -> None:
         self.scenario = scenario
+        self.envelopes = tuple(Envelope(written, scenario) for written in envelopes)
+        self._record = {name for envelope in self.envelopes for name in envelope.signals({})} or None
         self.variations = Variations(scenario)
         self.prepared: Prepared | None = None
 
@@ -73,7 +82,7 @@ class _Base:
         if self.prepared is not None and not self.prepared.accepts(scenario):
             self.close()
         if self.prepared is None:
-            self.prepared = Prepared(scenario)
+            self.prepared = Prepared(scenario, self._record)
         return self.prepared
 
     def close(self) -> None:
@@ -98,7 +107,7 @@ def rows_of(task: Task) -> Iterator[Row]:
 def _base(task: Task, cases: tuple[int, ...]) -> _Base:
     kept = task.study, cases
     if kept not in _bases:
-        _bases[kept] = _Base(pickle.loads(task.bases[cases]))  # from the process that has made the task
+        _bases[kept] = _Base(pickle.loads(task.bases[cases]), task.envelopes)  # from the process that has made the task
     _bases.move_to_end(kept)
     while len(_bases) > _KEPT:
         _bases.popitem(last=False)[1].close()
@@ -120,7 +129,7 @@ def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
         return broken_row(task, run, key, str(error))
     if outcome.failure is not None:
         return broken_row(task, run, key, outcome.message)
-    return _judged(task, run, key, outcome.verdicts)
+    return _judged(task, run, key, outcome.verdicts, _courses(base, outcome.result))
 
 
 def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
@@ -132,10 +141,14 @@ def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
             verdicts = judge(scenario.expectations, result, lambda path: run_other(whole.setup, path))
     except FormationError as error:
         return broken_row(task, run, key, str(error))
-    return _judged(task, run, key, verdicts)
+    return _judged(task, run, key, verdicts, _courses(base, result))
 
 
-def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
+def _courses(base: _Base, result: Result | None) -> tuple[str, ...]:
+    return () if result is None else tuple(envelope.course(result) for envelope in base.envelopes)
+
+
+def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict], courses: tuple[str, ...]) -> Row:
     places: dict[Location, list[Verdict]] = {measured.where: [] for measured in task.measures}
     own: list[Verdict] = []
     for verdict in verdicts:
@@ -151,6 +164,7 @@ def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict]) -> Row:
         margins=_margins(own),
         message=f"{failed[0].where}: {failed[0]}" if failed else "",
         least=min(map(_over_bound, own), default=math.inf),
+        courses=courses,
     )
 
 
