@@ -214,9 +214,9 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     head, tail = re.split(place, whole)
     payload, law, measures, requirements, given, keep, by_case, *_ = parts
     head = re.sub(r"<vary.*</vary>", lambda _: payload + law, head, flags=re.DOTALL)
-    tail = tail.replace("  <probability", measures + requirements + given + "  <probability").replace(
-        '"settling"', '"settled"', 1
-    )
+    (envelopes,) = (part for part in parts if part.startswith("<envelope"))
+    tail = tail.replace("  <envelope", measures + envelopes + "  <envelope", 1)
+    tail = tail.replace("  <probability", requirements + given + "  <probability").replace('"settling"', '"settled"', 1)
     path = tmp_path / "study.xml"
     tail = tail.replace("</study>", f"{keep}</study>")
     path.write_text(f"{head}<sample method='random' runs='50'/>{tail}".replace("../scenarios", of), encoding="utf-8")
@@ -224,6 +224,7 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     assert len(Plan(study)) == 150
     check_keep(study, 150)
     assert len(requirements_of(study)) == 9
+    assert len(study.envelopes) == 5
     seed = '<vary name="seed" select="simulation/@seed"><count from="1"/></vary>'
     tune = (
         '<tune values="k_d sigma K_1" evaluations="4" training="1" held_out="2" confidence="0.9"><cost of="r"/></tune>'
