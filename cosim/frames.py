@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import COMPILED, address_of, address_of_types, call, compiled, form_of, part
+from cosim.compiled import COMPILED, address_of, address_of_types, borrowing, call, form_of, part
 
 Address: TypeAlias = int
 
@@ -141,7 +141,7 @@ if COMPILED:
 
         return types.int64(function, frame), generate
 
-    @compiled
+    @borrowing
     def _enter(function: Address, frame: Any) -> None:
         if _call_with(function, frame) != 0:  # type: ignore[call-arg]
             raise RuntimeError

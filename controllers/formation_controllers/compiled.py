@@ -66,6 +66,14 @@ def compiled(function: F) -> F:
     return _compiled(function)
 
 
+def borrowing(function: F) -> F:
+    """Compile a function as `compiled` does that neither makes an array nor returns one.
+
+    Nobody counts there who refers to its arrays, which takes a law of few robots a tenth of its time.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def part(function: F) -> F:
     """Compile a function as `compiled` does; compiled callers have its text in the place of a call.
 

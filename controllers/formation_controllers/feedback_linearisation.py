@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from formation_controllers import dynamics, kinematics, robot_view
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import borrowing
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.gains import gain
@@ -24,7 +24,7 @@ class FeedbackLinearisationGains(ModelGains, GuardGains):
     K_1: float | Sequence[float] = gain(2.0, "K_1", "1/s", "feedback of its rate", size=2, above=0)
 
 
-@compiled
+@borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry."""
     size, vehicle = len(inputs.pose), team.vehicle

@@ -20,7 +20,7 @@ from formation_controllers import dynamics, kinematics, robot_view, saturation
 from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.analysis.small_matrices import held, inverse, product, riccati, solve
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import borrowing
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
@@ -54,7 +54,7 @@ class LqgGains(ModelGains, LimitGains):
     )
 
 
-@compiled
+@borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
     c, size, vehicle = team.columns[0], len(inputs.pose), team.vehicle

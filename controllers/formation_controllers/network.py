@@ -59,7 +59,11 @@ def basis(c: np.void, gains: NDArray[np.void], first: int, count: int) -> None:
             for j in range(len(x)):
                 difference = x[j, r] - centres[k, r]
                 distance_squared += difference * difference
-            sigma[k, r] = exp(-distance_squared / (widths[k, r] * widths[k, r]))
+            sigma[k, r] = -distance_squared / (widths[k, r] * widths[k, r])
+    # Apart from the loop above: a processor works ahead on as many of these long chains as fit into its window.
+    for k in range(len(centres)):
+        for r in range(count):
+            sigma[k, r] = exp(sigma[k, r])
 
 
 @part

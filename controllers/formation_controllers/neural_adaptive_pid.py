@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from formation_controllers import network, observer_pid, projection, robot_view, saturation
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import compiled, part
+from formation_controllers.compiled import borrowing, part
 from formation_controllers.compiled_law import TeamRecords
 from formation_controllers.gains import gain
 from formation_controllers.interface import Floats, Signal, TickInputs
@@ -77,7 +77,7 @@ def network_input(
         x[rest + 6 + j] = q_d_ddot[j]
 
 
-@compiled
+@borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
     seen, c, size = team.seen[0], team.columns[0], len(inputs.pose)

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 
 from formation_controllers import network, projection, robot_view, saturation
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import borrowing
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.errors import GainError
 from formation_controllers.gains import gain
@@ -38,7 +38,7 @@ class NeuralHighGainGains(NetworkGains, LimitGains):
 NETWORK_INPUTS: Final = 8
 
 
-@compiled
+@borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
     c, size = team.columns[0], len(inputs.pose)

@@ -10,7 +10,7 @@ import numpy as np
 
 from formation_controllers import robot_view, saturation, velocity_observer
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import compiled, part
+from formation_controllers.compiled import borrowing, part
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.gains import gain
 from formation_controllers.interface import Desired, Floats, Signal, TickInputs
@@ -99,7 +99,7 @@ def advance(c: np.void, r: int, own: np.void, g: np.void, q_d_ddot: Floats, held
             own["epsilon_q_tilde_integral"][j] += period * c["epsilon_q_tilde"][j, r]
 
 
-@compiled
+@borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
     c, size = team.columns[0], len(inputs.pose)

@@ -14,7 +14,7 @@ import numpy as np
 
 from formation_controllers import kinematics
 from formation_controllers.columns import sin_cos_of, sin_cos_tan_of
-from formation_controllers.compiled import compiled, part
+from formation_controllers.compiled import borrowing, part
 from formation_controllers.elementary import acos
 from formation_controllers.interface import Floats, TickInputs
 from formation_controllers.kinematics import Direction, Geometry, Matrix, Pose, PostureError, Steering
@@ -74,12 +74,11 @@ class RobotView(NamedTuple):
 
 
 SEEN: Final[Mapping[str, tuple[int, ...]]] = MappingProxyType(
-    {"pose": (4,), "q": (2,)}
+    {"pose": (4,), "q": (2,), "angles": (3,), "sines": (3,), "cosines": (3,)}
     | dict.fromkeys(
         (
             *("sin_heading", "cos_heading"),
-            *("e_1", "e_2", "e_3", "e_4", "phi", "course", "last_bearing"),
-            *("sin_phi", "cos_phi", "sin_course", "cos_course", "sin_bearing", "cos_bearing"),
+            *("e_1", "e_2", "e_3", "e_4", "last_bearing"),
             *("angle", "sin_angle", "cos_angle", "tan_angle", "steering", "tan_steering", "cos_steering"),
             *("R_11", "R_12", "R_21", "R_22", "delta_1", "delta_2", "B2_11", "B2_12", "B2_21", "B2_22"),
             *("relative_range", "drive_gain", "least", "bounds"),
@@ -88,6 +87,11 @@ SEEN: Final[Mapping[str, tuple[int, ...]]] = MappingProxyType(
     )
 )
 """The columns in which `see` leaves what it finds, with their shapes for one robot."""
+
+PHI: Final = 0
+COURSE: Final = 1
+BEARING: Final = 2
+"""The rows of `angles`, `sines` and `cosines`."""
 
 
 @part
@@ -102,7 +106,7 @@ def see(inputs: TickInputs, team: TeamRecords, first: int, count: int) -> None:
     _see(c, inputs.leader_pose, inputs.leader_velocity[0], team.vehicle, count)
 
 
-@compiled
+@borrowing
 def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: int) -> None:
     """Measure the formation of a block, given pose, last bearing and guard: the same code for every law."""
     for r in range(count):
@@ -118,11 +122,10 @@ def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: 
         error = kinematics.posture_error(pose, Direction(c["sin_heading"][r], c["cos_heading"][r]), leader)
         rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
         c["e_1"][r], c["e_2"][r], c["e_3"][r], c["e_4"][r] = error
-        c["phi"][r], c["course"][r] = phi, error.e_3 - phi
         c["q"][0, r], c["q"][1, r] = rho, kinematics.unwrapped(phi - c["angle"][r], c["last_bearing"][r])
-    sin_cos_of(c["phi"], c["sin_phi"], c["cos_phi"], count)
-    sin_cos_of(c["course"], c["sin_course"], c["cos_course"], count)
-    sin_cos_of(c["q"][1], c["sin_bearing"], c["cos_bearing"], count)
+        c["angles"][PHI, r], c["angles"][COURSE, r], c["angles"][BEARING, r] = phi, error.e_3 - phi, c["q"][1, r]
+    for j in range(3):
+        sin_cos_of(c["angles"][j], c["sines"][j], c["cosines"][j], count)
 
     # The steering angle at its guarded distance
     for r in range(count):
@@ -142,8 +145,8 @@ def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: 
         is_near = rho < least * vehicle.length
         far = least * vehicle.length if is_near else rho
         steering = Steering(c["steering"][r], c["tan_steering"][r], c["cos_steering"][r])
-        R = kinematics.rate_matrix(far, Direction(c["sin_phi"][r], c["cos_phi"][r]), steering, vehicle)
-        delta_1, delta_2 = kinematics.leader_rates(far, Direction(c["sin_course"][r], c["cos_course"][r]), v_d)
+        R = kinematics.rate_matrix(far, Direction(c["sines"][PHI, r], c["cosines"][PHI, r]), steering, vehicle)
+        delta_1, delta_2 = kinematics.leader_rates(far, Direction(c["sines"][COURSE, r], c["cosines"][COURSE, r]), v_d)
         B2 = kinematics.input_matrix(Direction(c["sin_heading"][r], c["cos_heading"][r]), steering, vehicle)
         drive_gain = B2.m_11 * vehicle.wheel_radius if vehicle.torques == kinematics.WHEELS else B2.m_11
         if is_near or abs(R.m_11) < least or abs(drive_gain) < least:
@@ -159,16 +162,16 @@ def view_of(c: np.void, r: int) -> RobotView:
     """Return one robot of the block."""
     return RobotView(
         PostureError(c["e_1"][r], c["e_2"][r], c["e_3"][r], c["e_4"][r]),
-        LineOfSight(c["q"][0, r], c["phi"][r], c["q"][1, r]),
+        LineOfSight(c["q"][0, r], c["angles"][PHI, r], c["q"][1, r]),
         Direction(c["sin_heading"][r], c["cos_heading"][r]),
-        Direction(c["sin_phi"][r], c["cos_phi"][r]),
-        Direction(c["sin_course"][r], c["cos_course"][r]),
+        Direction(c["sines"][PHI, r], c["cosines"][PHI, r]),
+        Direction(c["sines"][COURSE, r], c["cosines"][COURSE, r]),
         Steering(c["steering"][r], c["tan_steering"][r], c["cos_steering"][r]),
         FormationRates(
             Matrix(c["R_11"][r], c["R_12"][r], c["R_21"][r], c["R_22"][r]), c["delta_1"][r], c["delta_2"][r]
         ),
         Matrix(c["B2_11"][r], c["B2_12"][r], c["B2_21"][r], c["B2_22"][r]),
-        Margins(c["relative_range"][r], c["cos_bearing"][r], c["cos_angle"][r], c["drive_gain"][r]),
+        Margins(c["relative_range"][r], c["cosines"][BEARING, r], c["cos_angle"][r], c["drive_gain"][r]),
         Guard(c["least"][r], c["bounds"][r]),
     )
 

@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import compiled
+from cosim.compiled import borrowing
 from cosim.frames import Bound, call_bound
 from cosim.master.moves import Spots, add, move, move_finite, moves_between
 from cosim.plant.fleet_step import CompiledFleet
@@ -125,7 +125,7 @@ class Wiring:
         )
 
 
-@compiled
+@borrowing
 def advance(loop: Loop, parts: int, first: int, last: int) -> tuple[int, int]:
     """Run parts of ticks until one of them, or until an FMU says something.
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import COMPILED, compiled
+from cosim.compiled import COMPILED, borrowing
 
 Places: TypeAlias = NDArray[np.int64]
 
@@ -95,7 +95,7 @@ def _rows(to: bytes, of: bytes) -> list[list[int]]:
     return rows
 
 
-@compiled
+@borrowing
 def move(moves: Places, first: int, last: int, tick: int) -> None:
     """Do some of the moves for a tick."""
     for m in range(first, last):
@@ -112,7 +112,7 @@ def move(moves: Places, first: int, last: int, tick: int) -> None:
             of += of_row
 
 
-@compiled
+@borrowing
 def move_finite(moves: Places, first: int, last: int, tick: int) -> bool:
     """Do some of the moves for a tick; return whether all the numbers are finite."""
     strange = 0
@@ -130,7 +130,7 @@ def move_finite(moves: Places, first: int, last: int, tick: int) -> bool:
     return strange == 0
 
 
-@compiled
+@borrowing
 def add(moves: Places, first: int, last: int, tick: int) -> None:
     """Do some of the moves for a tick, and add each number to the one that is there."""
     for m in range(first, last):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import address_of, call, compiled, part
+from cosim.compiled import address_of, borrowing, call, compiled, part
 from cosim.frames import Bound
 from cosim.plant.bells import HEARD_DONE, Bells, no_bells
 from cosim.plant.failures import FINE
@@ -190,7 +190,7 @@ def _tick(plants: FleetArrays, given: NDArray[np.float64], time: float, step: fl
     return (_FAILED if failed else take_outputs(plants)), said
 
 
-@compiled
+@borrowing
 def step_fleet(
     plants: FleetArrays, given: NDArray[np.float64], clock: NDArray[np.float64], found: NDArray[np.int64]
 ) -> None:

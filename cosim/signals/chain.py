@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compiled import address_of, call, compiled
+from cosim.compiled import address_of, borrowing, call
 from cosim.signals.effects import EFFECTS
 from cosim.signals.effects.effect import Floats, Rows
 
@@ -91,7 +91,7 @@ def again(before: Chain | None, rows: Rows) -> Chain:
     return before if before is not None and before.restart(rows) else Chain(rows)
 
 
-@compiled
+@borrowing
 def apply(chain: ChainArrays, tick: int, values: Floats) -> None:
     """Change the values (robots, channels) of a tick in place."""
     place = tick & (chain.amounts.shape[1] - 1)  # in the window

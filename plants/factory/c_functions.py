@@ -101,6 +101,12 @@ def header() -> str:
     return "\n".join([*parts, "\n#endif\n"])
 
 
+def result_type(name: str) -> str:
+    """Return the C type of what a function returns; the items of several are ``item_0``, ``item_1`` and so on."""
+    functions = [getattr(module, name) for module in _MODULES if hasattr(module, name)]
+    return _result(_types(ast.parse(functions[0].__annotations__["return"], mode="eval").body))
+
+
 def _constants() -> Iterator[str]:
     """Yield a definition for each constant of the modules: a macro, or an array."""
     names = dict.fromkeys(name for module in _MODULES for name in vars(module) if name.isupper())

@@ -6,7 +6,6 @@ import importlib.util
 import math
 import string
 import uuid
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,9 +22,10 @@ from plants import units
 from plants.errors import BuildError, ModelError
 from plants.factory import c_functions, experiment
 from plants.factory.document import document
+from plants.factory.shared_functions import Call, Result, share_functions, together
 from plants.factory.table import Entry, Table, tabulate
 from plants.jacobian import differentiate
-from plants.ode import RESERVED, TIME, Enumeration, OdeModel, Term
+from plants.ode import TIME, Enumeration, OdeModel, Term
 from plants.printing import OWN_FUNCTIONS, Powers
 
 TEMPLATE = Path(__file__).parent / "template"
@@ -176,28 +176,24 @@ class _Function:
     results: tuple[_Line, ...]
 
 
-_Result = tuple[str, sympy.Expr, str]
-"""Index in the array of results, expression and comment."""
-
-
-def _derivative_lines(model: OdeModel) -> list[_Result]:
+def _derivative_lines(model: OdeModel) -> list[Result]:
     return [
         (f"STATE_{state.name}", derivative, _comment(units.per_second(state.unit), equation))
         for state, derivative, equation in zip(model.states, model.derivatives, model.equations, strict=True)
     ]
 
 
-def _output_lines(model: OdeModel) -> list[_Result]:
+def _output_lines(model: OdeModel) -> list[Result]:
     return [(f"OUTPUT_{output.name}", output.expression, _comment(output.unit)) for output in model.outputs]
 
 
-def _limit_lines(model: OdeModel) -> list[_Result]:
+def _limit_lines(model: OdeModel) -> list[Result]:
     return [(str(i), limit.expression, _comment(limit.unit)) for i, limit in enumerate(model.limits)]
 
 
 def _jacobian(
     model: OdeModel, table: Table, knowns: Sequence[Entry]
-) -> tuple[tuple[Term, ...], list[_Result], list[tuple[Entry, Entry]]]:
+) -> tuple[tuple[Term, ...], list[Result], list[tuple[Entry, Entry]]]:
     """Return the terms, the result lines and the unknown and known of each partial derivative that is not zero."""
     expressions = (
         *(s.symbol for s in model.states if s.output),
@@ -223,9 +219,9 @@ def _comment(unit: str, equation: str = "") -> str:
     return f"[{unit}] {equation}".rstrip()
 
 
-def _function(model: OdeModel, name: str, result: str, terms: Sequence[Term], lines: Sequence[_Result]) -> _Function:
+def _function(model: OdeModel, name: str, result: str, terms: Sequence[Term], lines: Sequence[Result]) -> _Function:
     printer = _Printer(model)
-    terms, lines = _share_functions(model, _needed(terms, lines), lines)
+    terms, lines = share_functions(model, _needed(terms, lines), lines)
     expressions = [*(term.expression for term in terms), *(expression for _, expression, _ in lines)]
     used = {symbol.name for expression in expressions for symbol in expression.free_symbols}
 
@@ -247,12 +243,22 @@ def _function(model: OdeModel, name: str, result: str, terms: Sequence[Term], li
             unused.append(argument)
     if not lines:
         unused.append(result)
-    locals_ += [_Line(t.symbol.name, printer.doprint(t.expression), _comment(t.unit, t.equation)) for t in terms]
+    calls, made = together(model, terms), set[Call]()
+    for term in terms:
+        call, place = calls.get(term.symbol, (None, 0))
+        if call is not None and call not in made:
+            made.add(call)
+            kind, called = c_functions.result_type(call.function), c_functions.PREFIX + call.function
+            locals_.append(
+                _Line(call.name, f"{called}({printer.doprint(call.angle)})", ", ".join(call.functions), kind)
+            )
+        value = printer.doprint(term.expression) if call is None else f"{call.name}.item_{place}"
+        locals_.append(_Line(term.symbol.name, value, _comment(term.unit, term.equation)))
     results = tuple(_Line(index, printer.doprint(e), comment) for index, e, comment in lines)
     return _Function(name, result, tuple(unused), tuple(locals_), results)
 
 
-def _needed(terms: Sequence[Term], lines: Sequence[_Result]) -> list[Term]:
+def _needed(terms: Sequence[Term], lines: Sequence[Result]) -> list[Term]:
     """Return the terms that the results need, in order."""
     needed = {symbol.name for _, expression, _ in lines for symbol in expression.free_symbols}
     used = []
@@ -261,47 +267,6 @@ def _needed(terms: Sequence[Term], lines: Sequence[_Result]) -> list[Term]:
             used.append(term)
             needed |= {symbol.name for symbol in term.expression.free_symbols}
     return used[::-1]
-
-
-def _share_functions(
-    model: OdeModel, terms: Sequence[Term], lines: Sequence[_Result]
-) -> tuple[list[Term], list[_Result]]:
-    """Give a name to each function of one argument that is called more than once, such as cos(psi)."""
-    uses, branches = Counter[sympy.Expr](), sympy.Dummy()
-    for expression in (*(term.expression for term in terms), *(expression for _, expression, _ in lines)):
-        # An expression in a branch is evaluated only if chosen: leave it there.
-        outside = expression.replace(lambda e: isinstance(e, sympy.Piecewise), lambda _: branches)
-        for e in sympy.preorder_traversal(outside):
-            if isinstance(e, sympy.Function):
-                uses[e] += 1
-            elif e.is_Pow and e.exp.is_Integer and isinstance(e.base, sympy.Function):
-                uses[e.base] += 1
-    already = {term.expression for term in terms}
-    taken = {symbol.name for term in terms for symbol in (term.symbol, *term.expression.free_symbols)}
-    taken |= {v.name for v in (*model.states, *model.inputs, *model.parameters)} | RESERVED
-    taken |= {f"{enumeration.name}_{item}" for enumeration in model.enumerations for item in enumeration.items}
-    names: dict[sympy.Expr, sympy.Symbol] = {}
-    for function in sorted((f for f, n in uses.items() if n > 1 and f not in already), key=str):
-        name = "_".join("".join(c if c.isalnum() else " " for c in str(function)).split())
-        if name not in taken and len(name) < 32:
-            taken.add(name)
-            names[function] = sympy.Symbol(name, real=True)
-
-    shared: list[Term] = []
-    waiting = dict(names)
-
-    def share(expression: sympy.Expr) -> sympy.Expr:
-        for function in sorted((f for f in waiting if expression.has(f)), key=str):
-            if function in waiting:
-                symbol = waiting.pop(function)
-                shared.append(Term(symbol, function.func(*(share(argument) for argument in function.args))))
-        return expression.xreplace(names)
-
-    for term in terms:
-        expression = share(term.expression)
-        shared.append(Term(term.symbol, expression, term.unit, term.equation))
-    results = [(index, share(expression), comment) for index, expression, comment in lines]
-    return shared, results
 
 
 _NODES = (

@@ -113,6 +113,19 @@ def test_functions_whose_names_would_coincide_are_told_apart(load: Callable) -> 
     assert_equal(model, load(model), [{"x": value} for value in (-1.0, 0.2, 2.0)])
 
 
+def test_functions_of_an_angle_are_computed_together(load: Callable) -> None:
+    """One call for the tangent and the cosine of x; a function in a branch is left there, and one alone is alone."""
+    model = model_of(sympy.tan(x) + z, 1 / sympy.cos(x), sympy.Piecewise((sympy.sin(z), x > 0), (sympy.cos(u), True)))
+    text = generate(model, "2.0")["sources/model.c"].decode()
+    function = text[text.index("void model_get_outputs") :].partition("\n}\n")[0]
+    assert function.count("elementary_sin_cos_tan(x)") == 1
+    assert "elementary_tan(" not in function
+    assert "elementary_cos(x)" not in function
+    assert "elementary_sin(z)" in function
+    assert "elementary_cos(u)" in function
+    assert_equal(model, load(model), [{"x": value, "z": 0.3, "u": 1e7} for value in (-1e9, -1.0, 0.0, 2.0)])
+
+
 def random_expression(rng: random.Random, depth: int) -> sympy.Expr:
     """Draw an expression that is finite everywhere, and moderate."""
     if depth == 0:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.compiled import compiled
+from cosim.compiled import borrowing
 from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
 
 
-@compiled
+@borrowing
 def add(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
     """Add the amounts."""
     for i in range(values.shape[0]):

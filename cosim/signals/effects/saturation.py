@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from cosim.compiled import compiled
+from cosim.compiled import borrowing
 from cosim.signals.effects.effect import Floats, Limit, Rows
 from cosim.signals.effects.schedule import Schedule, clipped
 
 
-@compiled
+@borrowing
 def clip(tick: int, values: Floats, amount: Floats, memory: Floats) -> None:
     """Clip to the limits."""
     for i in range(values.shape[0]):

@@ -422,7 +422,7 @@ Status simulation_step(Simulation *s, double time, double step)
         return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
                    s->stop_time);
     }
-    const double ratio = ceil(step / solver_step_max - 1e-6);
+    const double ratio = step <= solver_step_max ? 1.0 : ceil(step / solver_step_max - 1e-6);
     if (ratio > max_internal_steps) {
         return say(s, STATUS_ERROR,
                    "the communication step of %.16g s needs %g internal steps of %.16g s: at most %g are allowed", step,
