@@ -94,7 +94,12 @@ def test_figures_of_parts_have_the_bits_of_the_whole(name: str, small_parts: Non
     first = int(changes[0]) + 1 if len(changes) else -1
     assert passes.sign_changes(strided[:, np.newaxis]) == (len(changes), first)
     outside = np.flatnonzero(~(magnitude <= 1))
-    assert passes.last_outside(len(course), lambda part: magnitude[part] <= 1) == (outside[-1] if len(outside) else -1)
+    last = [outside[-1] if len(outside) else -1, -1]
+    inside = np.stack([magnitude <= 1, np.ones(len(course), dtype=bool)], axis=1)
+    assert passes.last_outside(*inside.shape, lambda part: inside[part]) == last
+    both = np.stack([course, course[::-1], -course], axis=1)
+    expected_ends = [(own.argmin(), own.argmax()) for own in both.T[[0, 2]]]
+    assert passes.extremes_of_each(both, [0, 2]) == expected_ends
 
 
 def test_a_heading_is_unwrapped_as_numpy_does() -> None:

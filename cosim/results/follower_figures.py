@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.results.metrics import MEASURES, settling_time
+from cosim.results.metrics import MEASURES, settling_times
 from cosim.results.result import Result
 from cosim.storage import blocks
 
@@ -48,28 +48,32 @@ class FollowerFigures:
 
 def follower_figures(horizon: float, step: float, result: Result) -> tuple[FollowerFigures, ...]:
     """Return the figures of all followers in a run, complete or not, of a scenario with this horizon and step [s]."""
-    return tuple(_of_robot(horizon, step, result, robot) for robot in result.robots)
-
-
-def _of_robot(horizon: float, step: float, result: Result, robot: str) -> FollowerFigures:
-    time = result["time"].values
-    settled = settling_time(result, robot, RANGE_BAND, BEARING_BAND)
+    time, rms = result["time"].values, MEASURES["rms"]
     last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
-    steady = slice(int(np.searchsorted(time, (1 - STEADY_PART) * horizon - 0.5 * step)), None)
-    torque = result.of_robot("torque", robot) if "torque" in result else np.zeros((0, 1))
-    return FollowerFigures(
-        robot=robot,
-        settling_time=settled if settled is not None and settled <= last_chance else None,
-        range_rms=MEASURES["rms"](time[steady], result.of_robot("range_error", robot)[steady]),
-        bearing_rms=MEASURES["rms"](time[steady], result.of_robot("bearing_error", robot)[steady]),
-        peak_torque=_peak(torque),
-        within_from=settled,
+    steady = slice(int(time.searchsorted((1 - STEADY_PART) * horizon - 0.5 * step)), None)
+    within = settling_times(result, RANGE_BAND, BEARING_BAND)
+    peaks = _peaks(result.of_robots("torque")) if "torque" in result else [math.nan] * len(within)
+    errors = [result.of_robots(name)[steady] for name in ("range_error", "bearing_error")]
+    return tuple(
+        FollowerFigures(
+            robot=robot,
+            settling_time=settled if settled is not None and settled <= last_chance else None,
+            range_rms=rms(time[steady], errors[0][:, row]),
+            bearing_rms=rms(time[steady], errors[1][:, row]),
+            peak_torque=peaks[row],
+            within_from=settled,
+        )
+        for row, (robot, settled) in enumerate(within.items())
     )
 
 
-def _peak(torque: NDArray[np.float64]) -> float:
-    """Return the largest magnitude of torques (T, torques); NaN is one that the vehicle does not have."""
-    peak = math.nan
-    for block in blocks(len(torque), torque.shape[1]):
-        peak = float(np.fmax(peak, np.fmax.reduce(np.abs(torque[block]), axis=None)))
-    return peak
+def _peaks(torque: NDArray[np.float64]) -> list[float]:
+    """Return the largest magnitude of each follower's torques (T, N, torques); NaN is one that it does not have."""
+    peaks = np.full(torque.shape[1:], math.nan)
+    for block in blocks(len(torque), torque[:1].size):
+        part = np.abs(torque[block], order="C")
+        while len(part) > 1:  # half against half: a sample is too short for a loop of its own
+            half = (len(part) + 1) // 2
+            part = np.fmax(part[:half], part[-half:])
+        peaks = np.fmax(peaks, part[0])
+    return [float(np.fmax.reduce(own, initial=math.nan)) for own in peaks]

@@ -85,18 +85,21 @@ MEASURES: Mapping[str, Measure] = {
 time counts from the start of the window; root mean square of the change from sample to sample; smallest value."""
 
 
-def settling_time(result: Result, robot: str, range_band: float, bearing_band: float) -> float | None:
-    """Return from when on [s] both errors of a follower stay within their bands [m], [rad]; None if they do not."""
-    distance, bearing = (result.of_robot(name, robot) for name in ("range_error", "bearing_error"))
+def settling_times(result: Result, range_band: float, bearing_band: float) -> dict[str, float | None]:
+    """Return from when on [s] both errors of each follower stay within their bands [m], [rad]; None if they do not."""
+    distance, bearing = result.of_robots("range_error"), result.of_robots("bearing_error")
 
     def within(block: slice) -> NDArray[np.bool_]:  # NaN is not
         both: NDArray[np.bool_] = np.abs(distance[block]) <= range_band
         both &= np.abs(bearing[block]) <= bearing_band
         return both
 
-    first = passes.last_outside(len(distance), within) + 1
     time = result["time"].values
-    return float(time[first]) if first < len(time) else None
+    last = passes.last_outside(len(distance), distance.shape[1], within)
+    return {
+        robot: float(time[before + 1]) if before + 1 < len(time) else None
+        for robot, before in zip(result.robots, last, strict=True)
+    }
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ A course may lie in a file that is larger than the memory; no temporary array he
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -57,25 +57,57 @@ def smallest(course: Floats, of: Callable[[Floats], Floats] = lambda part: part)
     return at
 
 
+def extremes_of_each(courses: Floats, chosen: Sequence[int]) -> list[tuple[int, int]]:
+    """Return, for each that is chosen of courses (T, courses), the first samples of its smallest and largest number.
+
+    Both are the first one that is not a number, if there is such.
+    """
+    found = [(0, 0)] * len(chosen)
+    for block in blocks(len(courses), len(chosen)):
+        part, start = np.array(courses[block].T[chosen], order="C"), int(block.start)
+        for place, (least, most) in enumerate(
+            zip(part.argmin(axis=1).tolist(), part.argmax(axis=1).tolist(), strict=True)
+        ):
+            low, high = found[place]
+            before, own = courses[:, chosen[place]], part[place]
+            if start and math.isnan(before[low]):
+                continue
+            found[place] = (
+                low if start and own[least] >= before[low] else start + least,
+                high if start and own[most] <= before[high] else start + most,
+            )
+    return found
+
+
 def largest_magnitude(course: Floats) -> int:
     """Return the first sample at which a course (T,) is largest in magnitude, or not a number."""
     return smallest(course, lambda part: -np.abs(part))
 
 
-def is_missing(course: Floats) -> bool:
-    """Return whether no entry of a course (T, ...) is a number."""
-    if not np.isnan(course[:1]).all():  # as of most courses
-        return False
-    return all(np.isnan(course[block]).all() for block in blocks(len(course), max(course[:1].size, 1)))
+def missing(courses: Floats) -> list[bool]:
+    """Return of which courses (T, courses, ...) no entry is a number."""
+    first = np.isnan(courses[:1])
+    if not first.any():  # as of most
+        return [not len(courses)] * courses.shape[1]
+
+    def is_missing(course: Floats) -> bool:
+        return all(np.isnan(course[block]).all() for block in blocks(len(course), max(course[:1].size, 1)))
+
+    return [bool(first[:, one].all()) and is_missing(courses[:, one]) for one in range(courses.shape[1])]
 
 
-def last_outside(count: int, within: Callable[[slice], NDArray[np.bool_]]) -> int:
-    """Return the last sample of so many that is not within something; -1 if all are."""
-    last = -1
-    for block in blocks(count):
-        outside = np.flatnonzero(~within(block))
-        if len(outside):
-            last = block.start + int(outside[-1])
+def last_outside(count: int, courses: int, within: Callable[[slice], NDArray[np.bool_]]) -> list[int]:
+    """Return, for each of several courses, the last sample of so many that is not within something; -1 if all are.
+
+    The function gets part after part, and returns (samples, courses).
+    """
+    last = [-1] * courses
+    for block in blocks(count, courses):
+        outside = ~within(block)
+        for course in range(courses):
+            back = outside[::-1, course]
+            if back[first := int(back.argmax())]:
+                last[course] = int(block.start) + len(back) - 1 - first
     return last
 
 

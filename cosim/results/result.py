@@ -114,6 +114,10 @@ class Result:
         course: NDArray[Any] = variable.values[place]
         return course
 
+    def of_robots(self, name: str) -> NDArray[Any]:
+        """Return a variable (time, robots, ...) that all followers have."""
+        return by_robot(self[name])
+
     def row(self, robot: str) -> int:
         """Return the place of a follower along the dimension ``robot``."""
         return self._rows[robot]
@@ -124,8 +128,15 @@ class Result:
 
     def samples(self, start: float, stop: float) -> slice:
         """Return which samples are those from a time [s] to another, both included."""
-        time = self["time"].values
-        return slice(int(np.searchsorted(time, start, "left")), int(np.searchsorted(time, stop, "right")))
+        if (found := self._samples.get((start, stop))) is None:
+            time = self["time"].values
+            found = slice(int(time.searchsorted(start, "left")), int(time.searchsorted(stop, "right")))
+            self._samples[start, stop] = found
+        return found
+
+    @cached_property
+    def _samples(self) -> dict[tuple[float, float], slice]:
+        return {}
 
     def between(self, start: float, stop: float) -> Result:
         """Return the samples from a time [s] to another, both included; views."""
@@ -138,6 +149,12 @@ class Result:
             for group in (self.data_vars, self.coords)
         )
         return Result(data_vars, coords, self.attrs)
+
+
+def by_robot(variable: Variable) -> NDArray[Any]:
+    """Return a variable that all followers have with time and followers first (T, N, ...)."""
+    first = variable.dims.index("time"), variable.dims.index("robot")
+    return variable.values if first == (0, 1) else np.moveaxis(variable.values, first, (0, 1))
 
 
 def _variables(group: Mapping[Hashable, xr.DataArray]) -> dict[str, Variable]:

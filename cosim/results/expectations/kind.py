@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, TypeAlias
 
@@ -162,6 +163,10 @@ class Kind(ABC):
         chosen = self.written.robots
         return [robot for robot in result.robots if not chosen or robot in chosen]
 
+    @cached_property
+    def _said(self) -> str:
+        return self.text
+
     def below(self, figure: float, robot: str, detail: str) -> Verdict:
         """Return the verdict on a figure, in the bound's unit, that must be less than the bound."""
         margin = self.bound - figure
@@ -187,7 +192,7 @@ class Kind(ABC):
         """Return a verdict; bound, unit and known failure are those written, unless others are given."""
         shown = self.unit if unit is None else unit
         return Verdict(
-            expectation=self.text,
+            expectation=self._said,
             robot=robot,
             figure=figure,
             bound=self.bound if bound is None else bound,

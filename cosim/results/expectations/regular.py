@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
-from cosim.results.expectations.subject import Subject
-from cosim.results.passes import is_missing, sign_changes, smallest
+from cosim.results.passes import extremes_of_each, missing, sign_changes, smallest
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
+
+Floats: TypeAlias = NDArray[np.float64]
 
 
 class Regular(Kind):
@@ -48,18 +50,21 @@ class Regular(Kind):
         """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""
         worst: dict[str, tuple[tuple[bool, float], float, str, str]] = {}
         thresholds: dict[str, float] = {}
+        samples = self.samples(result)
         for name, signal in result.data_vars.items():
             if not signal.attrs.get("singular_at_zero"):
                 continue
             thresholds[name] = threshold = float(signal.attrs.get("singular_below", 0.0))
-            for robot, (time, course) in Subject(name).courses(self, result).items():
-                if is_missing(result.of_robot(name, robot)):  # another robot's controller has it
-                    continue
-                least, at, jumps = _nearness(course)
+            courses = result.of_robots(name)
+            absent = missing(courses)  # another robot's controller has it
+            rows = {robot: row for robot in self.followers(result) if not absent[row := result.row(robot)]}
+            found = _nearness_of_each(courses[samples], list(rows.values()))
+            for robot, (least, at, jumps) in zip(rows, found, strict=True):
                 rank = (least - threshold > 0, least / threshold if threshold else math.inf)
                 if robot not in worst or math.isnan(least) or rank < worst[robot][0]:
                     how = "changes sign" if jumps else "nearest to zero"
-                    worst[robot] = rank, least, name, f"{name} {how} at t = {time[at]:.2f} s"
+                    time = result["time"].values[samples][at]
+                    worst[robot] = rank, least, name, f"{name} {how} at t = {time:.2f} s"
         return [
             self.verdict(
                 least,
@@ -76,13 +81,28 @@ class Regular(Kind):
         ]
 
 
-def _nearness(values: NDArray[np.float64]) -> tuple[float, int, bool]:
-    """Return how near to zero a signal (T, ...) comes, zero if it jumps over it; at which sample; whether it jumps."""
-    if values.ndim == 1:  # mostly far on one side, which one look tells
-        for side in (1.0, -1.0):
-            at = smallest(values, lambda part, side=side: side * part)  # type: ignore[misc]
-            if side * values[at] > 0.0:
-                return side * float(values[at]), at, False
+_Nearness: TypeAlias = tuple[float, int, bool]
+"""How near to zero a signal comes, zero if it jumps over it; at which sample; whether it jumps."""
+
+
+def _nearness_of_each(courses: Floats, chosen: Sequence[int]) -> list[_Nearness]:
+    """Return how near to zero each that is chosen of courses (T, courses, ...) comes."""
+    if courses.ndim > 2:
+        return [_nearness(courses[:, course]) for course in chosen]
+    found = []
+    for course, ends in zip(chosen, extremes_of_each(courses, chosen), strict=True):
+        low, high = (float(courses[at, course]) for at in ends)
+        if low > 0.0:  # far on one side, as most are
+            found.append((low, ends[0], False))
+        elif high < 0.0:
+            found.append((-high, ends[1], False))
+        else:
+            found.append(_nearness(courses[:, course]))
+    return found
+
+
+def _nearness(values: Floats) -> _Nearness:
+    """Return how near to zero a course (T, ...) comes that may be on both sides of it."""
     numbers = values if values.ndim > 1 else values[:, np.newaxis]
     jumps, first = sign_changes(numbers)
     if jumps:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from cosim.clock import ROUNDING
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
-from cosim.results.metrics import settling_time
+from cosim.results.metrics import settling_times
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
@@ -51,10 +51,10 @@ class Settled(Kind):
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""
-        return [self._judge(result, robot) for robot in self.followers(result)]
+        times = settling_times(result, *self.bands)
+        return [self._judged(times[robot], robot) for robot in self.followers(result)]
 
-    def _judge(self, result: Result, robot: str) -> Verdict:
-        settled = settling_time(result, robot, *self.bands)
+    def _judged(self, settled: float | None, robot: str) -> Verdict:
         figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
         margin = self.bound - figure
         detail = "outside at the end of the run" if settled is None else ""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from cosim.errors import nearest
 from cosim.results.expectations.kind import Kind
 from cosim.results.expectations.recorded import Recorded, units_by_component
-from cosim.results.passes import is_missing
-from cosim.results.result import Result, Variable
+from cosim.results.passes import missing
+from cosim.results.result import Result, Variable, by_robot
 from cosim.scenario.scenario import LEADER
 
 Course: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -60,15 +60,15 @@ class Subject:
     def courses(self, kind: Kind, result: Result) -> dict[str, Course]:
         """Return its course over the window of an expectation, by the followers that have it."""
         samples, signal = kind.samples(result), self._one(result)
-        if "robot" in signal.dims:
-            rows: dict[str, int | None] = {robot: result.row(robot) for robot in kind.followers(result)}
-        else:
-            rows = {LEADER: None}
-        courses = {robot: _of_row(signal, row) for robot, row in rows.items()}
-        having = [robot for robot, course in courses.items() if not is_missing(course)]
-        chosen = courses if kind.written.robots or not having else having
         time = result["time"].values[samples]
-        return {robot: (time, courses[robot][samples]) for robot in chosen}
+        if "robot" not in signal.dims:
+            return {LEADER: (time, signal.values[samples])}
+        courses = by_robot(signal)
+        absent = missing(courses)
+        rows = {robot: result.row(robot) for robot in kind.followers(result)}
+        having = {robot: row for robot, row in rows.items() if not absent[row]}
+        chosen = rows if kind.written.robots or not having else having
+        return {robot: (time, courses[samples, row]) for robot, row in chosen.items()}
 
     def _one(self, result: Result) -> Variable:
         """Return the signal, or its component."""
@@ -82,7 +82,3 @@ class Subject:
         """Return the dimension of the signal's components, and their names."""
         (dim,) = (dim for dim in result[self.signal].dims if dim not in ("time", "robot"))
         return dim, [str(label) for label in result[dim].values]
-
-
-def _of_row(signal: Variable, row: int | None) -> NDArray[np.float64]:
-    return signal.values if row is None else signal.at("robot", row).values
