@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
@@ -37,7 +38,7 @@ class ParameterValue:
         """Whether it is an input, set once for the whole run."""
         return bool(self.variable.causality == "input")
 
-    @property
+    @cached_property
     def as_value(self) -> Value:
         """The same as plants know it."""
         return Value(self.variable.name, self.variable.type, self.variable.valueReference, (self.value,))

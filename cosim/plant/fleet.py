@@ -19,6 +19,7 @@ from cosim.plant.elsewhere import Elsewhere
 from cosim.plant.failures import COMPLETE, FAILURES, PlantError
 from cosim.plant.fleet_step import (
     LINK,
+    NO_FLEET,
     CompiledFleet,
     Found,
     fleet_arrays,
@@ -80,6 +81,9 @@ class Fleet:
         self.process = HARNESS
         self._activity = activity or new_activity()
         self._clock, self._found = self._activity.clock, np.zeros(2, dtype=np.int64)
+        self._wired: list[object] = []  # what the arrays are made of, which they keep
+        self._bound: Bound | None = None
+        self._compiled = NO_FLEET
         with ExitStack() as cleanup:
             self._local = LocalPlants(self._activity)
             cleanup.callback(self._local.close)
@@ -121,28 +125,36 @@ class Fleet:
                 self._local.start([member.spec for member in members], here)
             except NotStarted as error:
                 raise not_started(self.members, error.index, error.error) from None
-            rows = self._local.rows
-            inputs = [range(len(member.inputs)) for member in members]
-            self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
-            self._arrays = fleet_arrays(
-                rows,
-                _links([member.inputs for member in members], rows.first_input, inputs),
-                _links([member.outputs for member in members], rows.first_output, self._columns),
-                state,
-                self._activity.current,
-                Log.pending,
-                self._elsewhere.bells(rows),
-            )
+            wired = [self._local.rows, id(state), id(Log.pending), *((m.inputs, m.outputs, m.columns) for m in members)]
+            if wired != self._wired or len(here) < len(members):
+                self._wire(state)
+                self._wired = wired
             self._one_by_one = bool(self._local.stepwise) or not self._elsewhere.can_ring
-            given = np.zeros(len(self._arrays.in_links))
-            self._call = entry_of(step_fleet, self._arrays, given, self._clock, self._found)
-            found = self._step(given, 0.0, 0.0)  # reads the outputs
+            found = self._step(self._nothing, 0.0, 0.0)  # reads the outputs
             for index, failure in self._local.failures().items() if found == Found.FAILED else ():
                 raise not_started(self.members, index, PlantError(f"it {failure}"))
             self._check(0.0, found, {}, 0.0)
             for member, found_there in zip(self.members, self._state, strict=True):
                 check_pose(member, found_there)
             self._late = [index for index, member in enumerate(self.members) if member.spec.late_outputs]
+
+    def _wire(self, state: NDArray[np.float64]) -> None:
+        """Make the arrays for compiled code, which are good for as long as plants and state are where they are."""
+        members, rows = self.members, self._local.rows
+        inputs = [range(len(member.inputs)) for member in members]
+        self._columns = [list(member.columns or range(len(member.outputs))) for member in members]
+        self._arrays = fleet_arrays(
+            rows,
+            _links([member.inputs for member in members], rows.first_input, inputs),
+            _links([member.outputs for member in members], rows.first_output, self._columns),
+            state,
+            self._activity.current,
+            Log.pending,
+            self._elsewhere.bells(rows),
+        )
+        self._nothing = np.zeros(len(self._arrays.in_links))
+        self._call = entry_of(step_fleet, self._arrays, self._nothing, self._clock, self._found)
+        self._bound = None
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant from a communication point by one communication step [s].
@@ -182,9 +194,11 @@ class Fleet:
         """
         if self._one_by_one or self._late:
             return None
-        self._bound = Bound(step_fleet, self._arrays, given, self._clock, self._found)
-        numbers = np.array(self._bound.numbers, dtype=np.int64)
-        return CompiledFleet(numbers, self._clock, self._found[:1], self._found[1:])
+        if self._bound is None or self._bound.arguments[1] is not given:
+            self._bound = Bound(step_fleet, self._arrays, given, self._clock, self._found)
+            numbers = np.array(self._bound.numbers, dtype=np.int64)
+            self._compiled = CompiledFleet(numbers, self._clock, self._found[:1], self._found[1:])
+        return self._compiled
 
     def _step(self, given: NDArray[np.float64], time: float, step: float) -> int:
         """Give inputs, take a step and read the outputs; if it has no length, read them only."""

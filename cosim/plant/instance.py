@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
 from typing import Any, ClassVar
 
 from fmpy import fmi1, fmi2, fmi3
@@ -93,8 +94,8 @@ class Instance:
         Returns
         -------
         bool
-            Whether that was possible. If not, it is to be closed: the FMU has no such function, refuses to be reset, or
-            has failed in the last run.
+            Whether that was possible. If not, it is to be closed: the FMU has no such function, refuses to be reset or
+            one of the values, or has failed in the last run.
 
         Raises
         ------
@@ -104,19 +105,23 @@ class Instance:
         if self.status >= ERROR or (self._version == 1 and not self._co_simulation):
             return False
         self.log.take_data()
+        folder = os.getcwd()
         try:
             with kept_arithmetic():
                 self._fmu.reset()
-        except FMICallException as error:
+                self._set_together(spec.values)
+        except Exception as error:  # FMPy's, or that of a value: a new instance says which one it refuses
             self._note(error)
             return False
+        finally:
+            os.chdir(folder)
         self.living[:] = [spec if one is self.spec else one for one in self.living]
         self.spec, self.status = spec, 0
         self._started()
         return True
 
     def _started(self, instantiate: Callable[[], None] | None = None) -> None:
-        """Start the instance; close it if that fails."""
+        """Start the instance, which has its values if it is not instantiated here; close it if that fails."""
         self.next_event = float("inf")
         self._initialised = False
         self._it = "it "  # the subject of messages until the plant is started
@@ -125,8 +130,8 @@ class Instance:
             with kept_arithmetic():
                 if instantiate is not None:
                     instantiate()
-                for value in self.spec.values:
-                    self._set(value)
+                    for value in self.spec.values:
+                        self._set(value)
                 self._initialise()
             self._it = ""
         except BaseException as error:
@@ -390,11 +395,21 @@ class Instance:
         if isinstance(error, FMICallException):
             self.status = max(self.status, error.status)
 
+    def _setter(self, value: Value) -> str:
+        """Return FMPy's function that sets a value."""
+        return _SETTERS[value.type if value.type != "Enumeration" else ("Integer" if self._version < 3 else "Int64")]
+
+    def _set_together(self, values: Iterable[Value]) -> None:
+        """Set values in their order, by one call for all that follow each other and have the same type."""
+        for setter, group in groupby(values, self._setter):
+            same = list(group)
+            numbers = [number for value in same for number in value.values]
+            getattr(self._fmu, setter)([value.reference for value in same], numbers)
+
     def _set(self, value: Value) -> None:
-        name = value.type if value.type != "Enumeration" else ("Integer" if self._version < 3 else "Int64")
         values = list(value.values)
         try:
-            getattr(self._fmu, _SETTERS[name])([value.reference], values)
+            getattr(self._fmu, self._setter(value))([value.reference], values)
         except FMICallException as error:
             self._note(error)
             shown = " ".join(str(v) for v in values)

@@ -49,12 +49,13 @@ class LocalPlants:
     Attributes
     ----------
     rows : Rows
-        Those of the whole fleet.
+        Those of the whole fleet; the same ones if the same instances are restarted.
     stepwise : dict of StepwisePlant
         The plants that compiled code cannot step.
     """
 
     def __init__(self, activity: Activity) -> None:
+        self.rows = Rows([], [])
         self.stepwise: dict[int, StepwisePlant] = {}
         self._instances: dict[int, Instance] = {}
         self._activity = activity
@@ -86,7 +87,9 @@ class LocalPlants:
             except PlantError as error:
                 raise NotStarted(index, error) from None
         sizes = [(len(spec.inputs.start), len(spec.outputs.start)) for spec in specs]
-        self.rows = Rows([self._instances.get(index) for index in range(len(specs))], sizes, outputs)
+        instances = [self._instances.get(index) for index in range(len(specs))]
+        if not self.rows.restart(instances, sizes, outputs):
+            self.rows = Rows(instances, sizes, outputs)
         for index, spec in enumerate(specs):
             if index not in self._instances:
                 self.rows.inputs_of(index)[:] = spec.inputs.start

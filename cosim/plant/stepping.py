@@ -88,6 +88,7 @@ class Rows:
         outputs: NDArray[np.float64] | None = None,
     ) -> None:
         n = len(instances)
+        self._made_of = _made_of(instances, sizes, outputs)
         self.first_input, self.first_output = (
             np.cumsum([0, *column], dtype=np.int64) for column in (zip(*sizes, strict=True) if n else ((), ()))
         )
@@ -102,6 +103,29 @@ class Rows:
             if instance is not None:
                 self._fill(index, instance, first)
                 first += work_size(instance.states, instance.event_indicators)
+
+    def restart(
+        self,
+        instances: Sequence[Instance | None],
+        sizes: Sequence[tuple[int, int]],
+        outputs: NDArray[np.float64] | None = None,
+    ) -> bool:
+        """Go back to the start for instances that have been restarted; return whether they are the ones of before.
+
+        Those of Model Exchange are not: what they need may have changed.
+        """
+        if _made_of(instances, sizes, outputs) != self._made_of:
+            return False
+        if any(one is not None and one.spec.interface != CO_SIMULATION for one in instances):
+            return False
+        for numbers in (self.inputs, self.scratch, *((self.outputs,) if outputs is None else ())):
+            numbers[:] = 0.0
+        for index, instance in enumerate(instances):
+            if instance is not None:
+                self.inputs_of(index)[:] = instance.spec.inputs.start
+                self.outputs_of(index)[:] = instance.spec.outputs.start
+        self.rows["in_changed"], self.rows["what"], self.rows["status"] = True, FINE, 0
+        return True
 
     def inputs_of(self, index: int) -> NDArray[np.float64]:
         """Return the inputs of a plant."""
@@ -142,6 +166,17 @@ class Rows:
             name = functions[row["version"] - 1]
             row[field] = instance.address(name) if name else 0
         row["next_event"], row["completes"] = instance.next_event, spec.completed_steps
+
+
+def _made_of(
+    instances: Sequence[Instance | None], sizes: Sequence[tuple[int, int]], outputs: NDArray[np.float64] | None
+) -> tuple[object, ...]:
+    """Return everything from which the records of instances follow, apart from numbers; to be compared."""
+    specs = [
+        one and (one, one.spec.inputs.references, one.spec.outputs.references, one.spec.late_outputs)
+        for one in instances
+    ]
+    return specs, list(sizes), id(outputs)
 
 
 @part
