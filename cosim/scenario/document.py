@@ -19,6 +19,7 @@ from cosim.errors import InputError, Location
 from cosim.missing_file import absent
 from cosim.scenario.edits import Change, in_words
 from cosim.scenario.grammar import NAMESPACE, local_name, paths_in, violation
+from cosim.scenario.tree_edits import add_namespace, serialised, strip_namespace
 from cosim.scenario.variant import vary
 from cosim.scenario.white_space import collapse
 from cosim.scenario.xml_tree import parsed
@@ -187,7 +188,7 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
     if not changes:
         _validate(root, places)
         return document
-    _strip_namespace(root)
+    strip_namespace(root)
     try:
         for change in changes:
             change(root)
@@ -195,10 +196,10 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
                 if element not in places:
                     places[element] = Location(in_words(change))
     finally:
-        _add_namespace(root)
+        add_namespace(root)
     collapse(root.iter("*"))
     _validate(root, places, changed_by="the command line")
-    return Document(document.path, _serialised(root), root, places)
+    return Document(document.path, serialised(root), root, places)
 
 
 _USES = {
@@ -247,14 +248,14 @@ def _varied(
 ) -> Document:
     """Apply a variant to its base."""
     base = _base(path, root, places[root], chain)
-    _strip_namespace(root)
-    _strip_namespace(base.root)
+    strip_namespace(root)
+    strip_namespace(base.root)
     _relocate(base.root, PurePath(root.get("of", "")).parent)
     places |= base._places
     vary(base.root, root, places)
-    _add_namespace(base.root)
+    add_namespace(base.root)
     _validate(base.root, places, changed_by=str(path))
-    return Document(path, _serialised(base.root), base.root, places)
+    return Document(path, serialised(base.root), base.root, places)
 
 
 def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Path, ...]) -> Document:
@@ -282,16 +283,6 @@ def _relocate(root: etree._Element, folder: PurePath) -> None:
         return
     for element, name in paths_in(root):
         element.set(name, (folder / element.get(name, "")).as_posix())
-
-
-def _strip_namespace(root: etree._Element) -> None:
-    for element in root.iter("*"):
-        element.tag = local_name(element)
-
-
-def _add_namespace(root: etree._Element) -> None:
-    for element in root.iter("*"):
-        element.tag = f"{{{NAMESPACE}}}{local_name(element)}"
 
 
 def _validate(root: etree._Element, places: Mapping[etree._Element, Location], changed_by: str = "") -> None:
@@ -339,8 +330,4 @@ def _decode(data: bytes, root: etree._Element) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:  # a declared encoding other than UTF-8, which expat has understood
-        return _serialised(root)
-
-
-def _serialised(root: etree._Element) -> str:
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
+        return serialised(root)

@@ -7,6 +7,7 @@ elements without their namespace. Each change here is a value: two of the same a
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,9 +20,12 @@ from cosim.errors import InputError, nearest, shown
 from cosim.quantity import quantity
 from cosim.scenario.tree_edits import take_out
 from cosim.scenario.xpath_advice import unclosed
-from cosim.scenario.xpath_selection import assign, selected_or_added
+from cosim.scenario.xpath_selection import assign, evaluated, selected_or_added
 
 Change = Callable[[etree._Element], None]
+
+_TOKENS = re.compile(r"""'[^']*(?:'|\Z)|"[^"]*(?:"|\Z)|[][()=]""")
+"""What tells where an XPath ends: quoted texts, of which the last may not be closed, brackets and equals signs."""
 
 
 @dataclass(frozen=True)
@@ -136,23 +140,41 @@ def split_setting(setting: str) -> tuple[str, str]:
     InputError
         There is no such '='.
     """
-    depth, quote = 0, ""
-    for index, character in enumerate(setting):
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "'\"":
-            quote = character
-        elif character in "[(":
+    depth = 0
+    for token in _TOKENS.finditer(setting):
+        if token[0] in "[(":
             depth += 1
-        elif character in "])":
+        elif token[0] in "])":
             depth -= 1
-        elif character == "=" and depth == 0:
-            return setting[:index], setting[index + 1 :]
+        elif token[0] == "=" and depth == 0:
+            return setting[: token.start()], setting[token.end() :]
     problem = unclosed(setting)
     raise InputError(
         f"--set {shown(setting)}: expected XPATH=VALUE, such as '//simulation/@seed=2'"
         + (f"; {problem}" if problem else "")
     )
+
+
+def attributes_given(root: etree._Element, change: Change) -> list[tuple[etree._Element, str, str]] | None:
+    """Return the attributes to which a change gives values, by element and name; None if it does anything else.
+
+    Raises
+    ------
+    ValueError
+        It is no XPath, or may take too long.
+    """
+    if not isinstance(change, Edit) or change.make is not _set_value:
+        return None
+    xpath, value = split_setting(str(change.about[0]))
+    given = []
+    for node in evaluated(root, xpath):
+        if not isinstance(node, etree._ElementUnicodeResult) or not node.is_attribute:
+            return None
+        element, name = node.getparent(), node.attrname
+        assert element is not None
+        assert name is not None
+        given.append((element, name, value))
+    return given or None
 
 
 def _quoted(text: str) -> str:

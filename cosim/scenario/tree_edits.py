@@ -1,4 +1,4 @@
-"""Putting elements into a scenario's tree and taking them out, with the white space that a person would write."""
+"""A scenario's tree: elements are put in and taken out, with the white space that a person would write; its text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TypeGuard
 
 from lxml import etree
 
-from cosim.scenario.grammar import children_of
+from cosim.scenario.grammar import NAMESPACE, children_of, local_name
 
 _INDENT = "  "
 
@@ -56,3 +56,20 @@ def take_out(element: etree._Element) -> None:
         else:
             parent.text = None
     parent.remove(element)
+
+
+def strip_namespace(root: etree._Element) -> None:
+    """Let XPaths see the elements of a tree without their namespace."""
+    for element in root.iter("*"):
+        element.tag = local_name(element)
+
+
+def add_namespace(root: etree._Element) -> None:
+    """Give the elements of a tree their namespace again."""
+    for element in root.iter("*"):
+        element.tag = f"{{{NAMESPACE}}}{local_name(element)}"
+
+
+def serialised(root: etree._Element) -> str:
+    """Return the text of a tree."""
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'

@@ -26,7 +26,7 @@ def select(root: etree._Element, xpath: str) -> list[object]:
     ValueError
         It is no XPath, or selects nothing.
     """
-    selected = _evaluated(root, xpath)
+    selected = evaluated(root, xpath)
     if not selected:
         raise ValueError(f"{xpath!r} selects nothing in the scenario{advice(root, xpath)}")
     return selected
@@ -46,15 +46,15 @@ def selected_or_added(root: etree._Element, xpath: str) -> list[object]:
     match = _NAMED_VALUE.fullmatch(xpath)
     if match is None:
         return select(root, xpath)
-    if found := _evaluated(root, xpath):
+    if found := evaluated(root, xpath):
         return found
     tag, name, parent = match["tag"], match["name"], match["parent"]
     if parent.endswith("/"):  # as in //gain
         parent += "/descendant-or-self::*"
-    holders = [node for node in _evaluated(root, parent) if is_element(node) and tag in children_of(node.tag)]
+    holders = [node for node in evaluated(root, parent) if is_element(node) and tag in children_of(node.tag)]
     if len(holders) == 1:
         insert(holders[0], [added := etree.Element(tag, name=name, value="")])
-        return _evaluated(added, "@value")
+        return evaluated(added, "@value")
     if not holders or advice(root, xpath):
         return select(root, xpath)
     raise ValueError(
@@ -86,7 +86,14 @@ def assign(node: object, value: str) -> etree._Element:
     raise ValueError("selects something other than an attribute or an element of text; an attribute ends in /@NAME")
 
 
-def _evaluated(root: etree._Element, xpath: str) -> list[object]:
+def evaluated(root: etree._Element, xpath: str) -> list[object]:
+    """Return the nodes that an XPath selects from the root.
+
+    Raises
+    ------
+    ValueError
+        It is no XPath, or may take too long.
+    """
     try:
         affordable(root, xpath)
         selected = root.xpath(xpath)

@@ -9,9 +9,13 @@ from lxml import etree
 
 from cosim.errors import InputError
 from cosim.known import Known
-from cosim.scenario.edits import set_horizon
+from cosim.scenario.attribute_edits import AttributeEdits
+from cosim.scenario.document import parse_document
+from cosim.scenario.edits import as_changes, set_horizon
 from cosim.scenario.reader import Variations, read_scenario
+from cosim.scenario.reader.element import Element
 from cosim.scenario.scenario import Scenario
+from cosim.scenario.tree_edits import serialised
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 
@@ -87,3 +91,36 @@ def test_only_what_has_changed_is_read_again() -> None:
     assert first.followers[0].pose != second.followers[0].pose
     assert first.followers[1] is second.followers[1]
     assert all(first.plants[name] is plant for name, plant in second.plants.items())
+
+
+ATTRIBUTES = (
+    ["simulation/@seed=7", "simulation/@seed= 8 "],
+    ["//parameter[@name='m_c']/@value=31   kg", "follower[1]/pose/@y=1 m"],
+    ["//gain/@value=3", "//gain[@value=3]/@value=4"],
+    ["leader/pose/@x=1 m"],
+)
+BY_COPY = (
+    ["title=Another one"],
+    ["plant/parameter[@name='no such']/@value=3"],
+    ["simulation/@seed=7", "simulation/@seed=one"],
+    ["simulation/@seed=7", "//no/@such=1"],
+    ["simulation/@seed=7", "///=1"],
+    ["simulation/@seed=7", "follower[1]/@id=\x00"],
+    [set_horizon(0.2)],
+    [without_a_follower],
+)
+
+
+def test_attributes_are_changed_in_place_with_the_text_and_elements_of_a_changed_copy() -> None:
+    scenario = read_scenario(EXAMPLE)
+    document = parse_document(scenario.text, EXAMPLE)
+    edits, root = AttributeEdits(document), Element.root(document)
+    for changes in (*ATTRIBUTES, *BY_COPY, *ATTRIBUTES, []):
+        made, found = as_changes(changes), edits.made(as_changes(changes))
+        assert (found is None) == (changes in BY_COPY), changes
+        if found is not None:
+            changed = document.changed(made) if made else document
+            again = root.with_attributes(found[1])
+            assert Element.root(changed, again) is again, "all is equal"
+            assert (found[0], edits.places) == (serialised(changed.root), changed.places)
+    assert root.with_attributes({0: root.attributes}) is root

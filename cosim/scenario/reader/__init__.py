@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from cosim.collection import without_collection
-from cosim.errors import InputError, printable
+from cosim.errors import InputError, Location, printable
 from cosim.known import Known
+from cosim.scenario.attribute_edits import AttributeEdits
 from cosim.scenario.document import Document, parse_document, read_document
 from cosim.scenario.edits import Change, as_changes, in_words
 from cosim.scenario.reader.effects import effects
@@ -81,26 +81,42 @@ class Variations:
         made, scenario = as_changes(changes), self._scenario
         if not made or scenario.read_again is not _read_again:
             return scenario.edited(made)
-        document, before = self._known.of("", _document, scenario)
-        changed = document.changed(made)
-        again = _scenario(
-            changed,
+        document, root, edits = self._known.of("", _document, scenario)
+        found = edits.made(made)
+        if found is not None:
+            text, places, root = found[0], edits.places, root.with_attributes(found[1])
+        else:
+            changed = document.changed(made)
+            text, places, root = changed.text, changed.places, Element.root(changed, root)
+        return _scenario(
+            root,
+            scenario.path,
+            scenario.folder,
+            text,
+            places,
             scenario.untrusted,
             (*scenario.changes, *map(in_words, made)),
-            Element.root(changed, before),
             self._known,
         )
-        return replace(again, path=scenario.path)
 
 
-def _document(scenario: Scenario) -> tuple[Document, Element]:
+def _document(scenario: Scenario) -> tuple[Document, Element, AttributeEdits]:
     document = parse_document(scenario.text, scenario.folder / scenario.path.name, scenario.places)
-    return document, Element.root(document)
+    return document, Element.root(document), AttributeEdits(document)
 
 
 def scenario_in(document: Document, untrusted: Iterable[str | Path] = (), changes: Iterable[str] = ()) -> Scenario:
     """Return the scenario in a document, which was changed as told; raises as `read_scenario`."""
-    return _scenario(document, tuple(Path(os.path.realpath(folder)) for folder in untrusted), changes)
+    return _scenario(
+        Element.root(document),
+        document.path,
+        document.path.parent.absolute(),
+        document.text,
+        document.places,
+        tuple(Path(os.path.realpath(folder)) for folder in untrusted),
+        tuple(changes),
+        Known(),
+    )
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
@@ -143,14 +159,16 @@ def _ids(ids: tuple[str, ...]) -> Mapping[str, object]:
 
 
 def _scenario(
-    document: Document,
+    root: Element,
+    path: Path,
+    folder: Path,
+    text: str,
+    places: tuple[Location, ...],
     untrusted: tuple[Path, ...],
-    changes: Iterable[str],
-    root: Element | None = None,
-    known: Known | None = None,
+    changes: tuple[str, ...],
+    known: Known,
 ) -> Scenario:
-    """Read a document; what is known of elements of an earlier one is not read again."""
-    root, known = root or Element.root(document), known or Known()
+    """Read the elements of a document; what is known of some of them is not read again."""
     times = known.of("", Times.of, root.child("simulation"))
     simulation = root.child("simulation")
     plants = table(root, "plant", lambda e: known.of(e.get("id"), plant, e, times, untrusted))
@@ -164,8 +182,8 @@ def _scenario(
     named = known.of("follower", _ids, tuple(followers))
     happening = _expanded(root, times, {LEADER: None, **followers})
     return Scenario(
-        path=document.path,
-        text=document.text,
+        path=path,
+        text=text,
         name=root.get("name"),
         title=printable(root.child("title").text),
         step=times.step,
@@ -182,9 +200,9 @@ def _scenario(
         events=tuple(sorted(happening, key=lambda event: event.time)),
         expectations=known.of("", expectations, tuple(root.children("expect")), times, named),
         where=simulation.where,
-        changes=tuple(changes),
+        changes=changes,
         untrusted=untrusted,
-        places=document.places,
-        folder=document.path.parent.absolute(),
+        places=places,
+        folder=folder,
         read_again=_read_again,
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from itertools import zip_longest
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate, zip_longest
+from operator import is_
 from pathlib import Path
 from typing import TypeVar
 
@@ -54,6 +56,31 @@ class Element(Written):
         if before is not None and before._facts == facts:
             return before
         return cls(*facts)
+
+    def with_attributes(self, given: Mapping[int, Mapping[str, str]], first: int = 0) -> Element:
+        """Return it with other attributes of some elements, itself among them; all others stay the same objects.
+
+        Parameters
+        ----------
+        given
+            All attributes of these elements, by their numbers in the order of the text.
+        first
+            Its own number.
+        """
+        numbers = self._numbers
+        if not any(first <= number < first + numbers[-1] for number in given):
+            return self
+        inside = tuple(
+            child.with_attributes(given, first + own) for child, own in zip(self.inside, numbers[:-1], strict=True)
+        )
+        attributes = given.get(first, self.attributes)
+        same = attributes == self.attributes and all(map(is_, inside, self.inside))
+        return self if same else replace(self, attributes=attributes, inside=inside)
+
+    @cached_property
+    def _numbers(self) -> list[int]:
+        """The numbers of the elements within it, counted from it, and the number of all."""
+        return list(accumulate((child._numbers[-1] for child in self.inside), initial=1))
 
     @property
     def _facts(self) -> tuple[object, ...]:
