@@ -164,7 +164,7 @@ def study(
     from cosim.studies.kept_results import keep_results
     from cosim.studies.read_keep import keeping
     from cosim.studies.reader import read_study
-    from cosim.studies.table import as_dataset
+    from cosim.studies.table import as_result
 
     if keep and out is None:
         raise InputError(f"keep={keep!r}: full results need a folder, out=...")
@@ -174,7 +174,7 @@ def study(
         outcome = conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs)
         if out is not None:
             keep_results(outcome, folder)
-        return as_dataset(outcome)
+        return as_result(outcome).dataset
 
 
 _HOMES = {

@@ -13,10 +13,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 import cosim
 from cosim.cli import main
 from cosim.results.expectations import judge
+from cosim.results.files import save
 from cosim.studies.conduct import StudyOutcome, conduct
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
@@ -24,6 +26,7 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
+from cosim.studies.table import as_result
 from cosim.tests.studies import LAST, SEEDS, UNIFORM, small_study, write_study
 
 from .crashing_study import crashing_study
@@ -104,6 +107,10 @@ def test_a_value_that_is_refused_breaks_its_run_alone(tmp_path: Path) -> None:
     assert [row.status for row in outcome.rows] == [PASSED, BROKEN, PASSED, BROKEN]
     assert "m_c" in outcome.rows[1].message
     assert "does not fit" in outcome.rows[3].message
+    table = as_result(outcome)
+    assert table["mass"].values.tolist() == ["30 kg", "-1 kg", "31 kg", "3 m"]  # two units: texts
+    save(table, tmp_path / "runs.nc")
+    assert xr.load_dataset(tmp_path / "runs.nc").identical(table.dataset)
 
 
 def test_values_that_change_the_structure_are_prepared_anew(tmp_path: Path) -> None:
@@ -212,6 +219,7 @@ def test_the_command_with_two_workers_gives_the_same_rows(
     assert dataset["last"].attrs["units"] == "mm"
     assert dataset["mass"].dims == ("run",)
     assert dataset["seed"].values.tolist() == [7, 8, 9, 10, 11, 12]
+    assert xr.load_dataset("runs/small/runs.nc").identical(dataset)
 
 
 def test_a_killed_or_interrupted_study_goes_on(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
-from cosim.results.files import writable_folder, write
+from cosim.results.files import save, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
@@ -32,7 +32,7 @@ from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
 from cosim.studies.study import Study, Tune
 from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
-from cosim.studies.table import as_csv
+from cosim.studies.table import as_csv, as_result
 from cosim.studies.trial import mean_cost
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
 from cosim.studies.tuning import Tuned
@@ -80,6 +80,7 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
             progress=progress,
         )
     write(folder / "runs.csv", as_csv(outcome).encode())
+    save(as_result(outcome), folder / "runs.nc")
     write(folder / "summary.json", as_json(outcome).encode())
     cases = by_case.by_case(outcome)
     if cases:
@@ -90,7 +91,7 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
             pictures = _pictures(outcome)
             for name, data in pictures.items():
                 write(folder / name, data)
-    files = ["runs.csv", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
+    files = ["runs.csv", "runs.nc", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
     files += pictures
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     with _going_on(where / FILE), taking_a_while("making the full results that are kept"):

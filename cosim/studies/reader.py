@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -34,6 +35,8 @@ MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
 _SIGNALS = {"rms", "peak", "final", "itae", "chatter", "least"}
+_OF_THE_TABLE = re.compile(r"run|draw|status|passed|message|margin_\d+|sensitivity_\w+|measured|(with_)?varied|crossed")
+"""Names that the table of runs has for other things; see `cosim.studies.table`."""
 _T = TypeVar("_T", Vary, Measured)
 
 
@@ -77,7 +80,19 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         keep=tuple(read_keep(element, [measured for measured, _ in measures]) for element in root.children("keep")),
         envelopes=tuple(map(_envelope, root.children("envelope"))),
     )
+    _check_names(study)
     return replace(study, own=_selected(study))
+
+
+def _check_names(study: Study) -> None:
+    values = {vary.name for vary in study.vary}
+    named: tuple[Vary | Measured, ...] = (*study.vary, *study.measures)
+    for one in named:
+        if _OF_THE_TABLE.fullmatch(one.name):
+            raise InputError(f"the table of runs has another {one.name!r}: choose another name", one.where)
+    for measured in study.measures:
+        if measured.name in values:
+            raise InputError(f"a value is named {measured.name!r}, too: choose another name", measured.where)
 
 
 # Values ------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A sensitivity as an xarray dataset."""
+"""A sensitivity as variables of the table of a study."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
+from numpy.typing import NDArray
 
+from cosim.results.result import Variable
 from cosim.studies.sensitivity import Sensitivity
 
 _ABOUT = {
@@ -20,8 +21,8 @@ _ABOUT = {
 }
 
 
-def as_dataset(found: Sequence[Sensitivity]) -> xr.Dataset:
-    """Return what was found over ``measured`` and ``varied``, and over ``crossed`` if anything is.
+def variables(found: Sequence[Sensitivity]) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """Return what was found over ``measured`` and ``varied``, and over ``crossed`` if anything is; and the labels.
 
     Each is a variable named ``sensitivity_`` and the figure. Those of pairs are over ``with_varied``, too.
     """
@@ -29,8 +30,8 @@ def as_dataset(found: Sequence[Sensitivity]) -> xr.Dataset:
     cases = list(dict.fromkeys(one.cases for one in found))
     names = list(found[0].names)
     empty = np.full((len(cases), len(measures), len(names)), math.nan)
-    figures: dict[str, np.ndarray] = {}
-    pairs: dict[str, np.ndarray] = {}
+    figures: dict[str, NDArray[np.float64]] = {}
+    pairs: dict[str, NDArray[np.float64]] = {}
     for one in found:
         place = cases.index(one.cases), measures.index(one.measure)
         for name, own in one.figures.items():
@@ -41,14 +42,14 @@ def as_dataset(found: Sequence[Sensitivity]) -> xr.Dataset:
                 square = pairs.setdefault(name, np.stack([empty] * len(names), axis=-1))[place]
                 square[at, to] = square[to, at] = number
     over = ("crossed", "measured", "varied")
-    told = xr.Dataset(
-        {
-            f"sensitivity_{name}": (dimensions, own, {"long_name": _ABOUT[name]} if name in _ABOUT else {})
-            for dimensions, group in ((over, figures), ((*over, "with_varied"), pairs))
-            for name, own in group.items()
-        },
-        {"crossed": [", ".join(own) for own in cases], "measured": measures, "varied": names},
-    )
-    if pairs:
-        told = told.assign_coords(with_varied=names)
-    return told if cases != [()] else told.isel(crossed=0, drop=True)
+    data = {
+        f"sensitivity_{name}": Variable(dimensions, own, {"long_name": _ABOUT[name]} if name in _ABOUT else {})
+        for dimensions, group in ((over, figures), ((*over, "with_varied"), pairs))
+        for name, own in group.items()
+    }
+    labels = {"crossed": [", ".join(own) for own in cases], "measured": measures, "varied": names}
+    labels |= {"with_varied": names} if pairs else {}
+    if cases == [()]:
+        data = {name: variable.at("crossed", 0) for name, variable in data.items()}
+        del labels["crossed"]
+    return data, {name: Variable((name,), np.asarray(own)) for name, own in labels.items()}

@@ -1,4 +1,4 @@
-"""The table of all runs of a study: for spreadsheets as CSV, and as an xarray dataset."""
+"""The table of all runs of a study: for spreadsheets as CSV, and for xarray, also as NetCDF."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.quantity import split
 from cosim.results.expectations import understood
+from cosim.results.result import Result, Variable
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.row import PASSED
+from cosim.studies.sensitivity_table import variables as of_sensitivity
 from cosim.studies.study import Study
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -64,27 +62,21 @@ def as_csv(outcome: StudyOutcome) -> str:
     return text.getvalue()
 
 
-def as_dataset(outcome: StudyOutcome) -> xr.Dataset:
-    """Return the table as an xarray dataset over the runs, with varied values as coordinates; and a sensitivity."""
-    import xarray as xr
-
-    variables: dict[str, xr.DataArray] = {}
-    coordinates: dict[str, xr.DataArray] = {}
+def as_result(outcome: StudyOutcome) -> Result:
+    """Return the table as arrays over the runs, with varied values as coordinates; and a sensitivity."""
+    variables: dict[str, Variable] = {}
+    coordinates: dict[str, Variable] = {}
     for column in columns(outcome):
         attributes = {"kind": column.kind, **({"units": column.unit} if column.unit else {})}
         attributes |= {"long_name": column.about} if column.about else {}
         home = coordinates if column.kind == "value" or column.name in ("run", "draw") else variables
-        home[column.name] = xr.DataArray(np.asarray(column.values), dims="run", attrs=attributes)
-    table = xr.Dataset(
-        variables,
-        coordinates,
-        {"study": outcome.study.name, "title": outcome.study.title, "runs_planned": outcome.planned},
-    )
-    if not outcome.sensitivities:
-        return table
-    from cosim.studies.sensitivity_table import as_dataset as of_sensitivity
-
-    return table.merge(of_sensitivity(outcome.sensitivities))
+        home[column.name] = Variable(("run",), np.asarray(column.values), attributes)
+    if outcome.sensitivities:
+        figures, labels = of_sensitivity(outcome.sensitivities)
+        variables |= figures
+        coordinates |= labels
+    study = outcome.study
+    return Result(variables, coordinates, {"study": study.name, "title": study.title, "runs_planned": outcome.planned})
 
 
 def _columns(outcome: StudyOutcome) -> Iterator[Column]:

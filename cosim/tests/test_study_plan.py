@@ -188,6 +188,9 @@ BAD_STUDIES = {
     "measure without signal": ((X, GRID, '<measure name="a" figure="rms" unit="m"/>'), "needs signal"),
     "measure without unit": ((X, GRID, '<measure name="a" figure="rms" signal="range_error"/>'), "needs unit"),
     "measure with bands": ((X, GRID, LAST.replace("signal", 'range="1 m" signal')), "has no range"),
+    "measure of a column": ((X, GRID, LAST.replace('"last"', '"margin_2"')), "has another 'margin_2'"),
+    "value of a column": ((X.replace('"x"', '"status"'),), "has another 'status'"),
+    "measure as a value": ((X, GRID, LAST.replace('"last"', '"x"')), "a value is named 'x', too"),
     "measure twice": ((X, GRID, LAST + LAST), "the measure 'last' is given twice"),
 }
 

@@ -11,18 +11,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from rich.console import Console
 
 from cosim.cli.indices import print_sensitivities
 from cosim.errors import InputError
 from cosim.quantity import split
+from cosim.results.files import save
 from cosim.studies.conduct import StudyOutcome, check_study
 from cosim.studies.plan import Plan
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.sensitivity import Sensitivity
 from cosim.studies.summary import as_json
-from cosim.studies.table import as_dataset
+from cosim.studies.table import as_result
 from cosim.tests.studies import LAST, SEEDS, small_study
 
 PI = repr(math.pi)
@@ -319,7 +321,7 @@ def test_the_summary_the_dataset_and_the_terminal_tell_the_same(tmp_path: Path) 
     (told,) = json.loads(as_json(made))["sensitivity"]
     assert [value["first"] for value in told["values"]] == list(found.figures["first"])
     assert told["pairs"][1]["names"] == ["a", "c"]
-    dataset = as_dataset(made)
+    dataset = as_result(made).dataset
     assert dataset["sensitivity_total"].dims == ("measured", "varied")
     assert dataset["sensitivity_total"].sel(measured="last", varied="b") == found.figures["total"][1]
     second = dataset["sensitivity_second"].sel(measured="last")
@@ -327,6 +329,8 @@ def test_the_summary_the_dataset_and_the_terminal_tell_the_same(tmp_path: Path) 
         second.sel(varied="a", with_varied="c") == second.sel(varied="c", with_varied="a") == found.pairs["a", "c"][0]
     )
     assert dataset["last"].dims == ("run",)
+    save(as_result(made), tmp_path / "runs.nc")
+    assert xr.load_dataset(tmp_path / "runs.nc").identical(dataset)
     console = Console(file=io.StringIO(), width=80)
     print_sensitivities(console, "saltelli", made.sensitivities)
     text = console.file.getvalue()
@@ -336,6 +340,8 @@ def test_the_summary_the_dataset_and_the_terminal_tell_the_same(tmp_path: Path) 
 
 def test_crossed_values_are_a_dimension(tmp_path: Path) -> None:
     made = outcome(tmp_path, ANGLES + LAWS, 'method="morris" runs="80"', lambda a, b, c, law: a)
-    mean = as_dataset(made)["sensitivity_mean"]
+    save(as_result(made), tmp_path / "runs.nc")
+    mean = xr.load_dataset(tmp_path / "runs.nc")["sensitivity_mean"]
+    assert mean.identical(as_result(made).dataset["sensitivity_mean"])
     assert mean.dims == ("crossed", "measured", "varied")
     assert mean.sel(crossed="two", measured="last", varied="a") == pytest.approx(2 * math.pi)
