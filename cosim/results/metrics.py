@@ -49,13 +49,23 @@ def _rms(time: Floats, values: Floats, start: float) -> float:
 
 
 def _itae(time: Floats, values: Floats, start: float) -> float:
+    return _integral(time, lambda block: (time[block] - start) * np.abs(values[block]))
+
+
+def _effort(time: Floats, values: Floats, start: float) -> float:
+    return _integral(time, lambda block: np.abs(values[block]))
+
+
+def _integral(time: Floats, integrand: Callable[[slice], Floats]) -> float:
+    """Return an integral over the time, by the trapezoidal rule, of what a function returns of a block of samples."""
+
     def terms(block: slice) -> Floats:
         both_ends = slice(block.start, block.stop + 1)
-        integrand = (time[both_ends] - start) * np.abs(values[both_ends])
-        found: Floats = (integrand[1:] + integrand[:-1]) * np.diff(time[both_ends])
+        values = integrand(both_ends)
+        found: Floats = (values[1:] + values[:-1]) * np.diff(time[both_ends])
         return found
 
-    return 0.5 * passes.total(terms, len(values) - 1)
+    return 0.5 * passes.total(terms, len(time) - 1)
 
 
 def _chatter(time: Floats, values: Floats, start: float) -> float:
@@ -66,9 +76,9 @@ def _chatter(time: Floats, values: Floats, start: float) -> float:
     return math.sqrt(passes.total(squares, len(values) - 1) / (len(values) - 1))
 
 
-def _times_s2(unit: str) -> str:
+def _times(unit: str, factor: str) -> str:
     numerator, slash, denominator = unit.partition("/")
-    return f"{'s2' if unit == '1' else numerator + '.s2'}{slash}{denominator}"
+    return f"{factor if unit == '1' else f'{numerator}.{factor}'}{slash}{denominator}"
 
 
 MEASURES: Mapping[str, Measure] = {
@@ -77,12 +87,14 @@ MEASURES: Mapping[str, Measure] = {
         lambda time, values, start: abs(float(values[passes.largest_magnitude(values)])), at=passes.largest_magnitude
     ),
     "final": Measure(lambda time, values, start: abs(float(values[-1]))),
-    "itae": Measure(_itae, unit=_times_s2, fewest=2),
+    "itae": Measure(_itae, unit=lambda unit: _times(unit, "s2"), fewest=2),
+    "effort": Measure(_effort, unit=lambda unit: _times(unit, "s"), fewest=2),
     "chatter": Measure(_chatter, fewest=2),
     "least": Measure(lambda time, values, start: float(values[passes.smallest(values)]), at=passes.smallest),
 }
 """Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
-time counts from the start of the window; root mean square of the change from sample to sample; smallest value."""
+time counts from the start of the window; root mean square of the change from sample to sample; integral of the
+magnitude; smallest value."""
 
 
 def settling_times(result: Result, range_band: float, bearing_band: float) -> dict[str, float | None]:

@@ -16,7 +16,7 @@ from cosim.studies.bundles import Bundle, bundles_of
 from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
-from cosim.studies.keys import key_of_scenario, key_with_envelopes
+from cosim.studies.keys import key_of_measures, key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.read_keep import check_keep
@@ -103,7 +103,8 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
         with ExitStack() as cleanup:
             setup = set_up(scenario, cleanup, {})
             check_envelopes(study.envelopes, scenario, setup.signals)
-            keys[cases] = key_with_envelopes(key_of_scenario(scenario, setup), study.envelopes)
+            key = key_of_measures(key_of_scenario(scenario, setup), study.measures)
+            keys[cases] = key_with_envelopes(key, study.envelopes)
     return plan, keys, judged
 
 

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TypeAlias
 
 from cosim.studies.crew import Crew, Done, result
+from cosim.studies.measuring import made_by_runs
 from cosim.studies.plan import Run
 from cosim.studies.row import Row
 from cosim.studies.study import Study
@@ -42,7 +43,7 @@ class Workers:
 
     def __init__(self, study: Study, crew: Crew) -> None:
         self.usual = 0.0
-        self._measures = study.measures
+        self._measures = made_by_runs(study.measures)
         self._envelopes = study.envelopes
         self._bases = {cases: pickle.dumps(scenario) for cases, scenario in study.bases.items()}
         self._mark = hashlib.sha256(pickle.dumps((self._bases, self._measures, self._envelopes))).hexdigest()

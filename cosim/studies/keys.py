@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from cosim.master.setup import Setup
 from cosim.scenario.grammar import local_name, paths_in
 from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.elsewhere import LIBRARIES
+from cosim.studies.study import Measured
 
 _FOR_PEOPLE = ("title", "description")
 
@@ -31,6 +32,12 @@ def key_with_envelopes(scenario: str, envelopes: Sequence[Expectation]) -> str:
     if not envelopes:
         return scenario
     return _digest([scenario, *(f"envelope {sorted(one.attributes.items())}" for one in envelopes)])
+
+
+def key_of_measures(scenario: str, measures: Iterable[Measured]) -> str:
+    """Return the checksum of a scenario with what is measured, over several followers, other than of the worst one."""
+    others = [f"{measured.name} {measured.over}" for measured in measures if measured.over not in ("worst", "")]
+    return _digest([scenario, *others]) if others else scenario
 
 
 def key_of_run(scenario: str, changes: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from typing import TypeAlias
 from cosim.studies.crew import Crew
 from cosim.studies.engine import Pending, Workers
 from cosim.studies.keys import key_of_run
+from cosim.studies.measuring import with_sums
 from cosim.studies.plan import Run
 from cosim.studies.row import Row
 from cosim.studies.store import Store
@@ -51,6 +52,7 @@ class Maker:
 
     def __init__(self, study: Study, keys: Mapping[tuple[int, ...], str], store: Store, crew: Crew) -> None:
         self._keys = keys
+        self._measures = study.measures
         self._store = store
         self._workers = Workers(study, crew)
         self.made = 0
@@ -75,6 +77,9 @@ class Maker:
         """
         goes_on = True
 
+        def give(rows: Sequence[Row]) -> bool:
+            return take([with_sums(self._measures, row) for row in rows])
+
         def missing(most: int) -> Iterator[Pending]:
             nonlocal goes_on
             while goes_on and most > 0 and (asked := ask(most)):
@@ -87,13 +92,13 @@ class Maker:
                     else:
                         kept.append(replace(row, number=run.number, draw=run.draw, values=run.values))
                 if kept:
-                    goes_on = take(kept)
+                    goes_on = give(kept)
 
         def keep(rows: Sequence[Row]) -> bool:
             nonlocal goes_on
             kept = self._store.append(rows)
             self.made += len(kept)
-            goes_on = take(kept)
+            goes_on = give(kept)
             return goes_on
 
         if not self._workers.usual and (first := next(missing(1), None)) is not None:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 from cosim.errors import InputError, nearest
 from cosim.scenario.reader.element import Element
-from cosim.studies.study import Cost, Measured, Sample, Search, Tune, Vary
+from cosim.studies.read_measures import read_cost
+from cosim.studies.study import Measured, Sample, Search, Tune, Vary
 from cosim.studies.values import Count, Random
 
 MOST_DRAWS = 100_000
@@ -29,7 +30,7 @@ def read_tune(element: Element, vary: Sequence[Vary], measures: Sequence[Measure
         raise element.error(f"draw {both[0]} is in training and in held_out, so it would not be held out")
     tune = Tune(
         values=_values(element, vary),
-        costs=tuple(_cost(child, measures) for child in element.children("cost")),
+        costs=tuple(read_cost(child, measures) for child in element.children("cost")),
         method=element.get("method", "cma_es"),
         evaluations=int(element.get("evaluations")),
         restarts=int(element.get("restarts", "1")),
@@ -120,17 +121,6 @@ def _values(element: Element, vary: Sequence[Vary]) -> tuple[int, ...]:
         if one.case and index not in found:
             raise InputError(f"{one.name!r} is of one case and not tuned: draws are the same for all cases", one.where)
     return tuple(found)
-
-
-def _cost(element: Element, measures: Sequence[Measured]) -> Cost:
-    name, names = element.get("of"), [measured.name for measured in measures]
-    if name not in names:
-        if not names:
-            raise element.error(f"the study has no measure {name!r}: add <measure name={name!r} .../>")
-        raise element.error(f"the study has no measure {name!r}: {nearest(name, names)}")
-    measured = measures[names.index(name)]
-    per = element.positive("per", measured.unit or "1") if "per" in element else 1.0
-    return Cost(names.index(name), per if measured.greatest_is_worst else -per)
 
 
 def _share(element: Element, name: str) -> float:

@@ -27,6 +27,7 @@ from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
 from cosim.studies.courses import is_of_paths
 from cosim.studies.read_keep import read_keep
+from cosim.studies.read_measures import read_measures
 from cosim.studies.read_search import draws_of, read_search, read_tune
 from cosim.studies.study import Measured, Requirement, Sample, Study, Target, Vary
 from cosim.studies.values import Count, Finite, Values, number_of, values_of
@@ -34,7 +35,6 @@ from cosim.studies.values import Count, Finite, Values, number_of, values_of
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
-_SIGNALS = {"rms", "peak", "final", "itae", "chatter", "least"}
 _OF_THE_TABLE = re.compile(r"run|draw|status|passed|message|margin_\d+|sensitivity_\w+|measured|(with_)?varied|crossed")
 """Names that the table of runs has for other things; see `cosim.studies.table`."""
 _T = TypeVar("_T", Vary, Measured)
@@ -60,9 +60,9 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
     root = Element.root(document)
     vary = _distinct(map(_vary, root.children("vary")), "value")
     _check_cases(vary)
-    measures = [_measured(element) for element in root.children("measure")]
+    measures, expected = read_measures(root.children("measure"))
     tune, search = root.find("tune"), root.find("search")
-    tuned = None if tune is None else read_tune(tune, vary, [measured for measured, _ in measures])
+    tuned = None if tune is None else read_tune(tune, vary, measures)
     searched = None if search is None else read_search(search, vary)
     searching = tuned or searched
     study = Study(
@@ -71,13 +71,13 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         title=printable(root.child("title").text),
         vary=vary,
         sample=_sample(root.child("sample"), vary) if searching is None else draws_of(searching),
-        measures=_distinct((measured for measured, _ in measures), "measure"),
+        measures=_distinct(measures, "measure"),
         requirements=tuple(_requirement(element) for element in root.inside if element.kind in _REQUIREMENTS),
-        bases=_bases(document, root, [(own, one.where) for one, own in measures], made),
+        bases=_bases(document, root, expected, made),
         tune=tuned,
         search=searched,
         changes=made,
-        keep=tuple(read_keep(element, [measured for measured, _ in measures]) for element in root.children("keep")),
+        keep=tuple(read_keep(element, measures) for element in root.children("keep")),
         envelopes=tuple(map(_envelope, root.children("envelope"))),
     )
     _check_names(study)
@@ -173,53 +173,6 @@ def _sample(element: Element, vary: Sequence[Vary]) -> Sample:
 
 def _requirement(element: Element) -> Requirement:
     return Requirement(element.kind, element.attributes, element.where, tuple(map(_requirement, element.inside)))
-
-
-# Measures ----------------------------------------------------------------------------------------------------
-
-
-def _measured(element: Element) -> tuple[Measured, etree._Element]:
-    """Return a measure, and an expectation whose figure it is; the bound is of no account."""
-    figure = element.get("figure")
-    _check_attributes(element, figure)
-    unit = element.get("unit", {"settling_time": "s", "distance": "m"}.get(figure, ""))
-    if not unit:
-        raise element.error(f'figure="{figure}" of <measure> needs unit=..., such as that of the signal')
-    over = element.get("over", "worst")
-    if over == "count" and figure != "settling_time":
-        raise element.error(f'over="count" of <measure> counts followers that settle: figure="{figure}" has none')
-    kept = {name: element.get(name) for name in ("signal", "component", "from", "to", "robots") if name in element}
-    bands = {"range": element.get("range", "0.1 m"), "bearing": element.get("bearing", "2 deg")}
-    one = "1" if unit == "1" else f"1 {unit}"
-    kind, bound = {
-        "settling_time": ("settled", {"by": f"0 {unit}", **bands}),
-        "distance": ("distance", {"above": one}),
-        "least": ("least", {"above": one}),
-    }.get(figure, (figure, {"below": one}))
-    measured = Measured(
-        name=element.get("name"),
-        over=over,
-        greatest_is_worst=figure not in ("least", "distance") and over != "count",
-        unit="" if unit == "1" or over == "count" else unit,
-        where=element.where,
-    )
-    return measured, etree.Element(kind, {**kept, **bound})
-
-
-def _check_attributes(element: Element, figure: str) -> None:
-    if figure in _SIGNALS and "signal" not in element:
-        raise element.error(f'figure="{figure}" of <measure> needs signal=..., such as signal="range_error"')
-    misplaced = {
-        "signal": figure not in _SIGNALS,
-        "component": figure not in _SIGNALS,
-        "from": figure == "settling_time",
-        "to": figure == "settling_time",
-        "range": figure != "settling_time",
-        "bearing": figure != "settling_time",
-    }
-    for name, wrong in misplaced.items():
-        if wrong and name in element:
-            raise element.error(f'figure="{figure}" of <measure> has no {name}=...: leave it out')
 
 
 def _envelope(element: Element) -> Expectation:

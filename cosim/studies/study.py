@@ -84,7 +84,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Cost:
-    """A part of what is made least: a measure over a quantity, which makes it a pure number.
+    """A part of a sum: a measure over a quantity, which makes it a pure number.
 
     Attributes
     ----------
@@ -173,10 +173,13 @@ class Measured:
     ----------
     over : str
         What it is of several followers: the ``worst`` one, the ``mean``, or the ``count`` of those that have a figure.
+        Empty for a sum.
     greatest_is_worst : bool
         Whether the worst is the greatest.
     unit : str
         Its unit; empty for a pure number.
+    parts : tuple of Cost
+        Of a sum: the measures before it that are added up.
     """
 
     name: str
@@ -184,6 +187,7 @@ class Measured:
     greatest_is_worst: bool
     unit: str
     where: Location
+    parts: tuple[Cost, ...] = ()
 
 
 @dataclass(frozen=True)

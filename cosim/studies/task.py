@@ -18,6 +18,7 @@ from cosim.results.verdict import Verdict
 from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.courses import Envelope
+from cosim.studies.measuring import figure_over
 from cosim.studies.plan import Run
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.study import Measured
@@ -37,7 +38,7 @@ class Task:
     bases : dict
         Of these runs, see `Study.bases`; each pickled.
     measures : tuple of Measured
-        See `Study.measures`.
+        Those that a run gives; see `cosim.studies.measuring`.
     envelopes : tuple of Expectation
         See `Study.envelopes`.
     usual : float
@@ -160,25 +161,12 @@ def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict], courses
         draw=run.draw,
         values=run.values,
         status=FAILED if failed else PASSED,
-        measures=tuple(_figure(measured, places[measured.where]) for measured in task.measures),
+        measures=tuple(figure_over(measured, places[measured.where]) for measured in task.measures),
         margins=_margins(own),
         message=f"{failed[0].where}: {failed[0]}" if failed else "",
         least=min(map(_over_bound, own), default=math.inf),
         courses=courses,
     )
-
-
-def _figure(measured: Measured, verdicts: Iterable[Verdict]) -> float:
-    """Return the figure of a measure over the robots; one without a figure is the worst there is."""
-    worst = math.inf if measured.greatest_is_worst else -math.inf
-    figures = [worst if math.isnan(verdict.figure) else verdict.figure for verdict in verdicts]
-    if not figures:
-        return worst
-    if measured.over == "count":
-        return float(sum(map(math.isfinite, figures)))
-    if measured.over == "mean":
-        return math.fsum(figures) / len(figures)
-    return max(figures) if measured.greatest_is_worst else min(figures)
 
 
 def _margins(verdicts: Iterable[Verdict]) -> tuple[float, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from scipy import stats
 
+from cosim.studies.measuring import total
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.studies.seeking import Point
 from cosim.studies.study import Tune
@@ -49,8 +50,7 @@ def cost_of(tune: Tune, row: Row) -> float:
     """Return the cost of a run; infinite if a part of it has no figure."""
     if row.status == BROKEN:
         return math.inf
-    parts = [row.measures[cost.of] / cost.per for cost in tune.costs]
-    return math.fsum(parts) if all(map(math.isfinite, parts)) else math.inf
+    return total(tune.costs, row.measures)
 
 
 def mean_cost(tune: Tune, rows: Iterable[Row]) -> float:

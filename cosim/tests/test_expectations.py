@@ -113,11 +113,12 @@ Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
         ("final", 2.0),
         ("itae", 7.0),
         ("chatter", math.sqrt((25 + 49) / 2)),
+        ("effort", 6.0),
         ("least", -5.0),
     ],
 )
 def test_figures_of_a_signal(kind: str, figure: float) -> None:
-    """The integrand of itae is 0, 1 * 5, 2 * 2: trapezoids of 2.5 and 4.5."""
+    """The integrand of itae is 0, 1 * 5, 2 * 2: trapezoids of 2.5 and 4.5; that of effort 0, 5, 2: 2.5 and 3.5."""
     values, time = np.array([0.0, -5.0, 2.0]), np.array([10.0, 11.0, 12.0])
     assert MEASURES[kind](time, values, 10.0) == pytest.approx(figure)
     assert math.isnan(MEASURES[kind](time[:0], values[:0]))
@@ -126,6 +127,44 @@ def test_figures_of_a_signal(kind: str, figure: float) -> None:
 
 def test_itae_is_the_integral() -> None:
     assert MEASURES["itae"](TIME, np.exp(-TIME)) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_effort_is_the_integral_of_the_magnitude(verdicts: Judged) -> None:
+    """Of 12 N.m that swing five times in the window: 12 N.m x 20 s x 2 / pi, whatever the sign and the unit."""
+    torque = 12.0 * np.sin(2.0 * math.pi * 0.25 * TIME)
+    expectation = expecting("effort", "0.2 kN.m.s", signal="torque", component="tau_drive", start=40.0, stop=60.0)
+    result = made_up()
+    result["torque"][:, 0, 0] = torque
+    found = verdicts(expectation, result)["a"]
+    assert found.figure == pytest.approx(1e-3 * 12.0 * 20.0 * 2.0 / math.pi, rel=1e-4)
+    assert (found.passed, found.unit) == (True, "kN.m.s")
+
+
+# Differences ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "figures"),
+    [
+        ({"component": "y", "minus_robot": "b"}, {"a": 3.0, "c": 7.0}),
+        ({"component": "y", "minus_robot": "b", "robots": ("a",)}, {"a": 3.0}),
+        ({"component": "y", "minus": "leader_pose"}, {"a": 10.0, "b": 7.0, "c": 0.0}),
+        ({"component": "y", "minus_component": "x"}, {"a": 0.0, "b": 3.0, "c": 10.0}),
+        ({"signal": "range_error_mm", "minus": "pose", "minus_component": "y"}, {"a": 2.0, "b": 1.0, "c": 8.0}),
+    ],
+)
+def test_the_difference_of_two_signals(verdicts: Judged, given: dict[str, Any], figures: dict[str, float]) -> None:
+    result = made_up(range_error_mm=np.full((5001, 3), 2000.0))
+    result["range_error_mm"].attrs["units"] = "mm"
+    found = verdicts(expecting("rms", "1 m", **{"signal": "pose", **given}), result)
+    assert {robot: verdict.figure for robot, verdict in found.items()} == pytest.approx(figures)
+
+
+def test_followers_that_lack_what_is_subtracted_are_left_out(verdicts: Judged) -> None:
+    norm = np.stack([ZERO + 1, ZERO + 2, ZERO * math.nan], axis=1)
+    found = verdicts(expecting("final", "9", signal="norm", minus="one"), made_up(norm=norm[:, ::-1], one=norm))
+    assert {robot: verdict.figure for robot, verdict in found.items()} == {"b": 0.0}
+    assert str(found["b"]).startswith("final norm minus one below 9")
 
 
 # Verdicts ---------------------------------------------------------------------------------------------------
@@ -202,8 +241,8 @@ def test_who_has_no_such_signal_is_left_out(verdicts: Judged) -> None:
 
 def test_what_is_not_a_number_does_not_hold(verdicts: Judged) -> None:
     norm = np.where(TIME == 50.0, math.nan, ZERO)
-    for kind in ("peak", "rms", "final", "itae", "chatter", "least"):
-        bound = {"least": "-2", "itae": "2 s2"}.get(kind, "2")
+    for kind in ("peak", "rms", "final", "itae", "chatter", "effort", "least"):
+        bound = {"least": "-2", "itae": "2 s2", "effort": "2 s"}.get(kind, "2")
         found = verdicts(expecting(kind, bound, signal="norm", stop=50.0), made_up(norm=norm))["a"]
         assert not found.passed, kind
         assert found.finding == "no figure (a; a sample is not a number)"
@@ -351,6 +390,25 @@ KNOWN = {
         ("peak", "1 m", {"signal": "pose", "component": "gama"}, "did you mean 'gamma'?"),
         ("peak", "1 m", {"signal": "range_error", "component": "x"}, "'range_error' has no components: leave"),
         ("peak", "1 m", {"signal": "leader_pose", "component": "x", "robots": ("follower_1",)}, "is the leader's"),
+        ("rms", "1 m", {"signal": "range_error", "minus": "spede"}, "no signal 'spede': did you mean 'speed'?"),
+        ("rms", "1 m", {"signal": "range_error", "minus": "speed"}, "'range_error minus speed', which is in m: cannot"),
+        ("rms", "1 m", {"signal": "range_error", "minus": "range_error"}, "minus itself is always zero"),
+        ("rms", "1 m", {"signal": "range_error", "minus": "pose"}, "'pose' needs minus_component=..., one of x, gamma"),
+        ("rms", "1 m", {"signal": "pose", "component": "x", "minus": "range_error"}, "give it as signal=..., and what"),
+        ("rms", "1 m", {"signal": "range_error", "minus_robot": "folower_1"}, "did you mean 'follower_1'?"),
+        (
+            "rms",
+            "1 m",
+            {"signal": "range_error", "minus_robot": "follower_1", "robots": ("follower_1",)},
+            "'range_error minus range_error of follower_1' of follower_1 is always zero: name another",
+        ),
+        ("rms", "1 m", {"signal": "leader_pose", "component": "x", "minus": "pose"}, "say whose by minus_robot=..."),
+        (
+            "rms",
+            "1 m",
+            {"signal": "pose", "component": "x", "minus": "leader_pose", "minus_robot": "follower_1"},
+            "'leader_pose' is the leader's: leave minus_robot=... out",
+        ),
         ("peak", "1", {"signal": "weight_norm", "robots": ("follower_2",)}, "'follower_2' has no signal 'weight_norm'"),
         ("rms", "1 m", {"signal": "range_error", "start": 1.005, "stop": 1.015}, "holds too few of the samples"),
         ("itae", "1 m.s2", {"signal": "range_error", "start": 1.0, "stop": 1.01}, "holds too few of the samples"),
@@ -379,6 +437,9 @@ def test_good_expectations(scenario: Scenario) -> None:
         expecting("itae", "1 m.s", signal="speed"),
         expecting("itae", "1 s2", signal="weight_norm"),
         expecting("final", "1 mm", signal="leader_pose", component="x", start=1.0, stop=1.0),
+        expecting("rms", "1 m", signal="pose", component="x", minus="leader_pose"),
+        expecting("rms", "1 m", signal="leader_pose", component="x", minus="pose", minus_robot="follower_2"),
+        expecting("rms", "1 m", signal="range_error", minus_robot="follower_2"),
         expecting("least", "-1 km/h", signal="speed", robots=("follower_2",)),
         expecting("regular"),
         expecting("distance", "10 cm"),

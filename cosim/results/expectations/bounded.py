@@ -36,7 +36,7 @@ class Bounded(Kind):
     def __init__(self, written: Expectation) -> None:
         super().__init__(written)
         self.read_bound(self.attribute)
-        self.subject = Subject(written.get("signal"), written.get("component"))
+        self.subject = Subject.of(written)
         self.fewest = self.measure.fewest
 
     @property
@@ -54,8 +54,8 @@ class Bounded(Kind):
         self.check_samples(own.scenario)
 
     def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
-        """Return its signal."""
-        return {self.subject.signal}
+        """Return its signals."""
+        return self.subject.signals
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower that has such a signal."""

@@ -33,7 +33,7 @@ class Compare(Kind):
         self.name = written.get("measure")
         self.measure = MEASURES[self.name]
         self.fewest = self.measure.fewest
-        self.subject = Subject(written.get("signal"), written.get("component"))
+        self.subject = Subject.of(written)
         self.path = written.path("scenario")
         self.others = (self.path,)
 
@@ -72,8 +72,8 @@ class Compare(Kind):
             raise error(f"in the other scenario, {path.name}, {has}: {wrong}") from None
 
     def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
-        """Return its signal."""
-        return {self.subject.signal}
+        """Return its signals."""
+        return self.subject.signals
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the team; the expectation fails, even if it is known to, if there is no other run to compare with."""

@@ -1,10 +1,10 @@
-"""The signal that an expectation is about."""
+"""The signal that an expectation is about, or its difference from another one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from cosim.results.expectations.kind import Kind
 from cosim.results.expectations.recorded import Recorded, units_by_component
 from cosim.results.passes import missing
 from cosim.results.result import Result, Variable, by_robot
-from cosim.scenario.scenario import LEADER
+from cosim.scenario.scenario import LEADER, Expectation
+from plants import UnitError, units
 
 Course: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times (T,) [s] and values (T, ...) over a window."""
@@ -22,17 +23,66 @@ Course: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Subject:
-    """A signal, or a component of it."""
+    """A signal, or a component of it.
+
+    Attributes
+    ----------
+    minus : Subject or None
+        What is subtracted from it.
+    robot : str
+        Of what is subtracted: the follower whose signal it is; empty for the follower of whom something is expected.
+    attribute : str
+        Before the names of its attributes, for messages.
+    """
 
     signal: str
     component: str = ""
+    minus: Subject | None = None
+    robot: str = ""
+    attribute: str = ""
+
+    @classmethod
+    def of(cls, written: Expectation) -> Self:
+        """Return the subject that an expectation has in its attributes."""
+        own = cls(written.get("signal"), written.get("component"))
+        if not any(name in written for name in ("minus", "minus_component", "minus_robot")):
+            return own
+        minus = cls(
+            written.get("minus", own.signal),
+            written.get("minus_component", own.component),
+            robot=written.get("minus_robot"),
+            attribute="minus_",
+        )
+        if (minus.signal, minus.component, minus.robot) == (own.signal, own.component, ""):
+            raise written.error(
+                f"the signal {str(own)!r} minus itself is always zero: name another by minus=... or "
+                "minus_component=..., or another follower by minus_robot=..."
+            )
+        return replace(own, minus=minus)
 
     def __str__(self) -> str:
         """Return how a message names it."""
-        return f"{self.component} of {self.signal}" if self.component else self.signal
+        own = f"{self.component} of {self.signal}" if self.component else self.signal
+        whose = f" of {self.robot}" if self.robot else ""
+        return f"{own}{whose} minus {self.minus}" if self.minus else f"{own}{whose}"
+
+    @property
+    def signals(self) -> Collection[str]:
+        """The names of the signals that it is computed from."""
+        return {self.signal} | ({self.minus.signal} if self.minus else set())
 
     def check(self, kind: Kind, known: Mapping[str, Recorded]) -> str:
         """Check that an expectation can be about it; return its unit."""
+        unit, signal = self._check(kind, known), known[self.signal]
+        if signal.robots == (LEADER,) and kind.written.robots:
+            raise kind.written.error(f"the signal {self.signal!r} is the leader's: leave robots=... out")
+        kind.check_robots(signal.robots, f"signal {self.signal!r}")
+        if self.minus is not None:
+            self.minus._check_subtracted(self, unit, kind, known)
+        return unit
+
+    def _check(self, kind: Kind, known: Mapping[str, Recorded]) -> str:
+        """Check signal and component; return the unit."""
         name, component = self.signal, self.component
         error = kind.written.error
         if name not in known:
@@ -40,15 +90,42 @@ class Subject:
         signal = known[name]
         if component not in signal.units:
             components = [key for key in signal.units if key]
+            attribute = f"{self.attribute}component"
+            if not components and self.attribute:
+                raise error(
+                    f"the signal {name!r} has no components: give it as signal=..., and what has some as minus=..."
+                )
             if not components:
-                raise error(f"the signal {name!r} has no components: leave component={component!r} out")
+                raise error(f"the signal {name!r} has no components: leave {attribute}={component!r} out")
             if not component:
-                raise error(f"the signal {name!r} needs component=..., one of {', '.join(components)}")
+                raise error(f"the signal {name!r} needs {attribute}=..., one of {', '.join(components)}")
             raise error(f"the signal {name!r} has no component {component!r}: {nearest(component, components)}")
-        if signal.robots == (LEADER,) and kind.written.robots:
-            raise error(f"the signal {name!r} is the leader's: leave robots=... out")
-        kind.check_robots(signal.robots, f"signal {name!r}")
         return signal.units[component]
+
+    def _check_subtracted(self, own: Subject, unit: str, kind: Kind, known: Mapping[str, Recorded]) -> None:
+        """Check that it can be subtracted from a subject, which has a unit."""
+        error = kind.written.error
+        its_unit, having = self._check(kind, known), known[self.signal].robots
+        try:
+            units.convert(1.0, its_unit, unit)
+        except UnitError as wrong:
+            raise error(f"{str(own)!r}, which is in {unit}: {wrong}") from None
+        if having == (LEADER,):
+            if self.robot:
+                raise error(f"the signal {self.signal!r} is the leader's: leave minus_robot=... out")
+            return
+        if self.robot and self.robot not in having:
+            raise error(f"{self.robot!r} has no signal {self.signal!r}: {nearest(self.robot, list(having))}")
+        if not self.robot and known[own.signal].robots == (LEADER,):
+            raise error(f"the signal {self.signal!r} is each follower's: say whose by minus_robot=...")
+        if not self.robot:
+            kind.check_robots(having, f"signal {self.signal!r}")
+        elif self.is_own(own, kind.written.robots[0] if len(kind.written.robots) == 1 else ""):
+            raise error(f"{str(own)!r} of {self.robot} is always zero: name another follower by robots=...")
+
+    def is_own(self, own: Subject, robot: str) -> bool:
+        """Return whether it is the very signal of a follower that it is subtracted from."""
+        return (self.signal, self.component, self.robot) == (own.signal, own.component, robot)
 
     def unit(self, result: Result) -> str:
         """Return its unit in a result."""
@@ -61,6 +138,11 @@ class Subject:
         """Return its course over the window of an expectation, by the followers that have it."""
         samples, signal = kind.samples(result), self._one(result)
         time = result["time"].values[samples]
+        if self.minus is not None:
+            whole = self.minus._subtracted(self, self._by_robot(kind.followers(result), result), result)
+            found = {robot: course for robot, course in whole.items() if not missing(course[:, np.newaxis])[0]}
+            differences = whole if kind.written.robots or not found else found
+            return {robot: (time, course[samples]) for robot, course in differences.items()}
         if "robot" not in signal.dims:
             return {LEADER: (time, signal.values[samples])}
         courses = by_robot(signal)
@@ -69,6 +151,25 @@ class Subject:
         having = {robot: row for robot, row in rows.items() if not absent[row]}
         chosen = rows if kind.written.robots or not having else having
         return {robot: (time, courses[samples, row]) for robot, row in chosen.items()}
+
+    def _subtracted(
+        self, own: Subject, courses: Mapping[str, NDArray[np.float64]], result: Result
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the courses of a subject less its own."""
+        its = self._by_robot([self.robot] if self.robot else list(courses), result)
+        factor = units.convert(1.0, self.unit(result), own.unit(result))
+        return {
+            robot: course - factor * (its[LEADER] if LEADER in its else its[self.robot or robot])
+            for robot, course in courses.items()
+            if not self.is_own(own, robot)
+        }
+
+    def _by_robot(self, robots: Collection[str], result: Result) -> dict[str, NDArray[np.float64]]:
+        """Return its whole course, by the robots that are asked for; one of the leader by its name."""
+        signal = self._one(result)
+        if "robot" not in signal.dims:
+            return {LEADER: signal.values}
+        return {robot: signal.at("robot", result.row(robot)).values for robot in robots}
 
     def _one(self, result: Result) -> Variable:
         """Return the signal, or its component."""
