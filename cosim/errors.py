@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -50,6 +51,19 @@ class InputError(FormationError):
         self.message = brief(message)
         self.where = where
         super().__init__(f"{where}: {self.message}" if where else self.message)
+
+
+class AfterTheEnd(InputError):
+    """Something is about a time that the run does not reach."""
+
+    def advised(self, changes: Iterable[str]) -> AfterTheEnd:
+        """Return it with a way out, where it is an option that has made the run shorter than its expectations."""
+        if not any(words.startswith("--horizon") for words in changes):
+            return self
+        return AfterTheEnd(
+            f"{self.message}; --no-expectations (from Python, expectations=False) leaves all expectations out",
+            self.where,
+        )
 
 
 class UnboundVelocities(InputError):

@@ -354,7 +354,8 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureF
     arguments = ["compare-plants", "car_like", "car_like", "--duration", "1 s", "--out", str(tmp_path / "file" / "x")]
     assert main(arguments) == 2
     printed = capsys.readouterr()
-    assert f"cannot be written to {tmp_path / 'file' / 'x'}: Not a directory; choose another --out" in printed.err
+    file = tmp_path / "file"
+    assert f"cannot be written to {file / 'x'}: {file} is no folder; choose another --out" in printed.err
     assert printed.out == "", "before anything is computed"
 
 

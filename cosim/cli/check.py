@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from cosim.cli.console import out, safe, table, verbatim, warn
+from cosim.cli.console import out, safe, say, table, verbatim, warn
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
@@ -43,7 +43,7 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
         out().print(safe(f"{path}: {study.name}, {told}"), soft_wrap=True)
         _print_runs(study, plan if study.search is None else Searching(study, study.search, _SHOWN).ask(_SHOWN))
     for one in requirements:
-        out().print(safe(f"expected: {one.text}"), soft_wrap=True)
+        say(out(), safe(f"expected: {one.text}"))
 
 
 def _print_runs(study: Study, plan: Plan | Sequence[Run]) -> None:

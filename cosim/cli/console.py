@@ -15,12 +15,15 @@ from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from cosim.cli.remedies import advice
 from cosim.compiling import patience
 from cosim.errors import FormationError, InputError, printable
 
 _PLAIN_WIDTH = 160
+_HANGING = 7
+"""Columns by which the lines of a sentence after the first are indented: the length of a verdict and two spaces."""
 PATIENCE = patience(3.0)
 """Seconds of silence, without a terminal, before a slow step is named."""
 
@@ -121,6 +124,20 @@ def taking_a_while(message: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+
+
+def say(console: Console, markup: str, style: str = "") -> None:
+    """Print a sentence: on a terminal in lines that end between words and are indented from the second one on.
+
+    Elsewhere it is one line, which programs read. What the user may copy, such as a path, is for `Console.print`.
+    """
+    if not console.is_terminal:
+        console.print(markup, style=style, soft_wrap=True)
+        return
+    lines = Text.from_markup(markup, style=style, overflow="ignore").wrap(console, max(console.width - _HANGING, 20))
+    for number, line in enumerate(lines):
+        line.rstrip()
+        console.print(Text(" " * _HANGING * (number > 0)) + line, soft_wrap=True)
 
 
 def broken(name: str, width: int) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cosim.cli.console import broken, safe, table
+from cosim.cli.console import broken, safe, say, table
 from cosim.fmu.capabilities import NAMES
 from cosim.fmu.solver import usual_step
 from cosim.master.robot_plants import each_alone, in_own_process, tolerance_of, why_own_process
@@ -74,15 +74,15 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
         robots.add_row(*map(safe, (follower.id, *sources, "\n".join(_places(follower)), "\n".join(own))))
     console.print(robots)
     for text in described:
-        console.print(safe(text), soft_wrap=True)
+        say(console, safe(text))
     for what, text in (("sensor", sensors), ("actuator", actuators)):
-        console.print(f"{what} of followers without one of their own: {safe(text)}", soft_wrap=True)
+        say(console, f"{what} of followers without one of their own: {safe(text)}")
     for text in _inputs(scenario.inputs):
-        console.print(f"{safe(text)}, for every follower", soft_wrap=True)
+        say(console, f"{safe(text)}, for every follower")
     for event in scenario.events:
-        console.print(f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}", soft_wrap=True)
+        say(console, f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}")
     for expectation in scenario.expectations:
-        console.print(f"expected: {safe(_expected(expectation))}", soft_wrap=True)
+        say(console, f"expected: {safe(_expected(expectation))}")
 
 
 def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:

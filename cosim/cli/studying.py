@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, safe, table, taking_a_while, warn
+from cosim.cli.console import err, out, safe, say, table, taking_a_while, warn
 from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
 from cosim.errors import InputError
@@ -168,7 +168,7 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
     elif len(outcome.rows) < outcome.planned:
         parts.append(f"a first look at {outcome.planned}, so without a verdict")
     parts.append(", ".join(f"{ends[status]} {status}" for status in ends))
-    console.print("; ".join(parts), soft_wrap=True)
+    say(console, "; ".join(parts))
     if of.tune is not None:
         _print_tuned(console, of, of.tune, outcome.tuned)
     found = spreads(outcome)
@@ -178,7 +178,7 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
         _print_cases(console, outcome, cases)
     print_sensitivities(console, of.sample.method, outcome.sensitivities)
     for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
-        console.print(f"[yellow]broken:[/] run {row.number}: {safe(row.message)}", soft_wrap=True)
+        say(console, f"[yellow]broken:[/] run {row.number}: {safe(row.message)}")
     for verdict in outcome.verdicts:
         print_verdict(console, verdict)
 
@@ -197,7 +197,7 @@ def _print_tuned(console: Console, of: Study, tune: Tune, found: Sequence[Tuned]
         console.print(shown)
         console.print(f"{best_trial(one)}, in restart {one.best.restart} of {tune.restarts}")
         for sentence in one.at_bounds:
-            console.print(f"[yellow]at a bound:[/] {safe(sentence)}", soft_wrap=True)
+            say(console, f"[yellow]at a bound:[/] {safe(sentence)}")
 
 
 def best_trial(one: Tuned) -> str:

@@ -8,13 +8,18 @@ from itertools import groupby
 
 from rich.console import Console
 
-from cosim.cli.console import safe, table
+from cosim.cli.console import safe, say, table
 from cosim.results.follower_figures import FollowerFigures
 from cosim.results.summary import Summary
 from cosim.results.verdict import Verdict
 
 NARROW = 72
 """Columns of a terminal below which headings have a word a line."""
+
+_OVERLAP = (
+    "bodies overlap: robots that touch do not collide here, and only their control law can keep them apart; "
+    '<distance of="bodies" above="0 m"/> expects that it does'
+)
 
 
 def print_summary(console: Console, summary: Summary) -> None:
@@ -35,15 +40,15 @@ def print_summary(console: Console, summary: Summary) -> None:
             *[_shown(follower.peak_torque, 1)] * with_torques,
         )
     console.print(figures)
-    console.print("RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", style="dim")
+    say(console, "RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on", "dim")
     late = [follower.within_from is not None for follower in summary.followers if follower.settling_time is None]
     if not all(late):
-        console.print("outside: not within 0.1 m and 2 deg at the end", style="dim")
+        say(console, "outside: not within 0.1 m and 2 deg at the end", "dim")
     if any(late):
-        console.print("since: within 0.1 m and 2 deg, but for less than a twentieth of the run", style="dim")
-    console.print(safe(summary.provenance.basis), style="dim", soft_wrap=True)
+        say(console, "since: within 0.1 m and 2 deg, but for less than a twentieth of the run", "dim")
+    say(console, safe(summary.provenance.basis), "dim")
     if summary.provenance.changes:
-        console.print(f"[yellow]{safe(summary.provenance.changed)}[/]", soft_wrap=True)
+        say(console, f"[yellow]{safe(summary.provenance.changed)}[/]")
     distances = [
         f"{what} {distance:.3f} m ({', '.join(between)})"
         for what, distance, between in (
@@ -53,17 +58,19 @@ def print_summary(console: Console, summary: Summary) -> None:
         if distance is not None and between
     ]
     if distances:
-        console.print(safe(f"smallest distance between followers: {', '.join(distances)}"))
+        say(console, safe(f"smallest distance between followers: {', '.join(distances)}"))
+    if summary.smallest_distance_of_bodies == 0.0:
+        say(console, f"[yellow]note:[/] {_OVERLAP}")
     for note in summary.notes:
-        console.print(f"[yellow]note:[/] {safe(note)}", soft_wrap=True)
+        say(console, f"[yellow]note:[/] {safe(note)}")
     for verdict in _worst(summary.verdicts):
         print_verdict(console, verdict)
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """Print a verdict in a line."""
+    """Print a verdict."""
     colour = ("green" if verdict.passed else "yellow") if verdict.as_marked else "bold red"
-    console.print(f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}", soft_wrap=True)
+    say(console, f"[{colour}]{safe(verdict.outcome)}[/]  {safe(str(verdict))}")
 
 
 def _settled(follower: FollowerFigures) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -71,8 +72,21 @@ def writable_folder(folder: Path, option: str) -> Path:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise OutputError(f"results cannot be written to {folder}: {error.strerror}; choose another {option}") from None
+        raise OutputError(
+            f"results cannot be written to {folder}: {_why(folder, error)}; choose another {option}"
+        ) from None
     return folder
+
+
+def _why(folder: Path, error: OSError) -> str:
+    """Return why a folder cannot be written to: of one that is not there, which folder above it refuses it."""
+    there = next((place for place in (folder, *folder.absolute().parents) if os.path.lexists(place)), folder)
+    if there == folder:
+        return str(error.strerror)
+    if not there.is_dir():
+        return f"{there} is no folder"
+    reason = "" if error.errno == errno.ENOENT else f" ({error.strerror})"  # as of /proc, which is there
+    return f"no folder can be made in {there}{reason}"
 
 
 def write(path: Path, data: bytes | memoryview) -> None:

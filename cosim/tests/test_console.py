@@ -10,7 +10,7 @@ from rich.console import Console
 
 import cosim
 from cosim.cli import console as module
-from cosim.cli.console import broken, taking_a_while
+from cosim.cli.console import broken, say, taking_a_while
 from cosim.cli.summary import print_summary
 from cosim.results.summary import summary_of
 
@@ -46,6 +46,18 @@ def test_what_takes_a_while_is_told_where_there_is_no_terminal(
             said = capsys.readouterr().err
             time.sleep(0.01)
     assert said == "compiling ...\n"
+
+
+def test_a_sentence_ends_its_lines_between_words_on_a_terminal_and_is_one_line_elsewhere() -> None:
+    sentence = "[green]holds[/]  settled by 80 s within 0.1 m and 2 deg: 70.38 s, margin 9.62 s (follower_1)"
+    for terminal in (True, False):
+        printed = io.StringIO()
+        say(Console(file=printed, width=40, force_terminal=terminal, color_system=None), sentence)
+        lines = printed.getvalue().splitlines()
+        assert " ".join(line.strip() for line in lines) == sentence.removeprefix("[green]").replace("[/]", "")
+        assert [line.startswith(" " * 7) for line in lines] == [False, *[True] * (len(lines) - 1)]
+        assert max(map(len, lines)) <= 40 or not terminal
+        assert (len(lines) > 1) == terminal
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])

@@ -66,6 +66,7 @@ def test_an_expectation_about_a_later_time_is_refused_with_its_place(eventful: P
     with pytest.raises(InputError, match="the <rms> at 80 s is after the end of the run at 2 s") as raised:
         scenario.edited(horizon=2)
     assert raised.value.where == scenario.expectations[1].where
+    assert "; --no-expectations (from Python, expectations=False) leaves all expectations out" in str(raised.value)
     assert cosim.run(scenario, horizon=0.1, expectations=False).sizes["time"] == 6
 
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from cosim.errors import OutputError
-from cosim.results.files import load, save
+from cosim.results.files import load, save, writable_folder
 from cosim.results.summary import summarise
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
@@ -205,3 +205,18 @@ def test_a_result_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save(result, tmp_path / "none" / "result.nc")
     assert [file.name for file in tmp_path.iterdir()] == ["result.nc"]
+
+
+def test_a_folder_that_cannot_be_written_is_told_with_what_refuses_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (file := tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match=f"written to {file / 'runs'}: {file} is no folder; choose another --out"):
+        writable_folder(file / "runs", "--out")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise FileNotFoundError(2, "No such file or directory")  # as /proc does, which is there
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(OutputError, match=f": no folder can be made in {tmp_path}; choose another --out"):
+        writable_folder(tmp_path / "proc" / "runs", "--out")

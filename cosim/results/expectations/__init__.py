@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from cosim.errors import AfterTheEnd
 from cosim.kinds_by_element import kinds_in
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded, recorded
@@ -75,7 +76,10 @@ def check(
         not fit, its window holds no sample, or what it compares with cannot be run; with the place in the scenario.
     """
     for expectation in scenario.expectations:
-        understood(expectation).check(Recording(scenario, signals, shapeless or {}), prepare)
+        try:
+            understood(expectation).check(Recording(scenario, signals, shapeless or {}), prepare)
+        except AfterTheEnd as error:
+            raise error.advised(scenario.changes) from None
 
 
 def needed(expectations: Iterable[Expectation], known: Mapping[str, Recorded]) -> frozenset[str]:

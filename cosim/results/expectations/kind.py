@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import ClassVar, TypeAlias
 
 from cosim.clock import ROUNDING
+from cosim.errors import AfterTheEnd
 from cosim.quantity import split
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.result import Result
@@ -125,8 +126,8 @@ class Kind(ABC):
         """Check that the window is within the run."""
         start, stop = self.written.start, self.written.stop
         if self.lasts and not start < stop <= horizon:
-            raise self.written.error(
-                f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s"
+            raise AfterTheEnd(
+                f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s", self.written.where
             )
 
     def check_samples(self, scenario: Scenario) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from cosim.clock import ROUNDING
+from cosim.errors import AfterTheEnd
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.metrics import settling_times
@@ -41,7 +42,7 @@ class Settled(Kind):
         """Check that the time is a tick within the run."""
         horizon = own.scenario.horizon
         if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
-            raise self.written.error(f"by={by:g} s is not within the run of {horizon:g} s")
+            raise AfterTheEnd(f"by={by:g} s is not within the run of {horizon:g} s", self.written.where)
         if problem := own.scenario.clock.off_tick(by):
             raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
 

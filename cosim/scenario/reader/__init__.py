@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from cosim.collection import without_collection
-from cosim.errors import InputError, Location, printable
+from cosim.errors import AfterTheEnd, InputError, Location, printable
 from cosim.known import Known
 from cosim.scenario.attribute_edits import AttributeEdits
 from cosim.scenario.document import Document, parse_document, read_document
@@ -158,6 +158,15 @@ def _ids(ids: tuple[str, ...]) -> Mapping[str, object]:
     return dict.fromkeys(ids)
 
 
+def _expected(
+    root: Element, times: Times, followers: Mapping[str, object], changes: Iterable[str], known: Known
+) -> tuple[Expectation, ...]:
+    try:
+        return known.of("", expectations, tuple(root.children("expect")), times, followers)
+    except AfterTheEnd as error:
+        raise error.advised(changes) from None
+
+
 def _scenario(
     root: Element,
     path: Path,
@@ -198,7 +207,7 @@ def _scenario(
         leader=leading,
         followers=tuple(followers.values()),
         events=tuple(sorted(happening, key=lambda event: event.time)),
-        expectations=known.of("", expectations, tuple(root.children("expect")), times, named),
+        expectations=_expected(root, times, named, changes, known),
         where=simulation.where,
         changes=changes,
         untrusted=untrusted,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from cosim.clock import Clock, whole
+from cosim.errors import AfterTheEnd
 from cosim.quantity import whole_steps
 from cosim.scenario.reader.element import Element
 from cosim.scenario.written_element import Written
@@ -53,7 +54,9 @@ class Times(Clock):
         if exact:
             self.exact(element, name)
         if time > self.horizon:
-            raise element.error(f"the <{element.kind}> at {time:g} s is after the end of the run at {self.horizon:g} s")
+            raise AfterTheEnd(
+                f"the <{element.kind}> at {time:g} s is after the end of the run at {self.horizon:g} s", element.where
+            )
         return time
 
     def window(self, element: Written, end: float = math.inf, *, exact: bool = True) -> tuple[float, float]:
