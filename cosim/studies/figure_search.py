@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.studies.conduct import StudyOutcome
+from cosim.studies.figure_style import word_ticks
 from cosim.studies.row import PASSED
 from cosim.studies.table import Column, columns
 
@@ -67,10 +68,10 @@ def _descent(panel: Axes, margins: NDArray[np.float64], fails: NDArray[np.bool_]
 
 
 def _over(panel: Axes, column: Column, margins: NDArray[np.float64], fails: NDArray[np.bool_]) -> None:
-    words = sorted({str(value) for value in column.values}) if isinstance(column.values[0], str) else []
+    words = list(dict.fromkeys(map(str, column.values))) if isinstance(column.values[0], str) else []
     at = np.array([words.index(str(value)) if words else float(value) for value in column.values])
     if words:
-        panel.set_xticks(range(len(words)), [printable(word) for word in words])
+        word_ticks(panel, words)
     panel.scatter(at[~fails], margins[~fails], s=8, color=_RUN, linewidths=0)
     panel.scatter(at[fails], margins[fails], s=14, color=_FAILS, marker="x", linewidths=0.8)
     panel.set_xlabel(printable(column.heading), parse_math=False)
@@ -93,4 +94,4 @@ def _map(panel: Axes, one: Column, other: Column, margins: NDArray[np.float64], 
     panel.set_xlabel(printable(one.heading), parse_math=False)
     panel.set_ylabel(printable(other.heading), parse_math=False)
     bar = panel.figure.colorbar(seen, ax=panel, label="least margin of runs that pass")
-    bar.ax.yaxis.set_major_formatter(PercentFormatter(1.0))
+    bar.ax.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))

@@ -13,7 +13,7 @@ from cosim.errors import printable
 from cosim.quantity import quantity
 from cosim.studies import bounds
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import BOUND, COLOURS, label, note
+from cosim.studies.figure_style import BOUND, COLOURS, few_ticks, label, note
 from cosim.studies.study import Measured
 
 CONFIDENCE = 0.95
@@ -39,6 +39,7 @@ def draw_spread(
     for (name, figures), colour in zip(cases.items(), COLOURS, strict=False):
         named = printable(name) if len(cases) > 1 else None
         _draw_steps(panel, figures, measured.greatest_is_worst, colour, named, band)
+    few_ticks(panel, np.concatenate(list(cases.values())))
     runs = sum(map(len, cases.values()))
     missing = sum(int((~np.isfinite(figures)).sum()) for figures in cases.values())
     if missing:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.studies.row import FAILED, PASSED
@@ -17,6 +21,8 @@ LOOK = {PASSED: ("#0072b2", "o", "passed"), FAILED: ("#d55e00", "x", "failed")}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """That the colour-blind can tell from each other; one a case."""
 GREY, BOUND = "#999999", "black"
+_ROOM = 36
+"""Characters that are beside each other below a panel."""
 MOST_WORDS = 12
 """Words on an axis."""
 
@@ -36,6 +42,26 @@ def number(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
 
 
+def word_ticks(panel: Axes, words: Sequence[str]) -> None:
+    """Put words on the horizontal axis, at 0, 1, 2 and so on."""
+    panel.set_xticks(range(len(words)), [printable(word) for word in words])
+    slant(panel, words)
+
+
+def slant(panel: Axes, texts: Sequence[str]) -> None:
+    """Turn the labels of the horizontal axis if they would touch each other."""
+    if max(map(len, texts), default=0) * len(texts) > _ROOM:
+        for text in panel.get_xticklabels():
+            text.set(rotation=40, ha="right", rotation_mode="anchor")
+
+
+def few_ticks(panel: Axes, values: NDArray[np.float64]) -> None:
+    """Give a horizontal axis so few numbers that long ones do not touch; whole ones where all values are whole."""
+    known = values[np.isfinite(values)]
+    whole = bool(len(known)) and bool((known == np.round(known)).all())
+    panel.xaxis.set_major_locator(MaxNLocator(5, integer=whole))
+
+
 def note(panel: Axes, text: str) -> None:
-    """Write a remark into the upper left corner of a panel."""
-    panel.text(0.02, 0.97, text, transform=panel.transAxes, va="top", fontsize="small")
+    """Write a remark above a panel, where it covers nothing."""
+    panel.set_title(text, fontsize="small", loc="left")

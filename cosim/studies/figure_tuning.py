@@ -62,7 +62,7 @@ def _descent(panel: Axes, tune: Tune, tuned: Tuned) -> None:
             for place, (trial, _) in enumerate(own, 1)
             if not trial.pruned and passes(trial.rows.values())
         ]
-        panel.scatter([at for at, _ in good], [cost for _, cost in good], s=6, color=colour, alpha=0.35, linewidths=0)
+        panel.scatter([at for at, _ in good], [cost for _, cost in good], s=10, color=colour, alpha=0.5, linewidths=0)
         course = [cost if math.isfinite(cost) else math.nan for _, cost in own]
         panel.step(range(1, len(own) + 1), course, where="post", color=colour, label=f"restart {restart}")
     first = mean_cost(tune, tuned.trials[0].rows.values())
@@ -75,6 +75,10 @@ def _descent(panel: Axes, tune: Tune, tuned: Tuned) -> None:
 
 
 def _held_out(panel: Axes, tune: Tune, tuned: Tuned) -> None:
+    if not tuned.held_out:
+        panel.axis("off")
+        panel.text(0.5, 0.5, "a first look: nothing was run\non held-out draws", ha="center", va="center")
+        return
     both: Sequence[tuple[str, Sequence[Row], str]] = (("own", tuned.own, _OWN), ("tuned", tuned.held_out, _BEST))
     costs = [np.array([cost_of(tune, row) for row in rows]) for _, rows, _ in both]
     for place, ((_, _, colour), own) in enumerate(zip(both, costs, strict=True)):

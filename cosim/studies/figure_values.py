@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import printable
 from cosim.quantity import quantity
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import BOUND, COLOURS, GREY, LOOK, label, number
+from cosim.studies.figure_style import BOUND, COLOURS, GREY, LOOK, label, number, slant, word_ticks
 from cosim.studies.study import Measured
 from cosim.studies.table import Column
 
@@ -57,13 +57,11 @@ def draw_runs(
     panel: Axes, measure: Column, value: Column, figures: NDArray[np.float64], statuses: NDArray[np.str_]
 ) -> None:
     """Draw the figure of each run; those with the same word side by side."""
-    words = sorted({str(own) for own in value.values}) if isinstance(value.values[0], str) else []
+    words = list(dict.fromkeys(map(str, value.values))) if isinstance(value.values[0], str) else []
     at = np.array([words.index(str(own)) if words else float(own) for own in value.values])
     if words:  # side by side, so that runs with the same word do not hide each other
         at = at + 0.3 * (np.modf(np.arange(len(at)) * 0.618034)[0] - 0.5)
-        panel.set_xticks(range(len(words)), [printable(word) for word in words])
-        if max(map(len, words)) * len(words) > 40:
-            panel.tick_params("x", rotation=30)
+        word_ticks(panel, words)
     elif _is_log(at):
         panel.set_xscale("log")
     for status, (colour, marker, told) in LOOK.items():
@@ -106,7 +104,10 @@ def draw_map(
     panel.set_facecolor("white")
     for axis, values, column in zip((panel.xaxis, panel.yaxis), axes, varied, strict=True):
         every = math.ceil(len(values) / _TICKS)
-        axis.set_ticks(range(0, len(values), every), [number(own) for own in values[::every]])
+        shown = [number(own) for own in values[::every]]
+        axis.set_ticks(range(0, len(values), every), shown)
+        if axis is panel.xaxis:
+            slant(panel, shown)
         axis.set_label_text(label(column.name, column.unit), parse_math=False)
     told = "worst " * (len(figures) > worst.size) + label(measure.name, measure.unit)
     panel.figure.colorbar(image, ax=panel).set_label(told + "; white: none" * (not finite.all()), parse_math=False)

@@ -1,6 +1,7 @@
 """The picture of a study shows what its rows hold."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def test_distribution_and_scatter(tmp_path: Path) -> None:
     assert steps.get_xdata().tolist() == [1.0, 2.0, 3.0, 5.0]
     assert np.allclose(steps.get_ydata(), np.arange(1, 5) / 6), "runs without a figure count"
     assert set(bound.get_xdata()) == {20.0}
-    assert [text.get_text() for text in share.texts] == ["2 of 6 runs without a figure"]
+    assert share.get_title(loc="left") == "2 of 6 runs without a figure"
     passed, failed = scatter.collections
     assert sorted(passed.get_offsets()[:, 1]) == [1.0, 2.0, 3.0]
     assert failed.get_offsets()[:, 1].tolist() == [5.0]
@@ -52,6 +53,20 @@ def test_cases_are_words_side_by_side(tmp_path: Path) -> None:
     assert [label.get_text() for label in scatter.get_xticklabels()] == ["a", "b"]
     offsets = scatter.collections[0].get_offsets()
     assert [round(x) for x in offsets[:, 0]] == [0, 1, 0, 1]
+
+
+def test_words_are_in_the_order_of_the_study_and_long_ones_do_not_touch(tmp_path: Path) -> None:
+    names = ["none", *(f"a_change_of_gain_{number}" for number in range(8))]
+    laws = "".join(f'<case name="{name}"/>' for name in names)
+    vary = f'<vary name="law" cross="yes">{laws}</vary>' + SEEDS
+    figures = [-15000.0 + 1000 * run for run in range(9)]
+    figure = draw(outcome(tmp_path, vary, '<sample method="random" runs="1"/>', figures, [PASSED] * 9))
+    figure.canvas.draw()
+    spread, scatter = figure.axes
+    assert [label.get_text() for label in scatter.get_xticklabels()] == names
+    assert {label.get_rotation() for label in scatter.get_xticklabels()} == {40.0}
+    boxes = [label.get_window_extent() for label in spread.get_xticklabels() if label.get_text()]
+    assert not any(one.overlaps(other) for one, other in pairwise(boxes)), "numbers do not touch each other"
 
 
 def test_a_grid_of_two_values_is_a_map(tmp_path: Path) -> None:
@@ -73,7 +88,7 @@ def test_a_grid_of_one_value_is_a_curve_with_a_band_over_its_seeds(tmp_path: Pat
     assert endless.get_xdata().tolist() == [2.0], "where a run has no figure"
     assert set(bound.get_ydata()) == {20.0}
     assert curve.get_title(loc="left") == "median, and 5 % to 95 % of the runs"
-    assert [text.get_text() for text in spread.texts] == ["2 of 9 runs without a figure"]
+    assert spread.get_title(loc="left") == "2 of 9 runs without a figure"
     assert not spread.collections, "runs of a grid are no draws, which would have a confidence"
 
 
