@@ -27,18 +27,21 @@ from lxml import etree
 from cosim.cli import entry
 from cosim.cli.earlier_results import BEFORE
 from cosim.tests.driving import scenario
-from cosim.tests.studies import write_study
+from cosim.tests.studies import SEEDS, write_study
 from plants import scratch
+from tests.dask_cluster import Cluster
 from tests.safety import passed
 from tests.stub.stub import make_fmu
 
-KINDS = ["run", "run", "figure", "build", "check", "pytest", "study"]
-"""Commands, those twice that are given more often."""
+KINDS = ["run", "run", "figure", "build", "check", "pytest", "study", "tune", "cluster"]
+"""Commands, those twice that are given more often; the last three are studies, one of them on a cluster."""
+STUDIES = {"study": "study", "tune": "tune", "cluster": "study"}
+"""The file of each kind of study."""
 KILLS = 4
 """Kills of a command before it runs to its end once."""
 LAST_MOMENT = 20.0
 """Time [s] within which the processes of a killed command must have ended."""
-MARK = "FORMATION_KILLS"
+MARK, CLUSTER_MARK = "FORMATION_KILLS", secrets.token_hex(8)
 STATUSES = {0, 1, 2, 3, 70, 71, -signal.SIGKILL}
 """How a command may end of which some process was killed."""
 
@@ -56,8 +59,9 @@ class Bench:
             scenario(folder / "s" / f"{name}.xml", f'<plant id="car" {plant}/>', more=expect)
             for name, plant in zip(self.names, plants, strict=True)
         ]
-        self.out, self.table = folder / "studies", b""
-        for name in ("tmp", "cache", "study"):
+        self.out, self.outcomes = folder / "studies", dict[str, dict[str, bytes]]()
+        self.cluster: Cluster | None = None
+        for name in ("tmp", "cache", "study", "tune", "dask"):
             (folder / name).mkdir()
         os.environ["TMPDIR"], os.environ["FORMATION_CACHE"] = str(folder / "tmp"), str(folder / "cache")
         tempfile.tempdir = None
@@ -68,16 +72,23 @@ class Bench:
             "figure": ["run", *to],
             "check": ["check", *paths],
             "build": ["build", "car_like", "--out", str(folder / "built")],
-            "study": ["study", str(_study(folder / "study")), "--workers", "2", "--no-figure", "--out", str(self.out)],
+            "study": ["study", str(_study(folder / "study")), "--workers", "2", *self._to("study")],
+            "tune": ["study", str(_tuning(folder / "tune")), "--workers", "2", *self._to("tune")],
             "pytest": ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *paths],
         }
 
+    def _to(self, kind: str) -> tuple[str, ...]:
+        return "--no-figure", "--out", str(self.out / kind)
+
     def call(self, kind: str) -> None:
-        """Give a command, in this process."""
+        """Give a command, in this process; that of a cluster in place of it, as its client has threads."""
         if kind == "pytest":
             import pytest
 
             sys.exit(pytest.main(self.commands[kind]))
+        if self.cluster is not None and kind == "cluster":
+            study = ["study", self.commands["study"][1], "--scheduler", self.cluster.address, *self._to("cluster")]
+            os.execv(sys.executable, [sys.executable, "-m", "cosim", *study])
         sys.argv[1:] = self.commands[kind]
         entry()
 
@@ -101,14 +112,30 @@ class Bench:
 
     def begin_anew(self, kind: str) -> None:
         """Forget what earlier commands of a kind have left, where the next one would go on from it."""
-        if kind == "study":
-            shutil.rmtree(self.out, ignore_errors=True)
+        shutil.rmtree(self.out / kind, ignore_errors=True)
 
-    def table_differs(self) -> bool:
-        """Return whether the table of the study is another one than the first."""
-        table = (self.out / "small" / "runs.csv").read_bytes()
-        self.table = self.table or table
-        return table != self.table
+    def outcome_differs(self, kind: str) -> bool:
+        """Return whether the files of a study are other ones than the first."""
+        folder = self.out / kind / "small"
+        names = ("runs.csv", "summary.json", *["trials.csv", "tuned.xml"] * (kind == "tune"))
+        outcome = {name: (folder / name).read_bytes() for name in names}
+        return outcome != self.outcomes.setdefault(STUDIES[kind], outcome)
+
+    def start_cluster(self) -> None:
+        """Start a scheduler and two workers, or those that were killed."""
+        if self.cluster is not None and self.cluster.scheduler.poll() is not None:
+            self.end_cluster()
+        if self.cluster is None:
+            self.cluster = Cluster(self.folder / "dask", **{MARK: CLUSTER_MARK})
+        self.cluster.workers = [worker for worker in self.cluster.workers if worker.poll() is None]
+        while len(self.cluster.workers) < 2:
+            self.cluster.add_worker()
+
+    def end_cluster(self) -> None:
+        """End the scheduler and its workers."""
+        if self.cluster is not None:
+            self.cluster.close()
+            self.cluster = None
 
     # What must hold -----------------------------------------------------------------------------------------
 
@@ -136,6 +163,17 @@ def _study(folder: Path) -> Path:
     return write_study(folder, sample='<sample method="random" runs="400"/>')
 
 
+def _tuning(folder: Path) -> Path:
+    """Write a study that tunes two gains, with runs that take some seconds altogether."""
+    gains = (
+        """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>"""
+        """<vary name="k_d" select="//gain[@name='k_d']/@value"><uniform from="0" to="20"/></vary>"""
+    )
+    draws = 'training="1 to 3" held_out="11 to 18"'
+    tune = f'<tune values="K_p k_d" evaluations="100" restarts="2" {draws} confidence="0.9">'
+    return write_study(folder, gains + SEEDS, f'{tune}<cost of="last" per="10 mm"/></tune>')
+
+
 def _result(path: Path) -> None:
     with h5py.File(path) as file:
         if file["pose"].shape[0] != file["time"].shape[0]:
@@ -146,7 +184,7 @@ def _result(path: Path) -> None:
 READERS: dict[str, Callable[[Path], object]] = {
     "runs/*/*.nc": _result,
     "runs/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
-    "studies/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
+    "studies/*/*/summary.json": lambda path: json.loads(path.read_text("utf-8")),
     "all.xml": etree.parse,
     "built/*.fmu": lambda path: zipfile.ZipFile(path).testzip(),
     "runs/*/figure.png": lambda path: path.read_bytes().index(b"IEND"),
@@ -154,10 +192,13 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterator[str]:
-    """Kill a command, or a process that it has started, at a random moment; return the findings."""
+    """Kill a command, or a process that works for it, at a random moment; return the findings."""
+    if kind == "cluster":
+        bench.start_cluster()
     pid, mark = bench.start(kind)
     time.sleep(rng.uniform(0.0, 1.1 * seconds))
     others = [other for other in living(mark) if other != pid]
+    others += living(CLUSTER_MARK) if kind == "cluster" else []
     victim = rng.choice(others) if others and rng.random() < 0.5 else pid
     with suppress(ProcessLookupError):
         os.kill(victim, signal.SIGKILL)
@@ -188,14 +229,16 @@ def living(mark: str) -> list[int]:
 
 def whole(bench: Bench, kind: str) -> Iterator[str]:
     """Let a command run to its end; return the findings."""
+    if kind == "cluster":
+        bench.start_cluster()
     pid, _ = bench.start(kind)
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     if status != 0:
         yield f"the next command ends with status {status}: {(bench.folder / 'log').read_text('utf-8')[-1500:]}"
     yield from bench.findings()
     yield from (f"{path} is left" for path in bench.left())
-    if kind == "study" and status == 0 and bench.table_differs():
-        yield "the table of the study differs from that of an uninterrupted one"
+    if kind in STUDIES and status == 0 and bench.outcome_differs(kind):
+        yield "the files of the study differ from those of an uninterrupted one"
     if kind in ("run", "figure"):
         yield from (f"{name} has not passed" for name in bench.names if not passed(bench.folder / "runs" / name))
 
@@ -214,7 +257,7 @@ def main() -> int:
         took: dict[str, float] = {}
         for kind in dict.fromkeys(kinds):
             with suppress(SystemExit):
-                bench.call(kind)  # imports and compiles for all that are forked
+                bench.call("study" if kind == "cluster" else kind)  # imports and compiles for all that are forked
             for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
                 signal.signal(number, signal.SIG_DFL)
             bench.begin_anew(kind)
@@ -237,6 +280,10 @@ def main() -> int:
                 print(f"after kill {done} of {kind}: {found}", flush=True)
             if done % 20 < KILLS:
                 print(f"{done} kills, {findings} findings", flush=True)
+        bench.end_cluster()
+        if left := living(CLUSTER_MARK):
+            findings += 1
+            print(f"the processes {left} of a cluster are left")
     print(f"{done} kills, {findings} findings")
     return min(findings, 1)
 

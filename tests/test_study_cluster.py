@@ -1,12 +1,8 @@
 """Studies on a cluster that Dask leads: the rows are those of processes here, whatever is killed meanwhile."""
 
-import json
-import os
 import re
 import socket
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -21,41 +17,11 @@ from cosim.tests.studies import small_study, write_study
 from cosim.unforeseen import Lack
 
 from .crashing_study import crashing_study
+from .dask_cluster import Cluster
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are killed by signals")
 MANY = '<sample method="random" runs="40"/>'
-
-
-class Cluster:
-    """A scheduler and its workers, each started as a user does it."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.workers: list[subprocess.Popen[bytes]] = []
-        about = folder / "scheduler.json"
-        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(about))
-        _wait_for(lambda: about.exists() and about.read_text().endswith("}"))
-        self.address = json.loads(about.read_text())["address"]
-
-    def add_worker(self, path: str = "") -> None:
-        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self._folder))
-        self.workers.append(self._start("worker", self.address, *options, path=path))
-
-    def kill_worker(self) -> None:
-        killed = self.workers.pop(0)
-        killed.kill()
-        killed.wait()
-
-    def close(self) -> None:
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-            process.wait()
-
-    def _start(self, *options: str, path: str = "") -> subprocess.Popen[bytes]:
-        with (self._folder / "log").open("ab") as log:
-            command = [sys.executable, "-m", "dask", *options, "--no-dashboard"]
-            return subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, "PYTHONPATH": path})
 
 
 @pytest.fixture(scope="module")
@@ -131,10 +97,3 @@ def test_a_scheduler_that_is_not_there_is_refused(
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert main(["study", str(path), "--out", str(tmp_path), "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "pip install 'formation-cosim[cluster]'" in capsys.readouterr().err
-
-
-def _wait_for(condition: Callable[[], bool]) -> None:
-    give_up = time.monotonic() + 120
-    while not condition():
-        assert time.monotonic() < give_up
-        time.sleep(0.02)
