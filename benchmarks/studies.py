@@ -19,12 +19,12 @@ import csv
 import json
 import math
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +156,17 @@ def rate_of(watch: Watch) -> float:
     return (last - first) / (end - begin)
 
 
+@dataclass
+class Measured:
+    """What was measured of studies with so many workers: CPU times [s], runs a second, memory [MB] of each process."""
+
+    whole: list[float] = field(default_factory=list)
+    tenth: list[float] = field(default_factory=list)
+    rates: list[float] = field(default_factory=list)
+    early: list[float] = field(default_factory=list)
+    late: list[float] = field(default_factory=list)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=300)
@@ -167,44 +178,44 @@ def main() -> None:
     if options.without:
         without_a_study(options.without)
         return
-    times: dict[str, list[float]] = {}
-    rates: dict[int, list[float]] = {workers: [] for workers in options.workers}
-    memory: dict[int, dict[str, list[float]]] = {}
-    tenth = max(options.runs // 10, 1)
+    tenth = options.runs // 10
+    prepared_times: list[float] = []
+    of_workers = {workers: Measured() for workers in options.workers}
     with tempfile.TemporaryDirectory() as name:
-        path = write_study(Path(name), options.runs)
-        studied(path, 1, 1, Path(name) / "first")  # builds and compiles what this machine has not
+        folder = Path(name)
+        path = write_study(folder, options.runs)
+        studied(path, 1, 1, folder / "first")  # builds and compiles what this machine has not
         for turn in range(options.rounds):
-            for workers in options.workers:
+            for workers, measured in of_workers.items():
                 spent, margins = prepared(path)
-                times.setdefault("prepared", []).append(spent)
-                for runs, key in ((tenth, f"{workers}, a tenth"), (options.runs, str(workers))):
-                    spent, watch, own = studied(path, runs, workers, Path(name) / f"{key} {turn}")
-                    times.setdefault(key, []).append(spent)
-                    assert own == margins[:runs], "the runs of the study are other ones"
-                rates[workers].append(rate_of(watch))
-                memory[workers] = {
-                    "early": [watch.early[one] for one in watch.late if one in watch.early],
-                    "late": [watch.late[one] for one in watch.late if one in watch.early],
-                }
+                prepared_times.append(spent)
+                if tenth:
+                    spent, _, own = studied(path, tenth, workers, folder / f"tenth {workers} {turn}")
+                    measured.tenth.append(spent)
+                    assert own == margins[:tenth], "the runs of the study are other ones"
+                spent, watch, own = studied(path, options.runs, workers, folder / f"whole {workers} {turn}")
+                measured.whole.append(spent)
+                assert own == margins, "the runs of the study are other ones"
+                measured.rates.append(rate_of(watch))
+                there = [process for process in watch.late if process in watch.early]
+                measured.early = [watch.early[process] for process in there]
+                measured.late = [watch.late[process] for process in there]
 
-    least = {key: min(own) for key, own in times.items()}
-    each = 1e3 * least["prepared"] / options.runs
+    base = min(prepared_times)
     print(f"{options.runs} runs of {SCENARIO.name}, judged; {os.cpu_count()} processors\n")
-    print(f"without a study, one process: {least['prepared']:.1f} s of CPU, {each:.1f} ms a run")
-    for workers in options.workers:
-        whole, few = least[str(workers)], least[f"{workers}, a tenth"]
-        a_run = (whole - few) / max(options.runs - tenth, 1)
-        told = memory[workers]
+    print(f"without a study, one process: {base:.1f} s of CPU, {1e3 * base / options.runs:.1f} ms a run, all in")
+    for workers, measured in of_workers.items():
+        whole = min(measured.whole)
         print(
-            f"{workers} workers: {whole:.1f} s of CPU, {whole / least['prepared'] - 1:+.0%}; "
-            f"of that {whole - a_run * options.runs:.1f} s whatever the runs, {1e3 * a_run:.1f} ms a run; "
-            f"{statistics.median(rates[workers]):.1f} runs a second\n"
-            f"   memory after a tenth: {_shown(told['early'])}; after all: {_shown(told['late'])}"
+            f"{workers} workers: {whole:.1f} s of CPU, {whole / base - 1:+.0%}; {min(measured.rates):.1f} runs a second"
         )
+        if tenth:
+            each = (whole - min(measured.tenth)) / (options.runs - tenth)
+            print(f"   {whole - each * options.runs:.1f} s whatever the runs, and {1e3 * each:.1f} ms a run")
+        print(f"   memory after a tenth: {_shown(measured.early)}; after all: {_shown(measured.late)}")
     if options.json:
-        told_all = {"seconds": times, "runs a second": rates, "memory": memory}
-        options.json.write_text(json.dumps(told_all, indent=1) + "\n")
+        told = {"prepared": prepared_times, "workers": {key: vars(own) for key, own in of_workers.items()}}
+        options.json.write_text(json.dumps(told, indent=1) + "\n")
 
 
 def _shown(memory: list[float]) -> str:

@@ -167,7 +167,7 @@ def _tuning(folder: Path) -> Path:
     """Write a study that tunes two gains, with runs that take some seconds altogether."""
     gains = (
         """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>"""
-        """<vary name="k_d" select="//gain[@name='k_d']/@value"><uniform from="0" to="20"/></vary>"""
+        """<vary name="k_d" select="//gain[@name='k_d']/@value"><uniform from="1" to="20"/></vary>"""
     )
     draws = 'training="1 to 3" held_out="11 to 18"'
     tune = f'<tune values="K_p k_d" evaluations="100" restarts="2" {draws} confidence="0.9">'

@@ -57,6 +57,13 @@ def test_isolation(tmp_path: Path) -> None:
     assert all(min(own["wall"] + own["CPU"]) > 0 for own in costs.values())
 
 
+def test_studies(tmp_path: Path) -> None:
+    printed = run(BENCHMARKS / "studies.py", "--runs", 3, "--workers", 1, "--json", tmp_path / "times.json")
+    assert "1 workers: " in printed
+    told = json.loads((tmp_path / "times.json").read_text(encoding="utf-8"))
+    assert min(*told["prepared"], *told["workers"]["1"]["whole"]) > 0
+
+
 def test_closed_loop_refuses_another_motion_in_c() -> None:
     code = """
 import closed_loop, numpy as np

@@ -155,6 +155,11 @@ def test_each_counterexample_is_a_scenario_that_fails(
     assert worst["least_margin_over_bound"] == min(0.0, worst["least_margin_over_bound"]) != 0.0
     file = tmp_path / "runs" / "small" / "runs_to_see" / f"run_{worst['run']}.xml"
     assert main(["run", str(file), "--no-figure"]) == 1
+    said = worst["message"].partition(": ")[2]
+    assert said.startswith("final range_error below 6.11 m")
+    assert said in capsys.readouterr().out
+    assert pytest.main(["-q", "-p", "no:cacheprovider", "-p", "no:xdist", str(file)]) == 1
+    assert said in capsys.readouterr().out
 
 
 BAD = {
