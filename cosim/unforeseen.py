@@ -7,6 +7,7 @@ user: that of a fault is kept in a file.
 from __future__ import annotations
 
 import errno
+import mmap
 import platform
 import sys
 import tempfile
@@ -32,6 +33,8 @@ _LACKS = {
 _OF_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS)
 """Errors of the system about a path that someone has given: nothing of ours has such a path."""
 _LIBRARIES = ("formation-cosim", "formation-controllers", "fmpy", "numpy", "numba", "lxml", "h5netcdf", "xarray")
+_LARGE = 2**28
+"""Bytes of the largest library."""
 
 
 class Fault(FormationError):
@@ -64,6 +67,8 @@ def foreseen(error: BaseException, about: str = "") -> FormationError:
         return Lack(f"{during}{lack} ({named or _place(error)})")
     if isinstance(error, OSError) and error.errno in _OF_PATHS and error.filename is not None:
         return InputError(f"{during}{error.filename}: {error.strerror}")
+    if not _has_memory():  # a library that cannot be loaded then says anything
+        return Lack(f"{during}{_LACKS[errno.ENOMEM]} ({_place(error)})")
     if isinstance(error, SystemExit):
         return Fault(f"{during}code that Formation has called ended the process ({_place(error)}); {_reported(error)}")
     text = " ".join(str(error).split())
@@ -86,6 +91,15 @@ def lack_of(error: BaseException) -> str:
         if isinstance(cause, RuntimeError) and "can't start new thread" in str(cause):
             return "the system starts no further thread"
     return ""
+
+
+def _has_memory() -> bool:
+    """Return whether the system would give as much memory as the largest library takes."""
+    try:
+        mmap.mmap(-1, _LARGE).close()
+    except (OSError, MemoryError):
+        return False
+    return True
 
 
 def _with_causes(error: BaseException) -> Iterator[BaseException]:

@@ -1,10 +1,12 @@
 """Whatever nobody foresaw is a sentence with an exit status of its own, and costs no other scenario anything."""
 
 import errno
+import os
 import re
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,11 @@ from lxml import etree
 import cosim.cli.check
 import cosim.cli.listing
 import cosim.cli.run
+from cosim.cli import main
 from cosim.errors import InputError, OutputError
 from cosim.results.result import Result
 from cosim.tests.driving import SHORT
-from cosim.unforeseen import foreseen, lack_of, status_of
+from cosim.unforeseen import Fault, Lack, foreseen, lack_of, status_of
 
 from .commands import command, failed
 
@@ -183,6 +186,39 @@ def test_no_process_can_be_started(
     monkeypatch.setattr(subprocess, "Popen", NoPlant)
     printed = failed(capsys, 71, "run", str(isolated), "--out", str(tmp_path), *SHORT, "--no-figure")
     assert "its process cannot be started: Resource temporarily unavailable" in printed
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts threads as Linux does")
+def test_a_command_needs_no_thread_for_numpy(line: str) -> None:
+    """Where the system starts none, NumPy's library raises SIGINT, which looks like Ctrl-C."""
+    program = "import atexit, os, sys; from cosim.cli import entry; sys.argv[1:] = ['check', sys.argv[1]]; "
+    program += "atexit.register(lambda: print(os.listdir('/proc/self/task') == [str(os.getpid())])); entry()"
+    variables = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run([sys.executable, "-c", program, line], capture_output=True, text=True, env=variables)
+    assert done.stdout.splitlines()[-1] == "True"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the memory as Linux does")
+def test_whatever_fails_without_memory_is_a_lack(monkeypatch: pytest.MonkeyPatch) -> None:
+    error = OSError("Could not find a shared object file; it may have any reason")
+    assert isinstance(foreseen(error), Fault)
+    monkeypatch.setattr("cosim.unforeseen._LARGE", 2**62)
+    assert isinstance(foreseen(error), Lack)
+
+
+def test_a_thread_that_cannot_be_started(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It costs the figure, for which the thread would be."""
+
+    def refused(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("cosim.results.figure_process.threading.Thread.start", refused)
+    monkeypatch.setattr("cosim.cli.console.threading.Timer.start", lambda _: None)
+    assert main(["run", line, "--out", str(tmp_path), *SHORT]) == 1  # as it is so short
+    assert "can't start new thread" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.png"))
 
 
 def test_every_help_names_the_statuses(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import signal
 import sys
 import time
@@ -31,6 +32,7 @@ INTERRUPTED = 130
 
 def entry() -> None:
     """Run the command line and exit with its status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # more would only wait; without them NumPy raises SIGINT
     try:
         status = _status(None)
     except KeyboardInterrupt:  # one more, while another one was dealt with

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ThreadPoolExecutor
 
+from cosim.beside import beside
 from cosim.collection import without_collection
 from cosim.fmu.package import open_package
 
@@ -16,10 +16,10 @@ def inspect(options: argparse.Namespace) -> int:
         from cosim.cli.self_testing import self_test
 
         return self_test(options.fmu, options.time_limit)
-    with ThreadPoolExecutor(1) as beside:
-        opening = beside.submit(open_package, options.fmu)
+    with beside(open_package, options.fmu) as opened:
         from cosim.cli.fmu_content import print_content  # takes long, while a large file is parsed
-    package = opening.result()
+
+        package = opened()
     try:
         print_content(package, strict=options.strict, every=options.all)
     finally:

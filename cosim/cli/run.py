@@ -27,7 +27,7 @@ from cosim.master.setup import set_up, size_of_result
 from cosim.master.supervised import whole_run
 from cosim.master.timing import timed
 from cosim.results.figure_process import FigureProcess
-from cosim.results.files import annotate, save, writable_folder, write
+from cosim.results.files import annotate, is_stream, save, writable_file, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
@@ -41,7 +41,7 @@ EXPECTATION_FAILED = 1
 def run(options: argparse.Namespace) -> int:
     """Run each scenario; return the most serious exit status of all."""
     if options.junit is not None:
-        writable_folder(options.junit.parent, "--junit")
+        writable_file(options.junit, "--junit")
     outcomes: list[Outcome] = []
     try:
         with FigureProcess() as figures:
@@ -95,7 +95,7 @@ def _run_scenario(
     finally:
         outcome.seconds = time.perf_counter() - started
         outcomes.append(outcome)
-        if options.junit is not None:
+        if options.junit is not None and not is_stream(options.junit):
             with suppress(OutputError), HeldSignals():  # the end of the command reports the error
                 write(options.junit, junit_xml(outcomes))
 

@@ -17,7 +17,7 @@ from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
-from cosim.results.files import save, writable_folder, write
+from cosim.results.files import save, writable_file, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
@@ -50,7 +50,7 @@ def study(options: argparse.Namespace) -> int:
         if given is not None and given < 1:
             raise InputError(f"--{name} {given}: at least 1 is needed")
     if options.junit is not None:
-        writable_folder(options.junit.parent, "--junit")
+        writable_file(options.junit, "--junit")
     began, told = time.perf_counter(), Outcome(options.study.stem, options.study)
     try:
         told.summary = outcome = _conducted(options, told)

@@ -53,7 +53,10 @@ class Breaches:
 
     def __enter__(self) -> Self:
         if self._large:
-            self._thread.start()
+            try:
+                self._thread.start()
+            except RuntimeError:  # the system starts no further thread
+                self._large = False
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Set
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
@@ -19,6 +18,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
+from cosim.beside import beside
 from cosim.collection import without_collection
 from cosim.errors import printable
 from cosim.fmu.archive import DESCRIPTION, MAX_TAGS
@@ -74,12 +74,11 @@ def read(directory: Path) -> Reading:
     path = directory / DESCRIPTION
     data = path.read_bytes()
     schema = _schema(_version(data))
-    with without_collection(), ThreadPoolExecutor(1) as beside:
-        parsing = beside.submit(etree.parse, path, PARSER)
+    with without_collection(), beside(etree.parse, path, PARSER) as parsed:
         import_module("fmpy.validation")  # takes long; libxml2 leaves the interpreter to others meanwhile
         with Breaches(data, schema) as breaches:
             stated = _stated(data)
-            return _reading(parsing.result().getroot(), breaches, stated)
+            return _reading(parsed().getroot(), breaches, stated)
 
 
 def _reading(root: etree._Element, breaches: Breaches, stated: Set[str]) -> Reading:

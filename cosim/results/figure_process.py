@@ -53,8 +53,14 @@ class FigureProcess:
         """Begin to draw a result into a PNG file, whose path is absolute."""
         self.start()
         if self._process is not None:
-            self._sending = threading.Thread(target=_send, args=(self._process.stdin, result, str(path)), daemon=True)
-            self._sending.start()
+            sending = threading.Thread(target=_send, args=(self._process.stdin, result, str(path)), daemon=True)
+            try:
+                sending.start()
+            except RuntimeError as error:
+                self._end()
+                self._fault = f"its process cannot be used: {error}"
+            else:
+                self._sending = sending
 
     def wait(self) -> str:
         """Wait for the figure; return why it could not be drawn, or nothing if it is."""

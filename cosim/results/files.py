@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -89,6 +90,12 @@ def _why(folder: Path, error: OSError) -> str:
     return f"no folder can be made in {there}{reason}"
 
 
+def writable_file(path: Path, option: str) -> None:
+    """Try the folder of a file that an option names, as `writable_folder`, unless it is a pipe or the like."""
+    if not is_stream(path):
+        writable_folder(path.parent, option)
+
+
 def write(path: Path, data: bytes | memoryview) -> None:
     """Write a file whole or not at all.
 
@@ -111,22 +118,47 @@ def _write_all(file: FileIO, data: bytes | memoryview) -> None:
 def _replacing(path: Path) -> Iterator[FileIO]:
     """Yield a file to be written, which takes the place of another one at the end of the block.
 
+    A symbolic link stays, and so does a pipe or a device: what is written goes there.
+
     Raises
     ------
     OutputError
         It cannot be written; the other file is left as it is.
     """
     try:
-        with scratch.folder(path.absolute().parent, ".formation-") as folder:  # which a killed process leaves behind
-            partial = folder / path.name
+        if is_stream(path):
+            with tempfile.TemporaryFile(buffering=0) as file:
+                yield file
+                file.seek(0)
+                _append(path, file)
+            return
+        target = Path(os.path.realpath(path))
+        with scratch.folder(target.parent, ".formation-") as folder:  # which a killed process leaves behind
+            partial = folder / target.name
             with partial.open("w+b", buffering=0) as file:
                 yield file
             os.chmod(partial, 0o666 & ~_umask())
-            os.replace(partial, path)
+            os.replace(partial, target)
     except OSError as error:
         if error.errno is None:  # of a library
             raise
         raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def is_stream(path: Path) -> bool:
+    """Return whether a path is no file that can be replaced, such as ``/dev/stdout``, ``/dev/null`` or a pipe."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    opened = path.parent.name == "fd" or str(path) in ("/dev/stdout", "/dev/stderr")  # by this process, by a shell
+    return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode) or (stat.S_ISREG(mode) and opened)
+
+
+def _append(path: Path, file: FileIO) -> None:
+    with path.open("ab", buffering=0) as stream:
+        while piece := file.read(_PIECE):
+            _write_all(stream, piece)
 
 
 def _umask() -> int:

@@ -1,6 +1,8 @@
 """The file of a result: netCDF-4 in which xarray reads the same dataset that it would have written itself."""
 
 import io
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,8 @@ import pytest
 import xarray as xr
 
 import cosim
-from cosim.errors import RunInterrupted, SimulationError
-from cosim.results.files import annotate, load, save
+from cosim.errors import OutputError, RunInterrupted, SimulationError
+from cosim.results.files import annotate, load, save, write
 from cosim.results.netcdf import attributes_of
 from cosim.results.result import Result, Variable
 from cosim.scenario.edits import set_value
@@ -168,3 +170,26 @@ def test_samples_of_a_window_are_those_that_xarray_selects() -> None:
     for start, stop in ((0.02, 0.06), (-1.0, 0.03), (0.05, 9.0), (0.03, 0.035), (9.0, 10.0)):
         window = result.between(start, stop)
         assert window.dataset.identical(result.dataset.sel(time=slice(start, stop)))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="devices and pipes of POSIX")
+def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("deep/target")
+    (tmp_path / "deep").mkdir()
+    reading = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    writing = (tmp_path / "open").open("wb", buffering=0)
+    try:
+        names = ("pipe", "link", f"/dev/fd/{writing.fileno()}", "/dev/null")
+        for name in names:
+            write(tmp_path / name, b"text")
+        assert os.read(reading, 9) == b"text"
+    finally:
+        os.close(reading)
+        writing.close()
+    assert (tmp_path / "open").read_bytes() == (tmp_path / "deep" / "target").read_bytes() == b"text"
+    assert (tmp_path / "link").is_symlink()
+    assert Path("/dev/null").is_char_device()
+    assert sorted(os.listdir(tmp_path)) == ["deep", "link", "open", "pipe"]
+    with pytest.raises(OutputError, match="/dev/full cannot be written: No space left on device"):
+        write(Path("/dev/full"), b"text")

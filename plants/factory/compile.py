@@ -1,5 +1,6 @@
 """C compilers, this machine's own and zig for all platforms, and the shared library made of an FMU's sources."""
 
+import errno
 import importlib.util
 import os
 import shlex
@@ -126,8 +127,14 @@ def compile_library(
             message = (result.stderr or result.stdout).strip()
             raise BuildError(
                 f"the C compiler {shlex.join(compiler.command)} failed (status {result.returncode}):\n{message}"
-            )
+            ) from _lack(message)
         return (Path(scratch) / library).read_bytes()
+
+
+def _lack(message: str) -> OSError | None:
+    """Return the error of the system by which a compiler failed, if its message names one that is a lack."""
+    lacks = errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EAGAIN
+    return next((OSError(code, os.strerror(code)) for code in lacks if os.strerror(code) in message), None)
 
 
 def _run(command: Sequence[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -1,5 +1,6 @@
 """Building: the cache, reproducible bytes, a user's own model, and faults of a machine."""
 
+import errno
 import json
 import os
 import re
@@ -227,11 +228,14 @@ def test_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def test_failing_compiler_is_heard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     compiler = tmp_path / "broken cc"
-    compiler.write_text("#!/bin/sh\necho 'fatal error: no space on device' >&2\nexit 3\n")
+    compiler.write_text("#!/bin/sh\necho 'fatal error: No space left on device' >&2\nexit 3\n")
     compiler.chmod(compiler.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("CC", f"'{compiler}'")
-    with pytest.raises(plants.BuildError, match=r"broken cc.* failed \(status 3\):\nfatal error: no space on device"):
+    told = r"broken cc.* failed \(status 3\):\nfatal error: No space left on device"
+    with pytest.raises(plants.BuildError, match=told) as failed:
         plants.build("car_like")
+    assert isinstance(failed.value.__cause__, OSError)  # no fault of the sources
+    assert failed.value.__cause__.errno == errno.ENOSPC
 
 
 def test_folders_that_cannot_be_written(fmu: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
