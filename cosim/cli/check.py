@@ -12,11 +12,14 @@ from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
+from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.errors import InputError, printable
 from cosim.master.setup import set_up
 from cosim.scenario.root_element import root_of
 from cosim.studies.cases import case_name, own_text, tuned_in
-from cosim.studies.conduct import check_study
+from cosim.studies.conduct import check_study, planned_runs
+from cosim.studies.crews import usual_workers
+from cosim.studies.duration import told_duration
 from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
 from cosim.studies.searching import Searching
@@ -42,6 +45,8 @@ def _check_study(path: Path, options: argparse.Namespace) -> None:
         told = of if study.search is None else f"a search for the worst case in at most {of}"
         out().print(safe(f"{path}: {study.name}, {told}"), soft_wrap=True)
         _print_runs(study, plan if study.search is None else Searching(study, study.search, _SHOWN).ask(_SHOWN))
+    duration = told_duration(study, planned_runs(study, plan), usual_workers(), Path("runs") / study.name)
+    say(out(), f"takes {duration}")
     for one in requirements:
         say(out(), safe(f"expected: {one.text}"))
 
@@ -50,13 +55,14 @@ def _print_runs(study: Study, plan: Plan | Sequence[Run]) -> None:
     """Show the first runs of a study, and the last one."""
     if isinstance(plan, Plan) and plan.design is not None:
         out().print(f'{study.sample.method}: {plan.design}; runs="{study.sample.runs}" allows no more', soft_wrap=True)
-    shown = table(out(), safe(f"{study.name}: {study.title}"))
-    for heading in ("run", *(vary.name for vary in study.vary)):
-        shown.add_column(safe(heading), justify="right" if heading == "run" else "left")
     first = min(len(plan), _SHOWN)
-    for run in [plan[index] for index in range(first)] + ([plan[len(plan) - 1]] if len(plan) > first else []):
-        shown.add_row(str(run.number), *("as it is" if value is None else safe(value) for value in run.values))
-    out().print(shown)
+    runs = [plan[index] for index in range(first)] + ([plan[len(plan) - 1]] if len(plan) > first else [])
+    values = [
+        WideColumn(vary.name, ["as it is" if (value := run.values[place]) is None else value for run in runs], True)
+        for place, vary in enumerate(study.vary)
+    ]
+    numbers = WideColumn("run", [str(run.number) for run in runs])
+    print_wide(out(), safe(f"{study.name}: {study.title}"), [numbers], values)
 
 
 def _print_tune(path: Path, study: Study, tune: Tune) -> None:

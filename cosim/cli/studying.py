@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from cosim.cli.console import err, out, safe, say, table, taking_a_while, warn
 from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
+from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
 from cosim.results.files import save, writable_file, writable_folder, write
@@ -207,34 +208,42 @@ def best_trial(one: Tuned) -> str:
 
 
 def _print_spreads(console: Console, found: Sequence[Spread], title: str) -> None:
-    shown = table(console, title)
-    shown.add_column("measure", no_wrap=True)
-    for heading in ("least", "25 %", "median", "75 %", "greatest", "worst\nrun"):
-        shown.add_column(heading, justify="right", no_wrap=True)
-    for spread in found:
-        values = spread.least, spread.quarter, spread.median, spread.three_quarters, spread.greatest
-        name = f"{spread.measure} [{spread.unit}]" if spread.unit else spread.measure
-        shown.add_row(safe(name), *(_number(value) for value in values), str(spread.worst_run))
-    console.print(shown)
+    quantiles = {
+        "least": [spread.least for spread in found],
+        "25 %": [spread.quarter for spread in found],
+        "median": [spread.median for spread in found],
+        "75 %": [spread.three_quarters for spread in found],
+        "greatest": [spread.greatest for spread in found],
+    }
+    names = [f"{spread.measure} [{spread.unit}]" if spread.unit else spread.measure for spread in found]
+    figures = [WideColumn(heading, list(map(_number, values))) for heading, values in quantiles.items()]
+    worst = WideColumn("worst\nrun", [str(spread.worst_run) for spread in found])
+    print_wide(console, title, [WideColumn("measure", names, is_name=True)], [*figures, worst])
 
 
 def _print_cases(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) -> None:
     """Print the worst figure of each measure by case; the file has them all."""
-    shown = table(console, f"worst of the runs of each of the {len(cases)} cases")
-    for name in by_case.compared(outcome):
-        shown.add_column(safe(name), no_wrap=True)
-    shown.add_column("passed", justify="right", no_wrap=True)
-    for measured in outcome.study.measures:
-        unit = f"\n[{measured.unit}]" if measured.unit else ""
-        shown.add_column(safe(f"{measured.name}{unit}"), justify="right", no_wrap=True)
-    for case in cases[:_MOST_CASES]:
-        runs = case.passed + case.failed + case.broken
-        broken = f", {case.broken} broken" if case.broken else ""
-        figures = (_number(one.worst) for one in case.figures)
-        shown.add_row(*map(safe, case.names), f"{case.passed} of {runs}{broken}", *figures)
-    console.print(shown)
+    shown = cases[:_MOST_CASES]
+    kept = [
+        WideColumn(name, [case.names[place] for case in shown], is_name=True)
+        for place, name in enumerate(by_case.compared(outcome))
+    ]
+    passed = WideColumn("passed", list(map(_ends, shown)))
+    figures = [
+        WideColumn(
+            f"{measured.name}\n[{measured.unit}]" if measured.unit else measured.name,
+            [_number(case.figures[place].worst) for case in shown],
+        )
+        for place, measured in enumerate(outcome.study.measures)
+    ]
+    print_wide(console, f"worst of the runs of each of the {len(cases)} cases", kept, [passed, *figures])
     if len(cases) > _MOST_CASES:
         console.print(f"{len(cases) - _MOST_CASES} more in cases.csv")
+
+
+def _ends(case: CaseRow) -> str:
+    broken = f",\n{case.broken} broken" if case.broken else ""
+    return f"{case.passed} of {case.passed + case.failed + case.broken}{broken}"
 
 
 def _number(value: float) -> str:

@@ -10,11 +10,13 @@ from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
+from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
 from cosim.studies.bundles import Bundle, bundles_of
 from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
+from cosim.studies.duration import keep_pace
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.keys import key_of_measures, key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
@@ -26,6 +28,7 @@ from cosim.studies.searching import Searching, Worst, check_search, search_verdi
 from cosim.studies.sensitivity import Sensitivity, check_installed, sensitivities
 from cosim.studies.store import Store
 from cosim.studies.study import Search, Study, Tune
+from cosim.studies.timings import timed_scenarios, told_for
 from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs
 
 
@@ -99,11 +102,17 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     if plan.design is not None:
         check_installed(study.sample.where)
     keys = {}
-    for cases, scenario in study.bases.items():
+    for cases, timed in timed_scenarios(study, plan).items():
         with ExitStack() as cleanup:
-            setup = set_up(scenario, cleanup, {})
-            check_envelopes(study.envelopes, scenario, setup.signals)
-            key = key_of_measures(key_of_scenario(scenario, setup), study.measures)
+            setup = None
+            for scenario in timed:
+                try:
+                    setup = set_up(scenario, cleanup, {}, setup)
+                    check_envelopes(study.envelopes, scenario, setup.signals)
+                except InputError as error:
+                    raise told_for(error, study, cases, scenario) from None
+            assert setup is not None
+            key = key_of_measures(key_of_scenario(study.bases[cases], setup), study.measures)
             keys[cases] = key_with_envelopes(key, study.envelopes)
     return plan, keys, judged
 
@@ -152,12 +161,15 @@ def conduct(
     plan, keys, requirements = check_study(study)
     with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
         maker = Maker(study, keys, store, crew)
-        if study.tune is not None:
-            outcome = _tune(study, study.tune, maker, requirements, runs, progress)
-        elif study.search is not None:
-            outcome = _search(study, study.search, maker, requirements, runs, progress)
-        else:
-            outcome = _sample(study, plan, maker, requirements, runs, progress)
+        try:
+            if study.tune is not None:
+                outcome = _tune(study, study.tune, maker, requirements, runs, progress)
+            elif study.search is not None:
+                outcome = _search(study, study.search, maker, requirements, runs, progress)
+            else:
+                outcome = _sample(study, plan, maker, requirements, runs, progress)
+        finally:
+            keep_pace(folder, *maker.pace)
         return replace(outcome, bundles=bundles_of(study, outcome.shown, store))
 
 

@@ -57,6 +57,13 @@ class Maker:
         self._workers = Workers(study, crew)
         self.made = 0
 
+    @property
+    def pace(self) -> tuple[float, int]:
+        """The time [s] that runs took one after another, and how many they were: without the first one, if possible."""
+        if self._workers.made:
+            return self._workers.seconds, self._workers.made
+        return self._workers.usual, min(self.made, 1)
+
     def make(self, ask: Ask, take: Take) -> None:
         """Give the rows of all runs that are asked for.
 

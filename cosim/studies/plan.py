@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 from cosim.errors import InputError, shown
 from cosim.quantity import split
 from cosim.studies.designs import Design, design_of
+from cosim.studies.sizes import MOST_RUNS, too_many
 from cosim.studies.study import Study, Target, Vary
 from cosim.studies.values import Count, Finite, written
 from plants import UnitError, units
 
-MOST_RUNS = 1_000_000
-"""Upper limit for the runs of a study."""
-_USUAL = 0.1
-"""Time [s] that a run may take, for a word on how long too many would."""
 _NEXT_TO_0, _NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
 
 
@@ -85,8 +82,7 @@ class Plan:
         if draws * self._copies > MOST_RUNS:
             copies = f" x {self._copies} that are crossed" if self._copies > 1 else ""
             raise InputError(
-                f"the study has {draws:,} draws{copies}, which is more than {MOST_RUNS:,} runs, the most of a study: "
-                f"at {_USUAL:g} s a run, they would take a processor {_long(draws * self._copies * _USUAL)}",
+                f"the study has {draws:,} draws{copies}, which is {too_many(draws * self._copies)}",
                 study.sample.where,
             )
         self._drawn = drawn
@@ -181,11 +177,6 @@ def run_of(study: Study, number: int, draw: int, values: Sequence[str | None]) -
 
 def _size(vary: Vary) -> int:
     return len(vary.values) if isinstance(vary.values, Finite) else 1
-
-
-def _long(seconds: float) -> str:
-    days = seconds / 86_400.0
-    return f"{days / 365.25:,.1f} years" if days > 365.25 else f"{days:,.1f} days"
 
 
 def _fractions(study: Study, draws: int, columns: list[int], method: str) -> NDArray[np.float64]:

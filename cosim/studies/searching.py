@@ -12,9 +12,10 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.results.verdict import Verdict
 from cosim.studies.descents import Descents
-from cosim.studies.plan import MOST_RUNS, Run, run_of
+from cosim.studies.plan import Run, run_of
 from cosim.studies.row import PASSED, Row
 from cosim.studies.seeking import Point
+from cosim.studies.sizes import MOST_RUNS, too_many
 from cosim.studies.study import Search, Study
 from cosim.studies.values import Count, Finite
 
@@ -44,7 +45,7 @@ def check_search(study: Study, search: Search) -> None:
                 "the scenario expects nothing, so that no run can fail: add an expectation to it", search.where
             )
     if search.runs > MOST_RUNS:
-        raise InputError(f"a study has at most {MOST_RUNS:,} runs, not {search.runs:,}", search.where)
+        raise InputError(f"the search has {search.runs:,} runs, {too_many(search.runs)}", search.where)
 
 
 class Searching:

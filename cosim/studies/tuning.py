@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from cosim.errors import InputError
 from cosim.results.verdict import Verdict
 from cosim.studies.cases import case_name, cases_at, names_of, tuned_in
-from cosim.studies.plan import MOST_RUNS, Plan, Run, run_of
+from cosim.studies.plan import Plan, Run, run_of
 from cosim.studies.row import Row
 from cosim.studies.seeking import check_seeking
+from cosim.studies.sizes import MOST_RUNS, too_many
 from cosim.studies.study import COST, Study, Tune
 from cosim.studies.trial import Trial
 from cosim.studies.tuning_search import TuningSearch, at_bounds
@@ -64,7 +65,7 @@ def check_tuning(study: Study, tune: Tune) -> None:
     draws_of_values(study, tune)
     size = most_runs(study, tune)
     if size > MOST_RUNS:
-        raise InputError(f"the study has up to {size:,} runs, more than {MOST_RUNS:,}, the most of a study", tune.where)
+        raise InputError(f"the study has up to {size:,} runs, {too_many(size)}", tune.where)
 
 
 def most_runs(study: Study, tune: Tune) -> int:

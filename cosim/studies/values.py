@@ -18,9 +18,7 @@ from scipy.special import ndtr, ndtri
 from cosim.errors import shown
 from cosim.quantity import quantity, split
 from cosim.scenario.written_element import Written
-
-MOST_VALUES = 1_000_000
-"""Upper limit for the values of one list, grid or range."""
+from cosim.studies.sizes import MOST_RUNS, too_many
 
 
 @dataclass(frozen=True)
@@ -115,8 +113,8 @@ def _list(element: Written) -> Finite:
 def _grid(element: Written) -> Finite:
     least, greatest, unit = _ends(element)
     points = int(element.get("points"))
-    if points > MOST_VALUES:
-        raise element.error(f"{points} points are more than {MOST_VALUES}, the most that a grid has")
+    if points > MOST_RUNS:
+        raise element.error(f"the <grid> has {points:,} points, {too_many(points)}")
     if points == 1 and least != greatest:
         raise element.error("one point cannot be both the least and the greatest value: ask for 2 points or more")
     fractions = np.linspace(0.0, 1.0, points)
@@ -135,8 +133,8 @@ def _range(element: Written) -> Finite:
     first, last = int(element.get("from")), int(element.get("to"))
     if first > last:
         raise element.error(f"the range begins with {first}, after its end {last}: exchange from and to")
-    if last - first >= MOST_VALUES:
-        raise element.error(f"a range has at most {MOST_VALUES} numbers, not {last - first + 1}")
+    if last - first >= MOST_RUNS:
+        raise element.error(f"the <range> has {last - first + 1:,} numbers, {too_many(last - first + 1)}")
     return Finite(_Numbers(first, last))
 
 

@@ -10,9 +10,12 @@ from scipy.special import ndtri
 
 from cosim.errors import InputError
 from cosim.quantity import quantity
+from cosim.studies.conduct import check_study
+from cosim.studies.duration import estimated, keep_pace, told_duration
 from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
 from cosim.studies.requirements import requirements_of
+from cosim.studies.sizes import in_words
 from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study
 
 GRID = '<sample method="grid"/>'
@@ -148,7 +151,10 @@ BAD_VALUES = {
     "units": ('<uniform from="2 m" to="3 kg"/>', "does not fit"),
     "logarithm": ('<log_uniform from="0 m" to="1 m"/>', "no logarithm"),
     "one point": ('<grid from="0 m" to="1 m" points="1"/>', "2 points or more"),
-    "many points": ('<grid from="0 m" to="1 m" points="2000000"/>', "the most that a grid has"),
+    "many points": (
+        '<grid from="0 m" to="1 m" points="1000000000"/>',
+        "1,000,000,000 points, more than 1,000,000 runs, .* a processor 3.2 years",
+    ),
     "range": ('<range from="9" to="1"/>', "exchange from and to"),
     "deviation": ('<normal mean="1 m" deviation="0 m"/>', "greater than zero"),
     "cut": ('<normal mean="1 m" deviation="1 m" from="3 m" to="2 m"/>', "nothing is between"),
@@ -208,6 +214,61 @@ def test_a_study_that_is_too_large_is_refused_with_its_size(tmp_path: Path) -> N
     large = X.replace('<list values="0 m, 1 m"/>', '<grid from="0 m" to="1 m" points="100000"/>')
     with pytest.raises(InputError, match=r"1,000,000,000 draws.*more than 1,000,000 runs.*processor 3\.2 years"):
         Plan(small_study(tmp_path, large + Y.replace('points="3"', 'points="10000"'), GRID))
+
+
+HORIZONS = '<vary name="end" select="simulation/@horizon"><list values="0.2 s, 0.4 s"/></vary>'
+LATER = '<measure name="later" figure="rms" signal="range_error" unit="m" to="0.4 s"/>'
+
+
+def test_a_window_is_checked_against_each_horizon_of_the_runs(tmp_path: Path) -> None:
+    """The scenario as it is lasts for 0.2 s."""
+    with pytest.raises(InputError, match=r"0 s to 0.4 s is not within the run of 0.2 s$"):
+        check_study(small_study(tmp_path, UNIFORM, rest=LATER))
+    with pytest.raises(InputError, match=r"0 s to 0.4 s is not within the run of 0.2 s$") as caught:
+        check_study(small_study(tmp_path, HORIZONS, GRID, LATER))
+    assert caught.value.where is not None
+    assert caught.value.where.file.endswith("study.xml")
+    check_study(small_study(tmp_path, HORIZONS.replace("0.2 s", "0.6 s"), GRID, LATER))
+    longer = HORIZONS.replace("0.2 s", "0.6 s").replace("0.4 s", "0.38 s")
+    with pytest.raises(InputError, match=r"run of 0.38 s \(with a horizon of 0.38 s in steps of 0.02 s\)$"):
+        check_study(small_study(tmp_path, longer, GRID, LATER))
+    cases = """<vary name="end" cross="yes"><case name="long"><set select="simulation/@horizon" value="0.4 s"/></case>
+      <case name="short"/></vary>"""
+    with pytest.raises(InputError, match=r"run of 0.2 s \(in the case short\)$"):
+        check_study(small_study(tmp_path, cases, GRID, LATER))
+
+
+# How long ----------------------------------------------------------------------------------------------------
+
+
+def test_how_long_a_study_takes_is_told_by_the_runs_before_or_by_its_size(tmp_path: Path) -> None:
+    study = small_study(tmp_path)
+    by_size = told_duration(study, 10_000, 2, tmp_path)
+    assert re.fullmatch(r"about [\d.]+ (s|min) on 2 processes, by its steps and robots; --runs 20 measures it", by_size)
+    keep_pace(tmp_path, 30.0, 100)
+    assert told_duration(study, 1000, 2, tmp_path) == "about 2.5 min on 2 processes, as fast as the runs before"
+    assert told_duration(study, 1, 4, tmp_path) == "about 2 s on 4 processes, as fast as the runs before"
+    (tmp_path / "pace.json").write_text("[]")
+    assert told_duration(study, 10_000, 1, tmp_path).startswith("about ")
+
+
+def test_the_size_of_a_study_decides_how_long_it_is_said_to_take(tmp_path: Path) -> None:
+    """Ten times the steps take longer, of the order of ten times where runs are long."""
+    seconds = []
+    for horizon in ("1000 s", "10000 s"):
+        small_study(tmp_path)
+        base = tmp_path / "base.xml"
+        base.write_text(base.read_text().replace('horizon="0.2 s"', f'horizon="{horizon}"'))
+        seconds.append(min(estimated(read_study(tmp_path / "study.xml")) for _ in range(5)))
+    assert 5.0 < seconds[1] / seconds[0] < 15.0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.1, "2 s"), (59.6, "60 s"), (200.0, "3.3 min"), (1500.0, "25 min"), (9000.0, "2.5 h"), (1e9, "32 years")],
+)
+def test_times_have_two_digits(seconds: float, words: str) -> None:
+    assert in_words(seconds) == words
 
 
 BAD_REQUIREMENTS = {

@@ -1,0 +1,66 @@
+"""The horizons and steps that the runs of a study have: what is measured has to be within each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from cosim.errors import InputError
+from cosim.quantity import quantity
+from cosim.scenario.edits import split_setting
+from cosim.scenario.scenario import Scenario
+from cosim.studies.cases import case_name
+from cosim.studies.plan import Plan
+from cosim.studies.study import Study
+
+_TIMING = ("horizon", "step", "period")
+"""Attributes of <simulation>, which no other element has."""
+_LOOKED_AT, _MOST = 1000, 8
+"""Runs that are looked at; and scenarios of each case that are set up, those with the shortest horizons."""
+
+
+def timed_scenarios(study: Study, plan: Plan) -> Mapping[tuple[int, ...], list[Scenario]]:
+    """Return the scenarios of each case with the horizons and steps of its runs, whatever else varies.
+
+    Raises
+    ------
+    InputError
+        A window of time is not within a run; with its place.
+    """
+    timed = any(_is_timing(target.select) for vary in study.vary for target in vary.targets)
+    if not timed:
+        return {cases: [scenario] for cases, scenario in study.bases.items()}
+    found: dict[tuple[int, ...], dict[tuple[str, ...], None]] = {cases: {} for cases in study.bases}
+    for index in range(min(len(plan), _LOOKED_AT)):
+        run = plan[index]
+        found[run.cases].setdefault(tuple(change for change in run.changes if _is_timing(split_setting(change)[0])))
+    return {cases: list(_edited(study.bases[cases], timings)) for cases, timings in found.items()}
+
+
+def _edited(scenario: Scenario, timings: Mapping[tuple[str, ...], None]) -> Iterator[Scenario]:
+    for changes in sorted(timings, key=lambda changes: [_seconds(scenario, change) for change in changes])[:_MOST]:
+        try:
+            yield scenario.edited(changes)
+        except InputError as error:
+            raise InputError(f"{error.message} (with {', '.join(changes)})", error.where) from None
+    if not timings:
+        yield scenario
+
+
+def told_for(error: InputError, study: Study, cases: tuple[int, ...], scenario: Scenario) -> InputError:
+    """Return an error about a scenario of a study with what makes it another one than the study's: case and timing."""
+    base = study.bases[cases]
+    told = [f"in the case {name}"] if (name := case_name(study, cases)) else []
+    if (scenario.ticks, scenario.step) != (base.ticks, base.step):
+        told.append(f"with a horizon of {scenario.horizon:g} s in steps of {scenario.step:g} s")
+    return InputError(f"{error.message} ({', '.join(told)})", error.where) if told else error
+
+
+def _is_timing(select: str) -> bool:
+    return select.rpartition("/@")[2] in _TIMING
+
+
+def _seconds(scenario: Scenario, change: str) -> float:
+    try:
+        return quantity(split_setting(change)[1], "s")
+    except ValueError:  # which its run will tell
+        return scenario.horizon
