@@ -7,6 +7,7 @@ is spread, and beside it a curve over a single value, a map over a grid of two, 
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -147,11 +148,12 @@ def _draw_over(
     grid: Sequence[Vary] = (),
     cases: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> None:
-    """Draw a curve or a map."""
+    """Draw a curve or a map; a run that is broken is as bad as one without a figure."""
+    known = np.where(np.isnan(figures), math.inf if measured.greatest_is_worst else -math.inf, figures)
     if curve is None:
-        draw_map(panel, table[measured.name], [table[vary.name] for vary in grid], figures, measured.greatest_is_worst)
+        draw_map(panel, table[measured.name], [table[vary.name] for vary in grid], known, measured.greatest_is_worst)
         return
-    draw_curves(panel, table[measured.name], table[curve.name], cases or {}, figures)
+    draw_curves(panel, table[measured.name], table[curve.name], cases or {}, known)
     draw_bounds(panel, outcome, measured)
 
 

@@ -32,7 +32,7 @@ def draw_curves(
     several = False
     for (name, own), colour in zip(cases.items(), COLOURS, strict=False):
         places = np.unique(at[own & ~np.isnan(at)])
-        here = [np.where(np.isnan(figures), math.inf, figures)[own & (at == place)] for place in places]
+        here = [figures[own & (at == place)] for place in places]
         low, middle, high = np.array(
             [np.quantile(runs, [0.05, 0.5, 0.95], method="inverted_cdf") for runs in here]
         ).T.reshape(3, -1)

@@ -98,6 +98,7 @@ def is_worse(tune: Tune, trial: Trial, best: Trial, error: float) -> bool:
     """
     shared = [draw for draw in trial.rows if draw in best.rows]
     differences = [score(tune, [trial.rows[draw]]) - score(tune, [best.rows[draw]]) for draw in shared]
-    if not any(differences):
+    differing = list(filter(None, differences))  # equal pairs do not count, and would make the test an approximate one
+    if not differing:
         return False
-    return float(stats.wilcoxon(differences, alternative="greater").pvalue) <= error
+    return float(stats.wilcoxon(differing, alternative="greater", method="exact").pvalue) <= error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
+from itertools import count, takewhile
 
 import numpy as np
 from scipy.optimize import brentq
@@ -50,7 +51,7 @@ class TuningSearch:
         self._restart = restart
         self._size = each + (restart < more)
         self._first = case * tune.evaluations + restart * each + min(restart, more) + 1
-        self._stages = list(_stages(tune))
+        self._stages, self._error = stages_of(tune)
         self.case = case
         self.waiting: deque[tuple[Trial, int]] = deque()
         self.ended: list[Trial] = []
@@ -80,7 +81,7 @@ class TuningSearch:
         if self._best is None or self._tune.prune is None:
             return
         for trial in self._running:
-            trial.pruned = is_worse(self._tune, trial, self._best, self._tune.prune)
+            trial.pruned = is_worse(self._tune, trial, self._best, self._error)
         self._running = [trial for trial in self._running if not trial.pruned]
 
     def _end(self) -> None:
@@ -121,14 +122,22 @@ class TuningSearch:
         self.waiting.extend((trial, draw) for trial in self._running for draw in draws)
 
 
-def _stages(tune: Tune) -> Iterator[int]:
-    """Return after how many draws trials may be dropped, and the number of all draws at last."""
-    if tune.prune is not None:
-        fewest = max(math.ceil(-math.log2(tune.prune)), 2)  # with fewer pairs the test never decides
-        while fewest < len(tune.training):
-            yield fewest
-            fewest *= 2
-    yield len(tune.training)
+def stages_of(tune: Tune) -> tuple[list[int], float]:
+    """Return after how many draws trials may be dropped and the number of all draws, and the error of each such test.
+
+    A trial may be tested several times, and all of its tests together may err as often as the study allows.
+    """
+    draws, allowed = len(tune.training), tune.prune
+    if allowed is None:
+        return [draws], 0.0
+    tests = 1
+    while True:
+        error = allowed / tests
+        fewest = max(math.ceil(-math.log2(error)), 2)  # with fewer pairs the test never decides
+        stages = list(takewhile(lambda stage: stage < draws, (fewest << power for power in count())))
+        if len(stages) <= tests:
+            return [*stages, draws], error
+        tests += 1
 
 
 def _range(study: Study, index: int) -> Random:

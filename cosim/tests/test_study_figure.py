@@ -20,8 +20,10 @@ LAWS = """<vary name="law" cross="yes"><case name="a"/><case name="b"/></vary>""
 WORST = '<worst of="last" below="20 mm"/>'
 
 
-def outcome(folder: Path, vary: str, sample: str, figures: list[float], statuses: list[str]) -> StudyOutcome:
-    study = small_study(folder, vary, sample, LAST + WORST)
+def outcome(
+    folder: Path, vary: str, sample: str, figures: list[float], statuses: list[str], rest: str = LAST + WORST
+) -> StudyOutcome:
+    study = small_study(folder, vary, sample, rest)
     rows = [
         Row("", run.number, run.draw, run.values, status, (figure,), (), "")
         for run, figure, status in zip(Plan(study), figures, statuses, strict=True)
@@ -90,6 +92,17 @@ def test_a_grid_of_one_value_is_a_curve_with_a_band_over_its_seeds(tmp_path: Pat
     assert curve.get_title(loc="left") == "median, and 5 % to 95 % of the runs"
     assert spread.get_title(loc="left") == "2 of 9 runs without a figure"
     assert not spread.collections, "runs of a grid are no draws, which would have a confidence"
+
+
+def test_a_broken_run_is_the_worst_at_its_place_also_where_less_is_worse(tmp_path: Path) -> None:
+    seeds = '<vary name="seed" select="simulation/@seed"><range from="1" to="3"/></vary>'
+    figures = [1.0, math.nan, 2.0, 4.0, 4.0, 4.0, 5.0, 6.0, 7.0]
+    statuses = [BROKEN if math.isnan(figure) else PASSED for figure in figures]
+    near = '<measure name="near" figure="distance" unit="mm"/>'
+    made = outcome(tmp_path, X + seeds, '<sample method="grid"/>', figures, statuses, rest=near)
+    median, broken = draw(made).axes[1].lines
+    assert median.get_ydata().tolist() == [1.0, 4.0, 6.0]
+    assert broken.get_xdata().tolist() == [0.0]
 
 
 def test_each_of_a_few_cases_has_a_curve(tmp_path: Path) -> None:

@@ -22,9 +22,10 @@ from cosim.studies.plan import Run
 from cosim.studies.row import FAILED, PASSED, Row
 from cosim.studies.store import FILE
 from cosim.studies.study import Study
-from cosim.studies.trial import Trial, score
+from cosim.studies.trial import Trial, is_worse, score
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
 from cosim.studies.tuning import Tuned
+from cosim.studies.tuning_search import stages_of
 from cosim.tests.studies import LAST, SEEDS, Played, small_study, write_study
 
 GAINS = """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>
@@ -123,7 +124,7 @@ def test_pruning_saves_runs_and_finds_the_same(tmp_path: Path, monkeypatch: pyte
     studies = [small_study(tmp_path, GAINS + SEEDS, text) for text in (wide, pruned)]
     whole, short = (played(tmp_path, monkeypatch, study) for study in studies)
     assert len(short.rows) < 0.6 * len(whole.rows)
-    assert {len(trial.rows) for trial in short.tuned[0].trials} == {5, 20}
+    assert {len(trial.rows) for trial in short.tuned[0].trials} == {6, 20}
     assert short.tuned[0].best.score == pytest.approx(whole.tuned[0].best.score, rel=1e-3)
     assert not short.tuned[0].best.pruned
 
@@ -281,3 +282,25 @@ def test_a_failure_at_the_very_bound_is_worse_than_any_cost(tmp_path: Path) -> N
     assert study.tune is not None
     passed = Row("k", 1, 1, (), PASSED, (1e9,) * len(study.measures), (0.0,), "", least=0.0)
     assert score(study.tune, [replace(passed, status=FAILED)]) > score(study.tune, [passed])
+
+
+def test_a_trial_that_is_as_good_is_dropped_no_more_often_than_the_study_allows(tmp_path: Path) -> None:
+    """Of trials that differ from the best one by chance alone, and on every third draw not at all."""
+    text = tune(training="1 to 40", held_out="101 to 120", prune="0.1")
+    study = small_study(tmp_path, GAINS + SEEDS, text)
+    assert study.tune is not None
+    stages, error = stages_of(study.tune)
+    assert (stages, error) == ([5, 10, 20, 40], pytest.approx(0.1 / 3.0))
+    generator, dropped = random.Random(3), 0
+    for number in range(400):
+        one, best = (Trial(number, 0, 1, None, {}) for _ in range(2))
+        for draw in range(1, 41):
+            figures = [generator.gauss(5.0, 1.0) for _ in range(2)] if draw % 3 else [5.0, 5.0]
+            for trial, figure in zip((one, best), figures, strict=True):
+                trial.rows[draw] = Row("", draw, draw, (), PASSED, (figure,), (1.0,), "", 1.0)
+        for stage in stages[:-1]:
+            seen = replace(one, rows={draw: row for draw, row in one.rows.items() if draw <= stage})
+            if is_worse(study.tune, seen, best, error):
+                dropped += 1
+                break
+    assert 0 < dropped <= 400 * 0.1
