@@ -24,6 +24,7 @@ and later, from the files of ``formation run``:
 >>> result = cosim.load_result("runs/clmr_line")
 >>> summary = cosim.summary_of(result)                       # the table, notes and verdicts, as data
 >>> cosim.save_figure(result, "figure.png")
+>>> cosim.save_report([result], "report.html")               # several results: compared on one page
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from cosim.master.pacing import Pacer
     from cosim.master.prepared import Prepared
     from cosim.master.simulation import Simulation
+    from cosim.report.page import save_report
     from cosim.results.figure import save_figure
     from cosim.results.files import load_result
     from cosim.results.outcome import RunOutcome
@@ -71,6 +73,7 @@ __all__ = [
     "read_scenario",
     "run",
     "save_figure",
+    "save_report",
     "study",
     "summary_of",
 ]
@@ -191,6 +194,7 @@ _HOMES = {
     "load_result": "cosim.results.files",
     "read_scenario": "cosim.scenario.reader",
     "save_figure": "cosim.results.figure",
+    "save_report": "cosim.report.page",
     "summary_of": "cosim.results.summary",
 }
 

@@ -26,6 +26,7 @@ CONTENT = {
     "swap": "a foreign FMU: words, proposals",
     "studies": "many runs, judged together",
     "compare": "two plants, same torques",
+    "report": "the page that shows runs",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
     "fmu": "FMU files: read, bind, test",

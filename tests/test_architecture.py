@@ -113,3 +113,4 @@ print(status, [name for name in {heavy!r} if name in sys.modules])
     assert done.stdout.splitlines()[-1] == "0 []"
     assert done.stderr == ""
     assert (tmp_path / "clmr_line" / "figure.png").exists()
+    assert (tmp_path / "clmr_line" / "report.html").exists()

@@ -104,6 +104,7 @@ _COMMANDS = {
     "run": "cosim.cli.run.run",
     "study": "cosim.cli.studying.study",
     "show": "cosim.cli.show.show",
+    "report": "cosim.cli.reporting.report",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
     "inspect": "cosim.cli.inspecting.inspect",
@@ -131,11 +132,12 @@ def _parser() -> Parser:
     def command(name: str, about: str) -> argparse.ArgumentParser:
         return commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
 
-    run = command("run", "run scenarios and write results, summary and figure to DIR/NAME/")
+    run = command("run", "run scenarios and write results, summary, figure and page to DIR/NAME/")
     _add_scenarios(run)
     _add_strict(run, otherwise="")
     run.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
     run.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
+    run.add_argument("--no-report", dest="report", action="store_false", help="write no page for the browser")
     run.add_argument("--junit", type=Path, metavar="FILE.xml", help="write all verdicts as JUnit XML")
     run.add_argument(
         "--pace",
@@ -170,6 +172,15 @@ def _parser() -> Parser:
     show = command("show", "show the summary of a finished run, with its exit status")
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
     show.add_argument("--figure", type=Path, metavar="FILE.png", help="also draw the figure")
+
+    report = command("report", "write the page that shows a finished run in a browser, or compares several")
+    report.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
+    report.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE.html",
+        help="file of the page (report.html beside the result; of several, here)",
+    )
 
     check = command("check", "check scenarios and show their content, without running them")
     _add_scenarios(check)

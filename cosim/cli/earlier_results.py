@@ -15,7 +15,7 @@ from pathlib import Path
 from cosim.results.netcdf import attributes_of
 from cosim.results.provenance import Provenance
 
-RESULT, VERDICTS = "result.nc", ("summary.json", "figure.png")
+RESULT, VERDICTS = "result.nc", ("summary.json", "figure.png", "report.html")
 FILES = (*VERDICTS, RESULT)
 """The files of a run. The result is moved last, because it identifies the run."""
 BEFORE = "result.before.nc"

@@ -35,6 +35,9 @@ formation run mine.xml --controller pid=observer-pid""",
 formation study payload.xml
 formation study payload.xml --runs 100 --workers 4""",
     "show": "formation show runs/clmr_line/result.nc",
+    "report": """\
+formation report runs/clmr_line
+formation report runs/clmr_line+seed=2 runs/clmr_line --out compared.html""",
     "check": """\
 formation check mine.xml
 formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",

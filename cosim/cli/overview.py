@@ -17,25 +17,23 @@ from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.results.expectations import understood
+from cosim.scenario import in_words
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import (
     DEFAULT_SOLVER,
     DEFAULT_TOLERANCE,
     EffectSource,
-    Event,
     Expectation,
     Follower,
     InputSource,
     Leader,
     PlantSource,
     Scenario,
-    Setting,
     Trajectory,
 )
 from cosim.signals.effects import understood as understood_effects
 from cosim.signals.waves import understood as understood_wave
 from cosim.vehicle.kind import Role, units_of
-from cosim.vehicle.kinds import unit_of_entry
 
 NARROW = 100
 """Columns of a terminal below which names of plants and controllers are broken."""
@@ -66,7 +64,7 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     laws = {key: broken(f"{key} ({source.name})", width) for key, source in scenario.controllers.items()}
     robots.add_row("leader", safe(plants[leader.plant]), "", "", safe("\n".join(_own_of_leader(leader, setup, times))))
     for follower, sensor, actuator in zip(scenario.followers, sensing, acting, strict=True):
-        own = [*_settings(follower.parameters), *_settings(follower.gains)]
+        own = [*in_words.settings(follower.parameters), *in_words.settings(follower.gains)]
         own += [f"sensor: {sensor}"] if sensor != sensors else []
         own += [f"actuator: {actuator}"] if actuator != actuators else []
         own += _inputs(follower.inputs)
@@ -80,7 +78,7 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     for text in _inputs(scenario.inputs):
         say(console, f"{safe(text)}, for every follower")
     for event in scenario.events:
-        say(console, f"at {event.time:g} s, {safe(event.robot)}: {safe(_happening(event))}")
+        say(console, f"at {event.time:g} s, {safe(event.robot)}: {safe(in_words.event(event))}")
     for expectation in scenario.expectations:
         say(console, f"expected: {safe(_expected(expectation))}")
 
@@ -132,8 +130,8 @@ def _own_of_leader(leader: Leader, setup: Setup, times: Times) -> Iterator[str]:
     if leader.trajectory is not None:
         yield _trajectory(leader.trajectory)
     elif leader.torque.values:
-        yield _commands(leader.torque.values.items())
-    yield from _settings(leader.parameters)
+        yield in_words.commands(leader.torque.values.items())
+    yield from in_words.settings(leader.parameters)
     if leader.sensor:
         yield f"sensor of its pose: {_effects(leader.sensor, setup.leader.kind.pose, times)}"
     yield from _inputs(leader.inputs)
@@ -144,10 +142,6 @@ def _trajectory(trajectory: Trajectory) -> str:
     return f"trajectory from {of}"
 
 
-def _commands(values: Iterable[tuple[str, float]]) -> str:
-    return ", ".join(f"{name} {value:g} {unit_of_entry(name, 'command')}" for name, value in values)
-
-
 def _places(follower: Follower) -> Iterator[str]:
     yield _place(*follower.desired)
     for change in follower.changes:
@@ -156,10 +150,6 @@ def _places(follower: Follower) -> Iterator[str]:
 
 def _place(distance: float, bearing: float) -> str:
     return f"{distance:g} m, {math.degrees(bearing):g} deg"
-
-
-def _settings(settings: Iterable[Setting]) -> Iterator[str]:
-    return (f"{setting.name} = {setting.value}" for setting in settings)
 
 
 def _effects(sources: Sequence[EffectSource], roles: Iterable[Role], times: Times) -> str:
@@ -184,15 +174,6 @@ def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:
     for source in inputs:
         waves = (understood_wave(wave).text for wave in source.waves)
         yield f"input {source.name}: {' + '.join(waves)}"
-
-
-def _happening(event: Event) -> str:
-    parts = [*_settings(event.parameters), *(f"input {text}" for text in _settings(event.inputs))]
-    if event.torque is not None:
-        parts.append(_commands(event.torque.values.items()))
-    if event.stops:
-        parts.append("stops")
-    return ", ".join(parts)
 
 
 def _expected(expectation: Expectation) -> str:

@@ -26,12 +26,13 @@ from cosim.master.pacing import Pacer
 from cosim.master.setup import set_up, size_of_result
 from cosim.master.supervised import whole_run
 from cosim.master.timing import timed
+from cosim.report.page import PAGE, save_report
 from cosim.results.figure_process import FigureProcess
 from cosim.results.files import annotate, is_stream, save, writable_file, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
-from cosim.results.summary import summarise
+from cosim.results.summary import Summary, summarise
 from cosim.scenario.scenario import Scenario
 from cosim.storage import Storage
 
@@ -150,6 +151,9 @@ def _run_one(
         write(folder / "summary.json", summary.to_json().encode())
         if summary.verdicts:
             annotate(folder / "result.nc", verdicts=summary.verdicts_as_json())
+        if options.report and result.sizes["time"] > 0:
+            with timed(timing, "page"):
+                _write_page(result, summary, folder)
         print_summary(console, summary)
         if drawn:
             with timed(timing, "figure"):
@@ -219,6 +223,13 @@ def _save(result: Result, folder: Path) -> None:
         save(result, kept)
         raise OutputError(f"{error}; it is kept in {kept}") from None
     replaced(folder)
+
+
+def _write_page(result: Result, summary: Summary, folder: Path) -> None:
+    try:
+        save_report([result], folder / PAGE, [summary])
+    except Exception as error:  # everything else is saved already
+        warn(f"the page could not be written: {error if isinstance(error, OutputError) else repr(error)}")
 
 
 # The terminal -----------------------------------------------------------------------------------------------

@@ -89,21 +89,30 @@ class Outlined:
         return Outlined(self.outline, {name: course[block] for name, course in self.pose.items()})
 
 
+def outlines_of(result: Result) -> dict[str, Outline]:
+    """Return the outline of each vehicle in a result that has one; none in files of earlier versions."""
+    if "outline_corners" not in result:
+        return {}
+    facts = {name: result[name].values for name in (*_ABOUT, "outline_at", "outline_corners")}
+    found = {}
+    for row, vehicle in enumerate(result["vehicle"].values):
+        about = {name: values[row] for name, values in facts.items()}
+        if outline := tuple(_part(about, j) for j, name in enumerate(about["outline_name"]) if name):
+            found[str(vehicle)] = outline
+    return found
+
+
 def outlined_followers(result: Result) -> dict[str, Outlined] | None:
     """Return the followers of a result with their outlines; None if any has none, as in files of earlier versions."""
-    if "outline_corners" not in result:
+    outlines = outlines_of(result)
+    if not outlines.keys() >= set(result.robots):
         return None
-    facts = {name: result[name].values for name in (*_ABOUT, "outline_at", "outline_corners", "pose_name")}
     rows = {str(vehicle): row for row, vehicle in enumerate(result["vehicle"].values)}
     found = {}
     for column, robot in enumerate(result.robots):
-        about = {name: values[rows[robot]] for name, values in facts.items()}
-        outline = tuple(_part(about, j) for j, name in enumerate(about["outline_name"]) if name)
-        if not outline:
-            return None
         course = result["pose"].values[:, column]
-        pose = {str(name): course[:, k] for k, name in enumerate(about["pose_name"]) if name}
-        found[robot] = Outlined(outline, pose)
+        names = result["pose_name"].values[rows[robot]]
+        found[robot] = Outlined(outlines[robot], {str(name): course[:, k] for k, name in enumerate(names) if name})
     return found
 
 

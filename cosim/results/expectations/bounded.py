@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import Measure
+from cosim.results.passes import largest_magnitude
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
@@ -67,6 +69,25 @@ class Bounded(Kind):
             detail = "a sample is not a number" if math.isnan(figure) else self.detail(time, course)
             verdicts.append(hold(figure, robot, detail))
         return verdicts
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return its signal, with the bound if single values are held against it."""
+        lower, upper = self.limits(units.convert(self.bound, self.unit, self.measure.unit(self.subject.unit(result))))
+        start = self.written.start if self.lasts else self.written.stop
+        return (Band(self.subject.signal, self.subject.component, start, self.written.stop, lower, upper),)
+
+    def limits(self, bound: float) -> tuple[float, float]:
+        """Return the limits of single values for a bound in the signal's unit; infinite if none is held against it."""
+        return -math.inf, math.inf
+
+    def moments(self, result: Result) -> dict[str, float]:
+        """Return when the figures came about; of a figure that sums up, when the signal was largest."""
+        found = {}
+        for robot, (time, course) in self.subject.courses(self, result).items():
+            if len(time):
+                at = self.measure.at(course)
+                found[robot] = float(time[largest_magnitude(course) if at is None else at])
+        return found
 
     def detail(self, time: NDArray[np.float64], course: NDArray[np.float64]) -> str:
         """Return when the figure came about, where that is one time."""

@@ -12,6 +12,7 @@ from cosim.clock import ROUNDING
 from cosim.errors import FormationError, InputError
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.expectations.subject import Subject
 from cosim.results.metrics import MEASURES
 from cosim.results.result import Result
@@ -90,6 +91,10 @@ class Compare(Kind):
         margin = bound - figure
         detail = f"{self.path.name}: {f'{reference:.4g} {unit}'.removesuffix(' 1')}"
         return [self.verdict(figure, margin, margin >= 0, "", detail, bound=bound, unit=unit)]
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return its signal."""
+        return (Band(self.subject.signal, self.subject.component, self.written.start, self.written.stop),)
 
     def _without(self, figure: float, unit: str, why: str) -> Verdict:
         """Return the verdict of a comparison that could not be made; it does not count as the known failure."""

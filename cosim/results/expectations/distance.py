@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
-from cosim.results.metrics import smallest_distance
+from cosim.results.metrics import Nearest, smallest_distance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
@@ -55,14 +55,22 @@ class Distance(Kind):
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the two followers that came nearest to each other."""
-        window = self.window(result)
-        found = (smallest_body_distance if self.of_bodies else smallest_distance)(window, self.written.robots)
+        found = self._nearest(result)
         if found is None:
-            return [self.above(math.nan, "", self._why_none(window))]
+            return [self.above(math.nan, "", self._why_none(self.window(result)))]
         one, other = found.between
         how = f"{one} and {other} overlap first" if self.of_bodies and found.distance == 0 else f"{one} and {other}"
         detail = f"{how} at t = {found.time:.2f} s"
         return [self.above(units.convert(found.distance, "m", self.unit), "", detail)]
+
+    def moments(self, result: Result) -> dict[str, float]:
+        """Return when the two were nearest."""
+        found = self._nearest(result)
+        return {} if found is None else {"": found.time}
+
+    def _nearest(self, result: Result) -> Nearest | None:
+        nearest = smallest_body_distance if self.of_bodies else smallest_distance
+        return nearest(self.window(result), self.written.robots)
 
     def _why_none(self, window: Result) -> str:
         if self.of_bodies and window.sizes["robot"] > 1 and window.sizes["time"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cosim.results.expectations.bounded import Bounded
 from cosim.results.metrics import MEASURES
+from cosim.results.result import Result
 
 
 class Final(Bounded):
@@ -12,3 +13,11 @@ class Final(Bounded):
     element = "final"
     measure = MEASURES["final"]
     lasts = False
+
+    def limits(self, bound: float) -> tuple[float, float]:
+        """Return the limits of the magnitude."""
+        return -bound, bound
+
+    def moments(self, result: Result) -> dict[str, float]:
+        """Return the end of the window."""
+        return dict.fromkeys(self.subject.courses(self, result), self.written.stop)

@@ -14,6 +14,7 @@ from cosim.clock import ROUNDING
 from cosim.errors import AfterTheEnd
 from cosim.quantity import split
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation, Scenario
@@ -98,6 +99,16 @@ class Kind(ABC):
     @abstractmethod
     def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
         """Return which signals of a run it is judged by, of all that are recorded."""
+
+    # What shows why
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return the signals that it is about, with their limits."""
+        return ()
+
+    def moments(self, result: Result) -> Mapping[str, float]:
+        """Return the times [s] that decide the verdicts, by follower; "" for a verdict on the team."""
+        return {}
 
     # Reading and checking
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from cosim.results.expectations.bounded import Bounded
 from cosim.results.metrics import MEASURES
 
@@ -12,3 +14,7 @@ class Least(Bounded):
     element = "least"
     measure = MEASURES["least"]
     attribute = "above"
+
+    def limits(self, bound: float) -> tuple[float, float]:
+        """Return the lower limit."""
+        return bound, math.inf

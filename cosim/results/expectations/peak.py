@@ -11,3 +11,7 @@ class Peak(Bounded):
 
     element = "peak"
     measure = MEASURES["peak"]
+
+    def limits(self, bound: float) -> tuple[float, float]:
+        """Return the limits of the magnitude."""
+        return -bound, bound

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.passes import extremes_of_each, missing, sign_changes, smallest
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -48,37 +49,71 @@ class Regular(Kind):
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower by the signal that comes nearest to zero, as measured by the signal's threshold."""
-        worst: dict[str, tuple[tuple[bool, float], float, str, str]] = {}
-        thresholds: dict[str, float] = {}
+        nearest = self._nearest(result)
+        return [
+            self.verdict(
+                found.least,
+                margin=found.least - found.threshold,
+                passed=found.rank[0],
+                robot=robot,
+                detail=str(found),
+                bound=found.threshold,
+                unit=str(result[found.signal].attrs["units"]),
+            )
+            for robot in self.followers(result)
+            if (found := nearest.get(robot)) is not None
+        ]
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return the signals that tell of a singularity, which belong outside of their thresholds."""
+        return tuple(
+            Band(name, "", self.written.start, self.written.stop, -threshold, threshold, inside=False)
+            for name, threshold in _thresholds(result).items()
+            if result[name].values.ndim == 2
+        )
+
+    def moments(self, result: Result) -> dict[str, float]:
+        """Return when each follower is nearest to a singularity."""
+        return {robot: found.time for robot, found in self._nearest(result).items()}
+
+    def _nearest(self, result: Result) -> dict[str, _Nearest]:
+        worst: dict[str, _Nearest] = {}
         samples = self.samples(result)
-        for name, signal in result.data_vars.items():
-            if not signal.attrs.get("singular_at_zero"):
-                continue
-            thresholds[name] = threshold = float(signal.attrs.get("singular_below", 0.0))
+        time = result["time"].values[samples]
+        for name, threshold in _thresholds(result).items():
             courses = result.of_robots(name)
             absent = missing(courses)  # another robot's controller has it
             rows = {robot: row for robot in self.followers(result) if not absent[row := result.row(robot)]}
             found = _nearness_of_each(courses[samples], list(rows.values()))
             for robot, (least, at, jumps) in zip(rows, found, strict=True):
                 rank = (least - threshold > 0, least / threshold if threshold else math.inf)
-                if robot not in worst or math.isnan(least) or rank < worst[robot][0]:
-                    how = "changes sign" if jumps else "nearest to zero"
-                    time = result["time"].values[samples][at]
-                    worst[robot] = rank, least, name, f"{name} {how} at t = {time:.2f} s"
-        return [
-            self.verdict(
-                least,
-                margin=least - thresholds[name],
-                passed=passed,
-                robot=robot,
-                detail=detail,
-                bound=thresholds[name],
-                unit=str(result[name].attrs["units"]),
-            )
-            for robot in self.followers(result)
-            if robot in worst
-            for (passed, _), least, name, detail in [worst[robot]]
-        ]
+                if robot not in worst or math.isnan(least) or rank < worst[robot].rank:
+                    worst[robot] = _Nearest(rank, least, threshold, name, jumps, float(time[at]))
+        return worst
+
+
+class _Nearest(NamedTuple):
+    """Where a follower comes nearest to a singularity: how near by which signal, and when; `rank` orders several."""
+
+    rank: tuple[bool, float]
+    least: float
+    threshold: float
+    signal: str
+    jumps: bool
+    time: float
+
+    def __str__(self) -> str:
+        """Return signal and time, in words."""
+        return f"{self.signal} {'changes sign' if self.jumps else 'nearest to zero'} at t = {self.time:.2f} s"
+
+
+def _thresholds(result: Result) -> dict[str, float]:
+    """Return the signals that tell of a singularity, each with the magnitude below which it is near."""
+    return {
+        name: float(signal.attrs.get("singular_below", 0.0))
+        for name, signal in result.data_vars.items()
+        if signal.attrs.get("singular_at_zero")
+    }
 
 
 _Nearness: TypeAlias = tuple[float, int, bool]

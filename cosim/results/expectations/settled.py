@@ -9,6 +9,7 @@ from cosim.clock import ROUNDING
 from cosim.errors import AfterTheEnd
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.metrics import settling_times
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
@@ -24,18 +25,18 @@ class Settled(Kind):
     def __init__(self, written: Expectation) -> None:
         super().__init__(written)
         self.read_bound("by")
-        self.bands = written.positive("range", "m"), written.positive("bearing", "rad")
+        self.bands_of_errors = written.positive("range", "m"), written.positive("bearing", "rad")
 
     @property
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
-        distance, bearing = self.bands
+        distance, bearing = self.bands_of_errors
         return f"settled by {self.bound_text} within {distance:g} m and {math.degrees(bearing):g} deg"
 
     @property
     def overview(self) -> str:
         """The expectation in words, as an overview of the scenario shows it."""
-        distance, bearing = self.bands
+        distance, bearing = self.bands_of_errors
         return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
@@ -52,8 +53,21 @@ class Settled(Kind):
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge each follower."""
-        times = settling_times(result, *self.bands)
+        times = settling_times(result, *self.bands_of_errors)
         return [self._judged(times[robot], robot) for robot in self.followers(result)]
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return both errors with their bands."""
+        start, stop = units.convert(self.bound, self.unit, "s"), float(result["time"].values[-1])
+        return tuple(
+            Band(signal, "", start, stop, -width, width)
+            for signal, width in zip(("range_error", "bearing_error"), self.bands_of_errors, strict=True)
+        )
+
+    def moments(self, result: Result) -> dict[str, float]:
+        """Return from when on each follower is settled; the end of the run if it is not."""
+        end, times = float(result["time"].values[-1]), settling_times(result, *self.bands_of_errors)
+        return {robot: end if (time := times[robot]) is None else time for robot in self.followers(result)}
 
     def _judged(self, settled: float | None, robot: str) -> Verdict:
         figure = math.nan if settled is None else units.convert(settled, "s", self.unit)

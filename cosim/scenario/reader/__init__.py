@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 
 from cosim.collection import without_collection
@@ -134,10 +135,21 @@ def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:
     InputError
         The text is not a scenario.
     """
-    document = parse_document(text, Path(path))
-    root = Element.root(document)
-    followers = {element.get("id"): None for element in root.children("follower")}
+    root, followers = _again(text, path)
     return expectations(tuple(root.children("expect")), Times.of(root.child("simulation")), followers)
+
+
+def read_events(text: str, path: str | Path) -> tuple[Event, ...]:
+    """Read the events of a run from the text of its scenario, in the order of their times; see `read_expectations`."""
+    root, followers = _again(text, path)
+    found = _expanded(root, Times.of(root.child("simulation")), {LEADER: None, **followers})
+    return tuple(sorted(found, key=attrgetter("time")))
+
+
+def _again(text: str, path: str | Path) -> tuple[Element, Mapping[str, object]]:
+    """Return the root of a resolved text, and the followers in it."""
+    root = Element.root(parse_document(text, Path(path)))
+    return root, {element.get("id"): None for element in root.children("follower")}
 
 
 def _expanded(root: Element, times: Times, robots: Mapping[str, object]) -> list[Event]:

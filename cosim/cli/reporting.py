@@ -1,0 +1,40 @@
+"""``formation report``: the page of finished runs, from their results."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from cosim.cli.console import out, safe
+from cosim.errors import InputError
+from cosim.report.page import PAGE, save_report
+from cosim.results.files import load_result
+from cosim.results.result import Result
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the page of a result beside it, or one page in which several results are compared."""
+    path: Path = options.out or _usual_place(options.results)
+    if path.suffix not in (".html", ".htm"):
+        raise InputError(f"--out {path}: a browser takes it for a page only if its name ends with .html: name it so")
+    save_report([_load(result) for result in options.results], path)
+    out().print(safe(f"page in {path}: open it in a browser"), soft_wrap=True)
+    return 0
+
+
+def _usual_place(results: list[Path]) -> Path:
+    if len(results) > 1:
+        return Path(PAGE)
+    [result] = results
+    return (result if result.is_dir() else result.parent) / PAGE
+
+
+def _load(path: Path) -> Result:
+    result = Result.of(load_result(path))
+    if missing := [name for name in ("scenario", "status", "pose", "leader_pose") if _lacks(result, name)]:
+        raise InputError(f"{path} is not the result of a run: {missing[0]!r} is missing in it")
+    return result
+
+
+def _lacks(result: Result, name: str) -> bool:
+    return name not in result and name not in result.attrs

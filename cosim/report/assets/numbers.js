@@ -1,0 +1,60 @@
+"use strict";
+/* Numbers over time: the columns of a run, unpacked from the text of the page. */
+
+/** Return all numbers of a packed text: three planes of bytes, deflated, in base 64. */
+async function unpacked(text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+  const count = planes.length / 3;
+  const bits = new Uint32Array(count);
+  for (let i = 0; i < count; i++) {
+    bits[i] = (planes[i] << 24) | (planes[count + i] << 16) | (planes[2 * count + i] << 8);
+  }
+  return new Float32Array(bits.buffer);
+}
+
+/** Return a column of a run: its numbers over `count` samples. */
+function column(run, reference, count) {
+  if (Array.isArray(reference)) return run.numbers.subarray(reference[0], reference[0] + reference[1]);
+  return new Float32Array(count).fill(reference === null ? NaN : reference);
+}
+
+/** Add to a run what the page works with: its numbers, the times of its samples, and its poses. */
+function prepare(run, numbers) {
+  run.numbers = numbers;
+  const { every, samples } = run.motion;
+  run.motionTimes = Float64Array.from({ length: samples }, (_, i) => Math.min(i * every, run.samples - 1) * run.step);
+  const bucket = run.signals.bucket;
+  const count = bucket === 1 ? run.samples : 2 * Math.ceil(run.samples / bucket);
+  const time = bucket === 1 ? (i) => i : (i) => Math.min((i / 2 + 0.25) * bucket, run.samples - 1);
+  run.times = Float64Array.from({ length: count }, (_, i) => time(i) * run.step);
+  run.poses = run.motion.poses.map((entries) => entries.map((reference) => column(run, reference, samples)));
+  run.errors = run.motion.errors.map((errors) => errors.map((reference) => column(run, reference, samples)));
+}
+
+const SHOWN = { rad: ["deg", 180 / Math.PI], "rad/s": ["deg/s", 180 / Math.PI], 1: ["", 1] };
+
+/** Return the unit in which a signal is shown, and the factor from its own. */
+function shownUnit(unit) {
+  return SHOWN[unit] || [unit, 1];
+}
+
+/** Return a number with four significant digits. */
+function figure(value) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  const size = Math.abs(value);
+  return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+}
+
+/** Return the last of increasing times that is not after a time. */
+function indexAt(times, time) {
+  let low = 0;
+  let high = times.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= time + 1e-9) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}

@@ -1,0 +1,295 @@
+"""What a page shows of one run, as plain data: robots, motion, signals, verdicts, and where it comes from."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cosim.errors import InputError
+from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, extremes, samples_in_bucket
+from cosim.report.groups import group_of
+from cosim.results.drawable_part import drawable
+from cosim.results.expectations import Kind, understood
+from cosim.results.expectations.recorded import units_by_component
+from cosim.results.expectations.shown import Band
+from cosim.results.outlines import outlines_of
+from cosim.results.result import Result, Variable
+from cosim.results.summary import Summary, summary_of
+from cosim.scenario import in_words
+from cosim.scenario.reader import read_events, read_expectations
+from cosim.scenario.scenario import LEADER, Event, Expectation
+from cosim.vehicle.kinds import kind_named
+
+Json: TypeAlias = dict[str, Any]
+
+MOST_POSES = 1_500_000
+"""Numbers of the playback of a run."""
+_ERRORS = ("range_error", "bearing_error", "range")
+
+
+def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, str]:
+    """Return what a page shows of a run.
+
+    Parameters
+    ----------
+    result
+        Its result, of this version or an earlier one, complete or not.
+    summary
+        Its summary; without it, it is read from the result.
+
+    Returns
+    -------
+    content : dict
+        Plain data, without NaN.
+    numbers : str
+        The columns that it refers to, packed (`Columns.packed`).
+
+    Raises
+    ------
+    InputError
+        It is not the result of a run, or it has no sample.
+    """
+    summary = summary_of(result) if summary is None else summary
+    samples = result.sizes.get("time", 0)
+    if not samples:
+        raise InputError("the result holds no sample, so there is nothing to show")
+    shown, columns = drawable(result), Columns()
+    expectations, events = _read(result)
+    content = {
+        "name": summary.scenario,
+        "title": summary.title,
+        "status": summary.status,
+        "passed": summary.passed,
+        "failure": _failure(summary),
+        "step": float(result.attrs["step"]),
+        "horizon": float(result.attrs["horizon"]),
+        "samples": samples,
+        "end": summary.end_time,
+        "vehicles": _vehicles(result),
+        "motion": _motion(shown, columns),
+        "signals": _signals(shown, columns),
+        "verdicts": _verdicts(summary, expectations, result),
+        "bands": _bands(expectations, result),
+        "events": [{"time": event.time, "robot": event.robot, "text": in_words.event(event)} for event in events],
+        "messages": [asdict(message) for message in summary.messages],
+        "messages_left_out": summary.messages_left_out,
+        "followers": [asdict(figures) for figures in summary.followers],
+        "distance": _distances(summary),
+        "notes": summary.notes,
+        "provenance": _provenance(result, summary),
+        "scenario": result.attrs["scenario"],
+    }
+    return _plain(content), columns.packed()
+
+
+def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
+    """Return the expectations and events of a result's scenario; none if this version cannot read its text."""
+    text, file = result.attrs["scenario"], result.attrs.get("scenario_file") or result.attrs["scenario_name"]
+    try:
+        return read_expectations(text, file), read_events(text, file)
+    except InputError:
+        return (), ()
+
+
+# Robots and their motion ------------------------------------------------------------------------------------
+
+
+def _vehicles(result: Result) -> list[Json]:
+    """Return the leader and the followers, each with the parts of its outline; an earlier result has no outlines."""
+    outlines = outlines_of(result)
+    return [
+        {
+            "id": robot,
+            "kind": _text(result, "vehicle_kind", row),
+            "pose": _pose_entries(result, row),
+            "ahead": _ahead(result, row),
+            "parts": [asdict(part) for part in outlines.get(robot, ())],
+        }
+        for row, robot in enumerate((LEADER, *result.robots))
+    ]
+
+
+def _text(result: Result, name: str, row: int) -> str:
+    return str(result[name].values[row]) if name in result else ""
+
+
+def _pose_entries(result: Result, row: int) -> list[str]:
+    """Return the names of a vehicle's pose entries, empty for columns that it does not have."""
+    names = result["pose_name"].values[row] if "pose_name" in result else result["pose_component"].values
+    return [str(name) for name in names]
+
+
+def _ahead(result: Result, row: int) -> float:
+    """Return how far ahead of the reference point range and bearing are measured from [m]: (7), (54)."""
+    try:
+        kind = kind_named(_text(result, "vehicle_kind", row))
+        vehicle = kind.vehicle(**{field: _geometry(result, kind.name, field, row) for field in kind.geometry})
+    except (InputError, KeyError, ValueError):  # of an earlier version, or of a package that is not here
+        return 0.0
+    formation = getattr(vehicle, "formation", None)
+    return 0.0 if formation is None or formation.steering == "none" else float(formation.length)
+
+
+def _geometry(result: Result, kind: str, field: str, row: int) -> Any:
+    name = f"vehicle_{field}_of_{kind}"
+    value = result[name if name in result else f"vehicle_{field}"].values[row]
+    return str(value) if isinstance(value, str) else float(value)
+
+
+def _motion(result: Result, columns: Columns) -> Json:
+    """Return poses and errors of place at evenly spaced samples, the last one among them."""
+    samples, robots = result.sizes["time"], range(len(result.robots))
+    entries = result.sizes["pose_component"]
+    width = (1 + len(robots)) * entries + len(robots) * len(_ERRORS)
+    every = max(1, math.ceil(samples * width / MOST_POSES))
+    chosen = np.unique(np.append(np.arange(0, samples, every), samples - 1))
+    leader, poses = result["leader_pose"].values[chosen], result["pose"].values[chosen]
+    errors = [result[name].values[chosen] for name in _ERRORS if name in result]
+    return {
+        "every": every,
+        "samples": len(chosen),
+        "poses": [
+            [columns.add(one[:, k]) for k in range(entries)] for one in (leader, *(poses[:, robot] for robot in robots))
+        ],
+        "errors": [[columns.add(one[:, robot]) for one in errors] for robot in robots],
+    }
+
+
+# Signals ----------------------------------------------------------------------------------------------------
+
+
+def _signals(result: Result, columns: Columns) -> Json:
+    """Return all signals over time; of many samples the extremes of each bucket of them."""
+    signals = {name: signal for name, signal in result.data_vars.items() if signal.dims[:1] == ("time",)}
+    width = sum(math.prod(signal.values.shape[1:]) for signal in signals.values())
+    size = samples_in_bucket(result.sizes["time"], width, MOST_NUMBERS)
+    return {
+        "bucket": size,
+        "list": [_signal(result, name, signal, size, columns) for name, signal in signals.items()],
+    }
+
+
+def _signal(result: Result, name: str, signal: Variable, size: int, columns: Columns) -> Json:
+    of_robots = "robot" in signal.dims
+    robots = result.robots if of_robots else (LEADER,)
+    labels = _components(result, signal)
+    units = units_by_component(labels, str(signal.attrs.get("units", "")))
+    shape = (len(signal.values), len(robots), len(labels))
+    values = signal.values.reshape(shape)
+    return {
+        "name": name,
+        "about": str(signal.attrs.get("long_name", name)),
+        "group": group_of(name, signal.attrs),
+        "components": [{"name": label, "unit": units[label]} for label in labels],
+        "robots": list(robots),
+        "columns": [
+            [_column(values[:, row, k], size, columns) for k in range(len(labels))] for row in range(len(robots))
+        ],
+    }
+
+
+def _column(values: Floats, size: int, columns: Columns) -> Reference:
+    return columns.add(extremes(values, size))
+
+
+def _components(result: Result, signal: Variable) -> list[str]:
+    dims = [dim for dim in signal.dims if dim not in ("time", "robot")]
+    if not dims:
+        return [""]
+    if len(dims) == 1 and dims[0] in result:
+        return [str(label) for label in result[dims[0]].values]
+    return [str(number) for number in range(math.prod(result.sizes[dim] for dim in dims))]
+
+
+# Verdicts ---------------------------------------------------------------------------------------------------
+
+
+def _verdicts(summary: Summary, expectations: tuple[Expectation, ...], result: Result) -> list[Json]:
+    """Return the verdicts, each with the time and the signals at which a reader sees why."""
+    kinds = [understood(written) for written in expectations] if summary.verdicts else []
+    moments = {kind.text: kind.moments(result) for kind in kinds}
+    signals = {kind.text: [[band.signal, band.component] for band in _of(kind, result)] for kind in kinds}
+    return [
+        {
+            **{name: value for name, value in asdict(verdict).items() if name != "where"},
+            "moment": moments.get(verdict.expectation, {}).get(verdict.robot),
+            "signals": signals.get(verdict.expectation, []),
+        }
+        for verdict in summary.verdicts
+    ]
+
+
+def _bands(expectations: tuple[Expectation, ...], result: Result) -> list[Json]:
+    return [
+        {**asdict(band), "robots": list(expectation.robots), "text": kind.text}
+        for expectation in expectations
+        for kind in (understood(expectation),)
+        for band in _of(kind, result)
+    ]
+
+
+def _of(kind: Kind, result: Result) -> tuple[Band, ...]:
+    """Return the bands of an expectation whose signals are in the result; one of an earlier version may lack some."""
+    try:
+        return tuple(band for band in kind.bands(result) if band.signal in result)
+    except KeyError:
+        return ()
+
+
+# Where it comes from ----------------------------------------------------------------------------------------
+
+
+def _failure(summary: Summary) -> Json | None:
+    failure = summary.provenance.failure
+    if failure is None and not summary.completed:
+        return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:g} s"}
+    return None if failure is None else {"robot": failure.robot, "time": failure.time, "text": str(failure)}
+
+
+def _distances(summary: Summary) -> list[Json]:
+    found = (
+        ("reference points", summary.smallest_distance, summary.smallest_distance_between),
+        ("bodies", summary.smallest_distance_of_bodies, summary.smallest_distance_of_bodies_between),
+    )
+    return [
+        {"of": of, "distance": distance, "between": between}
+        for of, distance, between in found
+        if distance is not None and between is not None
+    ]
+
+
+def _provenance(result: Result, summary: Summary) -> Json:
+    told = summary.provenance
+    return {
+        "file": told.file,
+        "changes": told.changes,
+        "seed": told.seed,
+        "versions": told.versions,
+        "command": shlex.join(["formation", "run", Path(told.file).name or f"{summary.scenario}.xml"])
+        + "".join(f" {change}" for change in told.changes),
+        "plants": _loaded(result, "plants"),
+        "controllers": _loaded(result, "controllers"),
+    }
+
+
+def _loaded(result: Result, name: str) -> Any:
+    try:
+        return json.loads(result.attrs.get(name, "null"))
+    except ValueError:
+        return None
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with None for what is no finite number."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | Iterator):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
