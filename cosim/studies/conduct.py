@@ -169,7 +169,7 @@ def conduct(
             else:
                 outcome = _sample(study, plan, maker, requirements, runs, progress)
         finally:
-            keep_pace(folder, *maker.pace)
+            keep_pace(folder, maker.pace)
         return replace(outcome, bundles=bundles_of(study, outcome.shown, store))
 
 

@@ -43,11 +43,11 @@ def told_duration(study: Study, runs: int, processes: int, folder: Path) -> str:
     return f"about {in_words(estimated(study) * runs / shared)} on {many}, {why}"
 
 
-def keep_pace(folder: Path, seconds: float, runs: int) -> None:
-    """Keep the time [s] that runs took together; a folder that cannot be written tells nothing."""
-    if runs:
+def keep_pace(folder: Path, each: float | None) -> None:
+    """Keep the time [s] that a run took, if any was made; a folder that cannot be written tells nothing."""
+    if each is not None:
         with suppress(OSError):
-            (folder / FILE).write_text(json.dumps({"seconds_per_run": seconds / runs, "runs": runs}) + "\n", "utf-8")
+            (folder / FILE).write_text(json.dumps({"seconds_per_run": each}) + "\n", "utf-8")
 
 
 def _measured(folder: Path) -> float | None:

@@ -39,13 +39,13 @@ class Workers:
     ----------
     usual : float
         The time [s] that a run takes, about.
-    made, seconds : int, float
-        How many runs were made in chunks, and the time [s] that they took, one after another.
+    paces : list of float
+        Of each chunk that was made: the time [s] of a run.
     """
 
     def __init__(self, study: Study, crew: Crew) -> None:
         self.usual = 0.0
-        self.made, self.seconds = 0, 0.0
+        self.paces: list[float] = []
         self._measures = made_by_runs(study.measures)
         self._envelopes = study.envelopes
         self._bases = {cases: pickle.dumps(scenario) for cases, scenario in study.bases.items()}
@@ -75,7 +75,7 @@ class Workers:
                 done, flying = wait(flying, return_when=FIRST_COMPLETED)
                 for future in done:
                     rows, seconds = result(future)
-                    self.made, self.seconds = self.made + len(rows), self.seconds + seconds
+                    self.paces += [seconds / len(rows)] * bool(rows)
                     self._each = min(max(round(CHUNK * len(rows) / max(seconds, 1e-6)), 1), _LARGEST)
                     goes_on = take(rows) and goes_on
         finally:

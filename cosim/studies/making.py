@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from statistics import median
 from typing import TypeAlias
 
 from cosim.studies.crew import Crew
@@ -58,11 +59,9 @@ class Maker:
         self.made = 0
 
     @property
-    def pace(self) -> tuple[float, int]:
-        """The time [s] that runs took one after another, and how many they were: without the first one, if possible."""
-        if self._workers.made:
-            return self._workers.seconds, self._workers.made
-        return self._workers.usual, min(self.made, 1)
+    def pace(self) -> float | None:
+        """The time [s] that a run took, mostly: without what the first ones prepare; None if too few were made."""
+        return median(self._workers.paces) if self._workers.paces else None
 
     def make(self, ask: Ask, take: Take) -> None:
         """Give the rows of all runs that are asked for.

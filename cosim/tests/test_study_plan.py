@@ -245,7 +245,8 @@ def test_how_long_a_study_takes_is_told_by_the_runs_before_or_by_its_size(tmp_pa
     study = small_study(tmp_path)
     by_size = told_duration(study, 10_000, 2, tmp_path)
     assert re.fullmatch(r"about [\d.]+ (s|min) on 2 processes, by its steps and robots; --runs 20 measures it", by_size)
-    keep_pace(tmp_path, 30.0, 100)
+    keep_pace(tmp_path, 0.3)
+    keep_pace(tmp_path, None)
     assert told_duration(study, 1000, 2, tmp_path) == "about 2.5 min on 2 processes, as fast as the runs before"
     assert told_duration(study, 1, 4, tmp_path) == "about 2 s on 4 processes, as fast as the runs before"
     (tmp_path / "pace.json").write_text("[]")
