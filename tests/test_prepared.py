@@ -19,6 +19,7 @@ from cosim.errors import Failure, InputError, RunInterrupted, SimulationError
 from cosim.master.prepared import EVERYTHING, Prepared
 from cosim.master.segment import Segment
 from cosim.plant.instance import Instance
+from cosim.plant.process import PlantProcess
 from cosim.results.expectations import judge
 from cosim.results.outcome import RunOutcome
 from cosim.results.result import Result
@@ -276,7 +277,7 @@ def test_fmus_of_others(
     started = []
     start = Instance.__init__
     monkeypatch.setattr(Instance, "__init__", lambda self, spec: started.append(spec) or start(self, spec))
-    with Prepared(scenario, EVERYTHING) as prepared:
+    with Prepared(scenario, EVERYTHING, isolate=False) as prepared:
         counts = []
         for torque in (3.0, 20.0, -4.0, 3.0):
             assert_as_alone(prepared, [f"leader/torque/@tau_drive={torque} N.m"])
@@ -325,3 +326,66 @@ def test_another_structure_is_refused(line: Scenario, change: str, what: str) ->
 def test_a_signal_that_is_not_there(line: Scenario) -> None:
     with pytest.raises(InputError, match="the run records no signal 'torqe': did you mean 'torque'"):
         Prepared(line, ["torqe"])
+
+
+# Isolation -------------------------------------------------------------------------------------------------------
+
+
+def stubs(make: Make, folder: Path, isolate: str = "", horizon: str = "0.5 s", **options: Any) -> Scenario:
+    """Return a scenario of two followers and their leader, all of them a stub."""
+    path = folder / "two.xml"
+    plant = f'<plant id="car" fmu="{make(name="stub", **options)}" time_limit="10 s" {isolate}/>'
+    path.write_text(two_followers(plant, horizon=horizon), encoding="utf-8")
+    return cosim.read_scenario(path)
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[PlantProcess]:
+    """Return the processes of plants, to which each that starts is added."""
+    found: list[PlantProcess] = []
+    start = PlantProcess.__init__
+    monkeypatch.setattr(PlantProcess, "__init__", lambda self, *more: found.append(self) or start(self, *more))
+    return found
+
+
+def test_a_process_goes_on_from_run_to_run(make: Make, tmp_path: Path, started: list[PlantProcess]) -> None:
+    """Unless it resets its FMUs wrongly, of which the second one tells: the numbers are those of runs alone."""
+    for behaviour, processes in (("good", [1, 2, 2]), ("stale", [1, 2])):
+        scenario = stubs(make, tmp_path, behaviour=behaviour, place="reset")
+        started.clear()
+        with Prepared(scenario, EVERYTHING) as prepared:
+            counts = []
+            for torque in (3.0, 20.0, -4.0)[: len(processes)]:
+                assert_as_alone(prepared, [f"leader/torque/@tau_drive={torque} N.m"])
+                counts.append(len(started))
+            assert prepared.resets == (behaviour == "good")
+        assert counts == processes
+
+
+def test_an_fmu_ends_its_run_alone(make: Make, tmp_path: Path, started: list[PlantProcess]) -> None:
+    """What it does at 0.2 s, in the process of a user's program that steps or prepares a scenario by itself."""
+    scenario = stubs(make, tmp_path, behaviour="exit_0", when=0.2)
+    with cosim.Simulation(scenario) as simulation, pytest.raises(SimulationError) as caught:
+        simulation.run()
+    assert caught.value.time == 0.2
+    assert simulation.tick == 10
+    assert caught.value.result.sizes["time"] == 11
+    with Prepared(scenario) as prepared:
+        for seed in (1, 2):
+            outcome = prepared.run([f"simulation/@seed={seed}"])
+            assert (outcome.failure.robot, outcome.failure.time) == ("leader", 0.2)
+            assert "its process" in outcome.message
+    assert len(started) == 3
+    assert all(process._process.returncode is not None for process in started)
+
+
+def test_an_fmu_that_is_trusted_runs_in_the_process_of_the_caller(
+    make: Make, tmp_path: Path, started: list[PlantProcess]
+) -> None:
+    with Prepared(stubs(make, tmp_path, horizon="0.1 s"), isolate=False) as prepared:
+        assert prepared.run().status == "completed"
+    trusted = stubs(make, tmp_path, 'isolate="no"', horizon="0.1 s")
+    with cosim.Simulation(trusted) as simulation, Prepared(trusted) as prepared:
+        simulation.run()
+        prepared.run()
+    assert not started

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cosim.errors import Failure, InputError, Location, SimulationError, nearest
 from cosim.known import Known
 from cosim.master.fleets import AnyFleet, members_of
+from cosim.master.foreign import contained
 from cosim.master.other_runs import run_other
 from cosim.master.recorded_result import only_signals, recorded_result
 from cosim.master.recorder import Recorder
@@ -44,7 +45,10 @@ class Prepared:
     A run has the scenario's robots, plants, step and horizon, and any seed and values: masses, gains, noise, starts,
     places, torques, events. Its numbers are those of the same scenario run alone, bit for bit: plants are reset and get
     all of their values, laws and random numbers begin anew, and whatever happened in a run, the next one does not see
-    it. An FMU that refuses to be reset, that has failed, or that runs in a process of its own, is started anew.
+    it. An FMU that refuses to be reset, or that has failed, is started anew.
+
+    FMU files run in processes of their own, as by ``isolate="process"``, which stay from run to run: whatever an FMU
+    does there ends its run alone, as a failure. ``isolate="no"`` in the scenario lets them run in this process.
 
     An FMU that is not one of the built-in models may reset itself wrongly. So the first run after a reset is also made
     with new instances; if they differ in one bit, new ones are started for every run.
@@ -58,6 +62,8 @@ class Prepared:
     record
         The signals that outcomes hold, by name; `EVERYTHING` for all. None: outcomes hold no signals, and only those
         are recorded that expectations and figures need.
+    isolate
+        Whether FMU files of which the scenario does not say so run in processes of their own; if not, in this one.
 
     Attributes
     ----------
@@ -77,18 +83,19 @@ class Prepared:
     ...         print(mass, outcome.passed, outcome.figures[0].range_rms)
     """
 
-    def __init__(self, scenario: Scenario, record: Collection[str] | None = None) -> None:
+    def __init__(self, scenario: Scenario, record: Collection[str] | None = None, *, isolate: bool = True) -> None:
         self.scenario = scenario
         self.resets = True
         self._record = record
+        self._isolate = isolate
         self._variations, self._known = Variations(scenario), Known()
-        self._structure = _structure(scenario)
+        self._structure = _structure(self._placed(scenario))
         self._fleet: Fleet | None = None
         self._before: Simulation | None = None  # the last run, if it has reached its end
         self._memory: list[NDArray[Any]] = []
         self._reset = False  # whether the plants of the last run were those of the run before
         with ExitStack() as cleanup:
-            self._setup = set_up(scenario, cleanup, {}, None, self._known)
+            self._setup = set_up(self._placed(scenario), cleanup, {}, None, self._known)
             self._check_record()
             self._unverified = any(robot.source.model is None for robot in driven_robots(self._setup))
             cleanup.callback(self._end_plants)
@@ -111,6 +118,7 @@ class Prepared:
             The user pressed Ctrl-C.
         """
         scenario = variation if isinstance(variation, Scenario) else self._variations.edited(variation)
+        scenario = self._placed(scenario)
         self._check_structure(scenario)
         with ExitStack() as cleanup:
             setup = set_up(scenario, cleanup, {}, self._setup, self._known)
@@ -128,7 +136,7 @@ class Prepared:
 
     def accepts(self, scenario: Scenario) -> bool:
         """Return whether a scenario has the structure that is prepared, so that `run` takes it."""
-        return _structure(scenario) == self._structure
+        return _structure(self._placed(scenario)) == self._structure
 
     def close(self) -> None:
         """End all plants and remove unpacked files."""
@@ -151,6 +159,8 @@ class Prepared:
         described = self._keeps or needs_outlines(scenario.expectations)
         make_result = recorded_result if described else only_signals
         before, self._before = self._before, None
+        if before is None and self._unverified:  # a reset after a failure says nothing about others
+            self._end_plants()
         with Simulation(
             scenario, setup, fleet=self._lend, recorder=recorder, make_result=make_result, before=before
         ) as simulation:
@@ -205,7 +215,7 @@ class Prepared:
         members = members_of(robots, horizon, columns, self._known)
         self._reset = self._fleet is not None
         if self._fleet is None:
-            self._fleet = Fleet(members, state)
+            self._fleet = Fleet(members, state, often=True)
         else:
             self._fleet.restart(members, state)
         return nullcontext(self._fleet)
@@ -216,6 +226,10 @@ class Prepared:
             fleet.close()
 
     # What can be run ---------------------------------------------------------------------------------------
+
+    def _placed(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with the processes of its FMUs."""
+        return contained(scenario) if self._isolate else scenario
 
     def _check_record(self) -> None:
         for name in () if self._record in (None, EVERYTHING) else self._record:

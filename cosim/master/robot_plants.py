@@ -17,7 +17,13 @@ from cosim.known import Known
 from cosim.master.robot import RobotSetup
 from cosim.plant.member import Link, Member
 from cosim.plant.spec import MODEL_EXCHANGE, WHOLE, Block, Exchanged, PlantSpec, Value
-from cosim.scenario.scenario import DEFAULT_SOLVER, DEFAULT_TOLERANCE, TIME_LIMIT, PlantSource
+from cosim.scenario.scenario import (
+    DEFAULT_SOLVER,
+    DEFAULT_TOLERANCE,
+    SUPERVISED_TIME_LIMIT,
+    TIME_LIMIT,
+    PlantSource,
+)
 from cosim.vehicle.kind import Role
 
 DIVERGED_POSE = 1e9
@@ -157,8 +163,8 @@ def tolerance_of(fmu: Fmu, source: PlantSource) -> float | None:
 
 
 def in_own_process(fmu: Fmu, source: PlantSource) -> bool:
-    """Return whether an FMU runs in a process of its own, because the scenario or the FMU needs it."""
-    return source.isolated or bool(why_own_process(fmu))
+    """Return whether an FMU runs in a process of its own, because the scenario, the caller or the FMU needs it."""
+    return source.isolated or source.contained or bool(why_own_process(fmu))
 
 
 def each_alone(fmu: Fmu, source: PlantSource) -> bool:
@@ -174,11 +180,13 @@ def why_own_process(fmu: Fmu) -> str:
 
 
 def _time_limit(fmu: Fmu, source: PlantSource) -> float:
-    """Return the time limit of the scenario; else the default if the scenario or the FMU asks for a process."""
+    """Return the time limit of the scenario; else a default, but none for an FMU that only brings code."""
     if source.time_limit is not None:
         return source.time_limit
     declared = source.isolated or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
-    return TIME_LIMIT if declared else math.inf
+    if declared:
+        return TIME_LIMIT
+    return SUPERVISED_TIME_LIMIT if source.contained and not why_own_process(fmu) else math.inf
 
 
 def _exchanged(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
+from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
@@ -48,7 +49,8 @@ class Simulation:
     scenario
         The scenario to run. Built-in plants are built into FMUs here if they are not in the cache.
     setup
-        With which set-up; without one, the scenario is set up here.
+        With which set-up; without one, the scenario is set up here, and its FMU files run in processes of their own,
+        unless it trusts them (``isolate="no"``).
     observers
         Who watches the run, from its first tick to its end.
     fleet
@@ -88,7 +90,7 @@ class Simulation:
         make_result: MakeResult = recorded_result,
         before: Simulation | None = None,
     ) -> None:
-        self.scenario = scenario
+        self.scenario = scenario = contained(scenario) if setup is None else scenario
         self._make_result = make_result
         self.timing: dict[str, float] = {}
         self._ended = ""  # why there are no more steps

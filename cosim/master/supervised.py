@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from cosim import process_tree
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
 from cosim.master.fleets import AnyFleet, members_of
+from cosim.master.foreign import is_foreign
 from cosim.master.interrupt import HeldSignals
 from cosim.master.pacing import Pacer, PaceReport
 from cosim.master.recorder import Recorder
@@ -60,7 +61,7 @@ def whole_run(scenario: Scenario, setup: Setup | None = None) -> Simulation | Su
     """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants."""
     used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
     plants = [scenario.plants[name] for name in used]
-    foreign = any(plant.fmu is not None and not plant.trusted and not plant.isolated for plant in plants)
+    foreign = any(map(is_foreign, plants))
     return SupervisedRun(scenario, setup) if foreign and sys.platform == "linux" else Simulation(scenario, setup)
 
 

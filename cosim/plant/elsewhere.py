@@ -34,10 +34,17 @@ class Elsewhere:
     """Plants in other processes, by their numbers in the fleet.
 
     Legal call order: `start` and `bells`; then steps, each begun and completed by `begin`, `finish` and `failures`, of
-    which compiled code may do the first two; `change` and `messages` in between; `close` at the end.
+    which compiled code may do the first two; `change` and `messages` in between; `start` and `bells` again for another
+    run; `close` at the end.
+
+    Parameters
+    ----------
+    often
+        Whether there are to be many runs.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, often: bool = False) -> None:
+        self._often = often
         self._processes: list[PlantProcess] = []
         self._plants: list[tuple[int, ...]] = []
         self._homes: list[_Home] = []
@@ -54,15 +61,18 @@ class Elsewhere:
         return Companions(tuple(home.process.number for home in self._homes), in_turns)
 
     def start(self, members: Sequence[Member]) -> None:
-        """Start those plants of a fleet that run elsewhere, after the end of those that do.
+        """Start those plants of a fleet that run elsewhere.
 
-        An FMU that refuses a second instance in a process gets one for each robot.
+        Processes that are there go on with the same plants, unless something has gone wrong in one of them. An FMU that
+        refuses a second instance in a process gets one for each robot.
 
         Raises
         ------
         NotStarted
             One of them cannot be started.
         """
+        if self._restarted(members):
+            return
         while True:
             self.close()
             try:
@@ -124,6 +134,19 @@ class Elsewhere:
         processes, self._processes, self._homes = self._processes, [], []
         end(processes)
 
+    def _restarted(self, members: Sequence[Member]) -> bool:
+        """Put the plants at the start of another run; return whether that was possible."""
+        if not self._processes or not all(process.can_restart for process in self._processes):
+            return False
+        try:
+            for process, plants in zip(self._processes, self._plants, strict=True):
+                process.restart([members[index].spec for index in plants])
+            for process in self._processes:
+                process.wait_until_started()
+        except NotStarted:  # perhaps as it has been used
+            return False
+        return True
+
     def _start(self, members: Sequence[Member]) -> None:
         groups: dict[object, list[int]] = {}
         for index, member in enumerate(members):
@@ -135,7 +158,7 @@ class Elsewhere:
         for number, plants in enumerate(self._plants):
             with _numbered(plants):
                 specs = [members[index].spec for index in plants]
-                self._processes.append(PlantProcess(specs, self._bells[number : number + 1]))
+                self._processes.append(PlantProcess(specs, self._bells[number : number + 1], self._often))
         for process, plants in zip(self._processes, self._plants, strict=True):
             with _numbered(plants):
                 process.wait_until_started()

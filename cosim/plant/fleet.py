@@ -59,6 +59,8 @@ class Fleet:
         point, from the start on. Its rows are contiguous.
     activity
         Shows what the fleet is about.
+    often
+        Whether it will be restarted.
 
     Attributes
     ----------
@@ -76,7 +78,13 @@ class Fleet:
         A plant returns outputs at the start that are not finite.
     """
 
-    def __init__(self, members: Sequence[Member], state: NDArray[np.float64], activity: Activity | None = None) -> None:
+    def __init__(
+        self,
+        members: Sequence[Member],
+        state: NDArray[np.float64],
+        activity: Activity | None = None,
+        often: bool = False,
+    ) -> None:
         load_step()
         self.process = HARNESS
         self._activity = activity or new_activity()
@@ -87,7 +95,7 @@ class Fleet:
         with ExitStack() as cleanup:
             self._local = LocalPlants(self._activity)
             cleanup.callback(self._local.close)
-            self._elsewhere = Elsewhere()
+            self._elsewhere = Elsewhere(often)
             cleanup.callback(self._elsewhere.close)
             self._start(members, state)
             self._cleanup = cleanup.pop_all()
@@ -95,7 +103,7 @@ class Fleet:
     def restart(self, members: Sequence[Member], state: NDArray[np.float64]) -> None:
         """Put all plants at the start of another run, with other values; nothing is left of the run before.
 
-        FMUs are reset. An FMU that cannot be, and one in another process, is started anew.
+        FMUs are reset, also those in other processes. An FMU that cannot be is started anew.
 
         Parameters
         ----------

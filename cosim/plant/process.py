@@ -41,6 +41,8 @@ _LAUNCH_LIMIT = 60.0
 """Time limit [s] for the interpreter of a new process to start, before a plant's own time limit counts."""
 _EXIT_LIMIT = 5.0
 """Time limit [s] for a process that has closed its pipes to exit."""
+_RUNS = 20
+"""How many runs are reckoned with where there are to be many."""
 _SOON_OVER = 400.0
 """Simulated time [s] up to which compiled code takes longer to load than it saves, of all plants and once more.
 
@@ -60,6 +62,8 @@ class PlantProcess:
         The plants.
     bell
         An array with one record, which the process fills.
+    often
+        Whether it is to serve many runs.
 
     Attributes
     ----------
@@ -72,7 +76,7 @@ class PlantProcess:
         The system refuses another process.
     """
 
-    def __init__(self, specs: Sequence[PlantSpec], bell: NDArray[np.void] | None = None) -> None:
+    def __init__(self, specs: Sequence[PlantSpec], bell: NDArray[np.void] | None = None, often: bool = False) -> None:
         self.specs = tuple(specs)
         self.bell = np.zeros(1, BELL) if bell is None else bell
         self._limits = [spec.time_limit for spec in specs]
@@ -90,7 +94,7 @@ class PlantProcess:
         self.board = board(memory, inputs, outputs)
         self._mark = process_tree.new_mark()
         try:
-            self._process = launch(WORKER, environment(self._mark, plain=_plain(specs)), memory.descriptors)
+            self._process = launch(WORKER, environment(self._mark, plain=_plain(specs, often)), memory.descriptors)
         except OSError as error:
             raise NotStarted(0, PlantError(f"its process cannot be started: {error.strerror}")) from None
         finally:
@@ -103,8 +107,7 @@ class PlantProcess:
             self._interval = min(max(min(self._limits) / 10, 0.02), 0.5)
             fill(self.bell, self._requests, self._replies, STEP)
             self._timer = watch(self.bell, self._awaited.descriptor, self._interval)
-            about = {"memory": memory.name, "size": size, "specs": [spec.to_json().decode() for spec in specs]}
-            self._ask(Request.START, about)
+            self._ask(Request.START, {"memory": memory.name, "size": size, **_about(specs)})
         except BaseException:
             kill(self._process, self._mark)
             raise
@@ -118,9 +121,10 @@ class PlantProcess:
             One of them cannot be started.
         """
         try:
-            self._receive("its process did not start")
-            self._launching = False
-            self._working()
+            if self._launching:
+                self._receive("its process did not start")
+                self._launching = False
+                self._working()
             told = self._receive("it did not start")
             if told is None:
                 return
@@ -130,6 +134,22 @@ class PlantProcess:
         except PlantError as error:
             raise NotStarted(self._culprit, error) from None
         raise NotStarted(index, (NoInstance if no_instance else PlantError)(said))
+
+    @property
+    def can_restart(self) -> bool:
+        """Whether it waits, and has failed in nothing."""
+        return self._waits and self.heard == Heard.DONE
+
+    def restart(self, specs: Sequence[PlantSpec]) -> None:
+        """Let the plants, which `can_restart`, begin another run with other values; `wait_until_started` as before.
+
+        Parameters
+        ----------
+        specs
+            The same FMUs for the same robots.
+        """
+        self.specs = tuple(specs)
+        self._ask(Request.RESTART, _about(specs))
 
     def begin(self, time: float, step: float) -> None:
         """Let the plants begin a step; they go on beside the harness."""
@@ -355,9 +375,13 @@ def environment(mark: str, plain: bool = True) -> dict[str, str]:
     return variables
 
 
-def _plain(specs: Sequence[PlantSpec]) -> bool:
+def _about(specs: Sequence[PlantSpec]) -> dict[str, Any]:
+    return {"specs": [spec.to_json().decode() for spec in specs]}
+
+
+def _plain(specs: Sequence[PlantSpec], often: bool) -> bool:
     """Return whether a process does without compiled code, as that gains little or the FMU has Python code."""
-    if (len(specs) + 1) * specs[0].stop_time <= _SOON_OVER:
+    if (len(specs) + 1) * specs[0].stop_time * (_RUNS if often else 1) <= _SOON_OVER:
         return True
     return any(pkgutil.iter_modules([str(Path(specs[0].directory, "resources"))]))
 

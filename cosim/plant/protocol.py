@@ -21,10 +21,11 @@ MOST = 64 * 1024**2
 class Request(IntEnum):
     """Kinds of requests.
 
-    Start plants, or change values of one; take a step; the words of the failures in it; the messages of the FMUs; end.
+    Start plants, or change values of one; take a step; the words of the failures in it; the messages of the FMUs; end;
+    put the plants at the start of another run.
     """
 
-    START, STEP, CHANGE, FAILURES, MESSAGES, END = range(6)
+    START, STEP, CHANGE, FAILURES, MESSAGES, END, RESTART = range(7)
 
 
 class Reply(IntEnum):

@@ -44,7 +44,7 @@ from cosim.shared_memory import MappedMemory
 class Served:
     """The plants of this process, all of one FMU.
 
-    Legal call order: `start` first, `close` last.
+    Legal call order: `start` first, `restart` for another run, `close` last.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Served:
     """
 
     def __init__(self, about: dict[str, Any], requests: int, replies: int) -> None:
-        self._specs = [PlantSpec.from_json(text) for text in about["specs"]]
+        self._specs = _specs(about)
         sizes = [sum(len(getattr(spec, block).start) for spec in self._specs) for block in ("inputs", "outputs")]
         self.board = board(MappedMemory(about["size"], about["memory"]), *sizes)
         self._failures: dict[int, str] = {}
@@ -79,6 +79,20 @@ class Served:
         for spec in self._specs:
             stepper(spec)  # may load a library
         make_room(Path(self._specs[0].directory, "resources"))  # from now on imports may find modules of the FMU
+        self._begin()
+
+    def restart(self, about: dict[str, Any]) -> None:
+        """Put the plants at the start of another run, with other values.
+
+        Raises
+        ------
+        NotStarted
+            One of them cannot be started.
+        """
+        self._specs, self._failures = _specs(about), {}
+        self._begin()
+
+    def _begin(self) -> None:
         self._local.start(self._specs, range(len(self._specs)), self.board.outputs)
         rows, about = self._local.rows, self.board.activity
         row = np.repeat(range(len(self._specs)), np.diff(rows.first_input))
@@ -138,6 +152,10 @@ class Served:
     def close(self) -> None:
         """End the plants."""
         self._local.close()
+
+
+def _specs(about: dict[str, Any]) -> list[PlantSpec]:
+    return [PlantSpec.from_json(text) for text in about["specs"]]
 
 
 @compiled

@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import traceback
+from collections.abc import Callable
 
 from cosim import process_tree
 from cosim.plant.failures import NoInstance, PlantError
@@ -41,13 +42,7 @@ def _serve(requests: int, replies: int) -> None:
         return
     served = Served(json.loads(first[1]), requests, replies)
     send(replies, Reply.DONE)
-    try:
-        served.start()
-        answer = None
-    except NotStarted as error:
-        answer = error.index, str(error), isinstance(error.error, NoInstance)
-    except Exception as error:
-        answer = max(int(served.board.activity.current[0]), 0), f"{type(error).__name__}: {error}", False
+    answer = _not_started(served, served.start)
     _answer(replies, Reply.DONE, answer)
     ready = answer is None
     while (request := _receive(requests, served.serve() if ready else b"")) is not None:
@@ -65,6 +60,17 @@ def _serve(requests: int, replies: int) -> None:
             _answer(replies, Reply.FAILED, f"{type(error).__name__}: {error}")
 
 
+def _not_started(served: Served, start: Callable[[], None]) -> tuple[int, str, bool] | None:
+    """Start the plants; return which one has failed, how, and whether it has given no instance; None if none has."""
+    try:
+        start()
+    except NotStarted as error:
+        return error.index, str(error), isinstance(error.error, NoInstance)
+    except Exception as error:
+        return max(int(served.board.activity.current[0]), 0), f"{type(error).__name__}: {error}", False
+    return None
+
+
 def _asked(served: Served, kind: int, body: bytes) -> object:
     if kind == Request.CHANGE:
         served.change(*json.loads(body))
@@ -72,6 +78,8 @@ def _asked(served: Served, kind: int, body: bytes) -> object:
         return served.failures()
     elif kind == Request.MESSAGES:
         return served.messages()
+    elif kind == Request.RESTART:
+        return _not_started(served, lambda: served.restart(json.loads(body)))
     elif kind == Request.END:
         served.close()
     return None

@@ -109,6 +109,8 @@ class PlantSource:
         Whether its outputs count only from the first step on, and it is taken to stand at its pose until then.
     isolated : bool
         Whether its FMU runs in a process of its own, for all its robots.
+    contained : bool
+        Whether it does so although nobody has asked for it, as it is not to run in the process of the caller.
     apart : bool
         Whether each robot's FMU runs in a process of its own.
     trusted : bool
@@ -130,6 +132,7 @@ class PlantSource:
     tolerance: float | None = None
     late_outputs: bool = False
     isolated: bool = False
+    contained: bool = False
     apart: bool = False
     trusted: bool = False
     time_limit: float | None = None

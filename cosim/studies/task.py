@@ -83,7 +83,8 @@ class _Base:
         if self.prepared is not None and not self.prepared.accepts(scenario):
             self.close()
         if self.prepared is None:
-            self.prepared = Prepared(scenario, self._record)
+            # This process may end, at the cost of one run
+            self.prepared = Prepared(scenario, self._record, isolate=False)
         return self.prepared
 
     def close(self) -> None:
