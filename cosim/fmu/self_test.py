@@ -27,7 +27,7 @@ from cosim.fmu.package import Package
 from cosim.fmu.reference_experiments import Experiment
 from cosim.fmu.reference_series import Series
 from cosim.fmu.replay import FAILURE, REQUEST, RESULT, Request
-from cosim.plant.process import environment, kill
+from cosim.plant.interpreter import environment, kill
 from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 from plants import scratch
 

@@ -39,10 +39,11 @@ from cosim.master.ticks import driven_robots
 from cosim.master.timing import timed
 from cosim.plant.activity import activity
 from cosim.plant.failures import PlantError
+from cosim.plant.interpreter import how_it_ended
 from cosim.plant.member import Member
 from cosim.plant.message import Message, RobotMessage
 from cosim.plant.one_core import Companions
-from cosim.plant.process import how_it_ended
+from cosim.plant.printed import Printed
 from cosim.plant.protocol import HEADER, send
 from cosim.plant.spec import Value
 from cosim.plant.start_check import not_started
@@ -94,6 +95,7 @@ class SupervisedRun:
         self._nonsense = False  # whether the process has answered with something that makes no sense
         self._forwarded = 0
         self._pipes: tuple[int, ...] = ()
+        self._printed: Printed | None = None
         self._left = False  # whether the process has ended all that it has started, and leaves
         with ExitStack() as cleanup:
             self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
@@ -235,25 +237,32 @@ class SupervisedRun:
 
     # The process --------------------------------------------------------------------------------------------
 
-    def _fork(self, run: Callable[[int, int], None]) -> None:
+    def _fork(self, run: Callable[[int, int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
         self._mark = process_tree.new_mark()
         for stream in (sys.stdout, sys.stderr):
             with suppress(AttributeError, OSError, ValueError):  # None or closed; else nothing is written twice
                 stream.flush()
+        foreign = (robot.fmu.path.name for robot in driven_robots(self.setup) if is_foreign(robot.source))
+        printed = Printed(", ".join(dict.fromkeys(foreign)))
         with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
             warnings.simplefilter("ignore", DeprecationWarning)
-            with global_compiler_lock:  # of Numba: no other thread may hold it in the child, where that never ends
-                self._pid = os.fork()
-        if self._pid == 0:
-            try:
-                os.environ[self._mark] = ""  # for what it starts
-                run(orders[0], tells[1])
-            finally:
-                os._exit(70)
+            self._pid = printed.of(lambda pipe: self._forked(partial(run, pipe, orders[0], tells[1])))
+        self._printed = printed
         os.close(orders[0])
         os.close(tells[1])
         self._orders, self._tells = self._pipes = orders[1], tells[0]
+
+    def _forked(self, run: Callable[[], None]) -> int:
+        with global_compiler_lock:  # of Numba: no other thread may hold it in the child, where that never ends
+            pid = os.fork()
+        if pid == 0:
+            try:
+                os.environ[self._mark] = ""  # for what it starts
+                run()
+            finally:
+                os._exit(70)
+        return pid
 
     def _send(self, order: Order, body: dict[str, Any]) -> None:
         with suppress(BrokenPipeError):  # the process has ended: what it has told shows how
@@ -342,6 +351,8 @@ class SupervisedRun:
             for pipe in self._pipes:
                 os.close(pipe)
             self._pipes = ()
+            if self._printed is not None:
+                self._printed.close()
 
 
 def _lives(pid: int) -> bool:

@@ -8,11 +8,12 @@ from __future__ import annotations
 import ctypes
 import faulthandler
 import json
+import logging
 import os
 import signal
 import sys
 import traceback
-from contextlib import AbstractContextManager, closing, suppress
+from contextlib import AbstractContextManager, closing
 from dataclasses import asdict
 from enum import IntEnum
 from functools import partial
@@ -31,6 +32,7 @@ from cosim.master.setup import Setup
 from cosim.master.simulation import Simulation
 from cosim.plant.activity import Activity
 from cosim.plant.fleet import Fleet
+from cosim.plant.printed import LOG, line_by_line
 from cosim.plant.protocol import HEADER, exactly, send
 from cosim.scenario.scenario import Scenario
 
@@ -50,7 +52,13 @@ class Told(IntEnum):
 
 
 def child(
-    scenario: Scenario, setup: Setup, memory: list[NDArray[Any]], activity: Activity, orders: int, tells: int
+    scenario: Scenario,
+    setup: Setup,
+    memory: list[NDArray[Any]],
+    activity: Activity,
+    printed: int,
+    orders: int,
+    tells: int,
 ) -> None:
     """Do everything, and end this process.
 
@@ -62,13 +70,15 @@ def child(
         Where it is recorded, see `Recorder`.
     activity
         Shows what the plants are about.
+    printed
+        A pipe to the process that supervises this one, for everything that is printed here.
     orders, tells
-        Pipes from and to the process that supervises this one.
+        Pipes from and to it.
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
-    orders, tells = _out_of_reach(orders, tells)
-    _print_to_standard_error()
+    orders, tells, printed = _out_of_reach(orders, tells, printed)
+    _print_to(printed)
     tell = partial(_tell, tells)
     activity.listen()
     try:
@@ -134,12 +144,14 @@ def _leave() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _print_to_standard_error() -> None:
-    """Let everything that is printed go there: it is no output of the command."""
-    with suppress(OSError):  # the harness has none
-        os.fstat(2)
-        os.dup2(2, 1)
-        sys.stdout = sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
+def _print_to(pipe: int) -> None:
+    """Let everything that is printed go there, line by line, so that a crash loses none."""
+    for standard in (1, 2):
+        os.dup2(pipe, standard)
+    os.close(pipe)
+    sys.stdout = sys.stderr = open(2, "w", 1, "utf-8", "backslashreplace", closefd=False)  # noqa: SIM115
+    line_by_line()
+    LOG.handlers, LOG.propagate = [logging.StreamHandler(sys.stderr)], False  # files of others are closed here
 
 
 def _out_of_reach(*pipes: int) -> list[int]:

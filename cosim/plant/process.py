@@ -8,10 +8,7 @@ from __future__ import annotations
 import json
 import os
 import pkgutil
-import signal
-import site
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -23,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim import process_tree
-from cosim.compiled import PLAIN
 from cosim.errors import printable
 from cosim.plant.awaiting import Awaited
 from cosim.plant.bells import BELL, STEP, Heard, board, board_size, core_now, fill, watch
 from cosim.plant.failures import NoInstance, PlantError
+from cosim.plant.interpreter import environment, how_it_ended, kill, kill_only, launch
 from cosim.plant.local import NotStarted
 from cosim.plant.message import Message
+from cosim.plant.printed import Printed
 from cosim.plant.protocol import HEADER, MOST, Reply, Request, send
 from cosim.plant.spec import PlantSpec, Value
 from cosim.shared_memory import MappedMemory
@@ -94,7 +92,9 @@ class PlantProcess:
         self.board = board(memory, inputs, outputs)
         self._mark = process_tree.new_mark()
         try:
-            self._process = launch(WORKER, environment(self._mark, plain=_plain(specs, often)), memory.descriptors)
+            self._printed = Printed(specs[0].file)
+            variables = environment(self._mark, plain=_plain(specs, often))
+            self._process = self._printed.of(lambda pipe: launch(WORKER, variables, memory.descriptors, errors=pipe))
         except OSError as error:
             raise NotStarted(0, PlantError(f"its process cannot be started: {error.strerror}")) from None
         finally:
@@ -110,6 +110,7 @@ class PlantProcess:
             self._ask(Request.START, {"memory": memory.name, "size": size, **_about(specs)})
         except BaseException:
             kill(self._process, self._mark)
+            self._printed.close()
             raise
 
     def wait_until_started(self) -> None:
@@ -250,6 +251,7 @@ class PlantProcess:
                     self._receive("did not end")
         finally:
             kill(self._process, self._mark)
+            self._printed.close()
             self._awaited.close()
             if self._timer >= 0:
                 os.close(self._timer)
@@ -299,7 +301,7 @@ class PlantProcess:
             limit = _LAUNCH_LIMIT if self._launching else self._limits[current]
             if now - self._since > limit:
                 self._expired = limit
-                _kill(self._process, self._mark)
+                kill_only(self._process, self._mark)
                 return False
         return ready
 
@@ -331,24 +333,6 @@ class PlantProcess:
         return PlantError(f"{failed}{how}" + (f"; it had logged: {'; '.join(last)}" if last else ""))
 
 
-def how_it_ended(status: int, limit: float | None = None) -> str:
-    """Return how a process ended, in words that follow what it did not do.
-
-    Parameters
-    ----------
-    status
-        Its exit status; of a signal, the negative number.
-    limit
-        The time [s] after which it was to be ended; None if it was within its limit.
-    """
-    if limit is not None and status == -signal.SIGKILL:  # and not by itself a moment before
-        return f" within {limit:g} s; its process was ended"
-    if status < 0:
-        name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
-        return f": its process crashed ({name})"
-    return f": its process exited with status {status}"
-
-
 def end(processes: Sequence[PlantProcess]) -> None:
     """Close processes that end side by side."""
     with ExitStack() as closing:
@@ -356,23 +340,6 @@ def end(processes: Sequence[PlantProcess]) -> None:
             closing.callback(process.close)
         for process in processes:
             process.begin_to_end()
-
-
-def environment(mark: str, plain: bool = True) -> dict[str, str]:
-    """Return the environment of a process that runs FMUs: it finds this package where the harness has found it.
-
-    Parameters
-    ----------
-    mark
-        That of the process, by which `kill` knows what it has started.
-    plain
-        Whether it does without compiled code.
-    """
-    variables = {**os.environ, mark: "1", **({PLAIN: "1"} if plain else {})}
-    root = str(Path(__file__).parents[2])
-    if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
-        variables["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    return variables
 
 
 def _about(specs: Sequence[PlantSpec]) -> dict[str, Any]:
@@ -388,55 +355,3 @@ def _plain(specs: Sequence[PlantSpec], often: bool) -> bool:
 
 def _message(status: object, category: object, text: object, count: int) -> Message:
     return Message(str(status), str(category), str(text), int(count))
-
-
-def launch(
-    options: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = ()
-) -> subprocess.Popen[bytes]:
-    """Start an interpreter that is reached through its standard input and output.
-
-    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it.
-
-    Parameters
-    ----------
-    options
-        Its options, which say what it runs.
-    variables
-        Its environment; see `environment`.
-    inherited
-        Descriptors that it has, too.
-    """
-    return subprocess.Popen(
-        [sys.executable, *options, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=variables,
-        pass_fds=inherited,
-        stderr=None if _standard_error() else subprocess.DEVNULL,
-        bufsize=0,
-        start_new_session=os.name == "posix",
-        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
-    )
-
-
-def _standard_error() -> bool:
-    """Return whether the harness has a standard error that a process can inherit, and no other file in its place."""
-    try:
-        return os.get_inheritable(2)
-    except OSError:
-        return False
-
-
-def kill(process: subprocess.Popen[bytes], mark: str) -> None:
-    """End a process with everything that it has started, and wait for it."""
-    _kill(process, mark)
-    process.wait()
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            with suppress(OSError):
-                pipe.close()
-
-
-def _kill(process: subprocess.Popen[bytes], mark: str) -> None:
-    process_tree.end(process.pid, mark)
-    process.kill()

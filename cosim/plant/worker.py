@@ -1,7 +1,7 @@
 """The process of their own in which plants run: ``python -m cosim.plant.worker``, started by `cosim.plant.process`.
 
 Requests come through standard input and replies go out through standard output, both moved out of the FMUs' reach
-first: the FMUs' own output goes to standard error.
+first: the FMUs' own output goes to standard error, from where the harness takes it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from cosim import process_tree
 from cosim.plant.failures import NoInstance, PlantError
 from cosim.plant.local import NotStarted
+from cosim.plant.printed import line_by_line
 from cosim.plant.protocol import HEADER, Reply, Request, exactly, out_of_reach, send
 from cosim.plant.serving import Served
 
@@ -27,6 +28,7 @@ def main() -> None:
     process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     replies = out_of_reach(1)
+    line_by_line()
     process_tree.end_with(int(sys.argv[1]))
     status = 0
     try:

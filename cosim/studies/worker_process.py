@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from cosim import process_tree
-from cosim.plant.process import environment, how_it_ended, kill, launch
+from cosim.plant.interpreter import environment, how_it_ended, kill, launch
 from cosim.plant.protocol import HEADER, MOST, exactly
 from cosim.studies.row import Row
 from cosim.studies.task import Task, broken_row

@@ -1,0 +1,105 @@
+"""Interpreters in processes of their own: how they are started, and how they end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import site
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from cosim import process_tree
+from cosim.compiled import PLAIN
+
+
+def environment(mark: str, plain: bool = True) -> dict[str, str]:
+    """Return the environment of a process that runs FMUs: it finds this package where the harness has found it.
+
+    Parameters
+    ----------
+    mark
+        That of the process, by which `kill` knows what it has started.
+    plain
+        Whether it does without compiled code.
+    """
+    variables = {**os.environ, mark: "1", **({PLAIN: "1"} if plain else {})}
+    root = str(Path(__file__).parents[2])
+    if root not in (*site.getsitepackages(), site.getusersitepackages()):  # of which some may hide standard modules
+        variables["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    return variables
+
+
+def launch(
+    options: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = (), errors: int | None = None
+) -> subprocess.Popen[bytes]:
+    """Start an interpreter that is reached through its standard input and output.
+
+    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it.
+
+    Parameters
+    ----------
+    options
+        Its options, which say what it runs.
+    variables
+        Its environment; see `environment`.
+    inherited
+        Descriptors that it has, too.
+    errors
+        A descriptor for its standard error; without one, that of this process.
+    """
+    return subprocess.Popen(
+        [sys.executable, *options, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=variables,
+        pass_fds=inherited,
+        stderr=errors if errors is not None or _standard_error() else subprocess.DEVNULL,
+        bufsize=0,
+        start_new_session=os.name == "posix",
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
+    )
+
+
+def _standard_error() -> bool:
+    """Return whether the harness has a standard error that a process can inherit, and no other file in its place."""
+    try:
+        return os.get_inheritable(2)
+    except OSError:
+        return False
+
+
+def kill(process: subprocess.Popen[bytes], mark: str) -> None:
+    """End a process with everything that it has started, and wait for it."""
+    kill_only(process, mark)
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
+
+
+def kill_only(process: subprocess.Popen[bytes], mark: str) -> None:
+    """End a process likewise, but do not wait for it."""
+    process_tree.end(process.pid, mark)
+    process.kill()
+
+
+def how_it_ended(status: int, limit: float | None = None) -> str:
+    """Return how a process ended, in words that follow what it did not do.
+
+    Parameters
+    ----------
+    status
+        Its exit status; of a signal, the negative number.
+    limit
+        The time [s] after which it was to be ended; None if it was within its limit.
+    """
+    if limit is not None and status == -signal.SIGKILL:  # and not by itself a moment before
+        return f" within {limit:g} s; its process was ended"
+    if status < 0:
+        name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
+        return f": its process crashed ({name})"
+    return f": its process exited with status {status}"

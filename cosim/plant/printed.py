@@ -1,0 +1,115 @@
+"""What FMUs in another process print: it goes through the log, line by line, and cannot control a terminal."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
+
+from cosim.errors import printable
+
+LOG = logging.getLogger("cosim.fmu")
+"""Shows its lines on standard error, unless the program that uses this package wants them elsewhere."""
+
+LINES = 1000
+"""Lines of a process that are shown, the first ones."""
+CHARACTERS = 500
+"""Characters of a line that are shown, the first ones."""
+
+_LOOK = 0.5
+"""Interval [s] of the check whether anybody still wants to know."""
+_LAST_MOMENT = 1.0
+"""Time [s] for what a process has printed before its end; something that has escaped may hold the pipe for longer."""
+_IOLBF = 1
+
+T = TypeVar("T")
+
+
+class Printed:
+    """A pipe for what a process prints, and a thread that hands it on to the log, so that nobody waits for the harness.
+
+    Legal call order: `of` once, `close` after the end of the process.
+
+    Parameters
+    ----------
+    whose
+        The name of the FMU, or the names.
+    """
+
+    def __init__(self, whose: str) -> None:
+        self._whose = whose
+        self._read, self._pipe = os.pipe()
+        self._give_up: float | None = None
+        self._rest = b""
+        self._shown = 0
+        self._thread = threading.Thread(target=self._forward, daemon=True)
+
+    def of(self, start: Callable[[int], T]) -> T:
+        """Start a process with a function that gets its end of the pipe; what is printed is handed on from then on."""
+        try:
+            started = start(self._pipe)
+            self._thread.start()
+        except BaseException:
+            os.close(self._read)
+            raise
+        finally:
+            os.close(self._pipe)
+        return started
+
+    def close(self) -> None:
+        """Hand on the rest."""
+        self._give_up = time.monotonic() + _LAST_MOMENT
+        self._thread.join(_LAST_MOMENT + 2 * _LOOK)
+
+    def _forward(self) -> None:
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they are for the main thread
+            printing = select.poll()
+            printing.register(self._read, select.POLLIN)
+        try:
+            while self._give_up is None or time.monotonic() < self._give_up:
+                if sys.platform == "win32" or printing.poll(1000 * _LOOK):
+                    if not (part := os.read(self._read, 65536)):
+                        break
+                    self._take(part)
+                elif self._give_up is not None:
+                    break
+            if self._rest:
+                self._show(self._rest)
+        finally:
+            os.close(self._read)
+
+    def _take(self, part: bytes) -> None:
+        *lines, rest = part.split(b"\n")
+        for line in lines:
+            self._show(self._rest + line)
+            self._rest = b""
+        self._rest = (self._rest + rest)[: 8 * CHARACTERS]
+
+    def _show(self, line: bytes) -> None:
+        self._shown += 1
+        if self._shown > LINES + 1:
+            return
+        if self._shown > LINES:
+            LOG.warning("%s", printable(f"{self._whose} prints more than {LINES} lines; the others are not shown"))
+            return
+        text = line[: 8 * CHARACTERS].decode(errors="replace").rstrip("\r").expandtabs()
+        text = text if len(text) <= CHARACTERS else f"{text[:CHARACTERS]}..."
+        LOG.warning("%s", printable(f"{self._whose}: {text}").replace("\n", "?"))
+
+
+def line_by_line() -> None:
+    """Let C code of this process print each line as it comes, so that a crash loses none."""
+    if sys.platform == "win32":
+        return
+    library = ctypes.CDLL(None)
+    with suppress(ValueError):  # it calls its standard output otherwise
+        library.setvbuf(ctypes.c_void_p.in_dll(library, "stdout"), None, _IOLBF, ctypes.c_size_t(0))
