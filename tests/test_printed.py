@@ -48,6 +48,18 @@ def test_who_holds_the_pipe_is_not_waited_for() -> None:
     os.close(pipe)
 
 
+def test_what_is_printed_is_lost_where_no_thread_can_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    printed = Printed("car.fmu")
+    monkeypatch.setattr("threading.Thread.start", fails)
+    pipe = printed.of(os.dup)
+    assert os.write(pipe, b"lost\n") == 5
+    printed.close()
+    os.close(pipe)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="a process is supervised on Linux alone")
 def test_a_supervised_fmu_prints_to_the_log(
     make: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]

@@ -53,21 +53,26 @@ class Printed:
         self._thread = threading.Thread(target=self._forward, daemon=True)
 
     def of(self, start: Callable[[int], T]) -> T:
-        """Start a process with a function that gets its end of the pipe; what is printed is handed on from then on."""
+        """Start a process with a function that gets its end of the pipe; what is printed is handed on from then on.
+
+        Where the system starts no further thread, what is printed is lost.
+        """
         try:
-            started = start(self._pipe)
             self._thread.start()
-        except BaseException:
-            os.close(self._read)
-            raise
+        except RuntimeError:
+            for end in (self._read, self._pipe):
+                os.close(end)
+            self._pipe = os.open(os.devnull, os.O_WRONLY)
+        try:
+            return start(self._pipe)
         finally:
             os.close(self._pipe)
-        return started
 
     def close(self) -> None:
         """Hand on the rest."""
         self._give_up = time.monotonic() + _LAST_MOMENT
-        self._thread.join(_LAST_MOMENT + 2 * _LOOK)
+        if self._thread.ident is not None:  # it has started
+            self._thread.join(_LAST_MOMENT + 2 * _LOOK)
 
     def _forward(self) -> None:
         if sys.platform != "win32":
