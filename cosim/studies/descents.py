@@ -74,7 +74,7 @@ class Descents:
         self._scores += scores
 
     def _steps(self, count: int) -> list[tuple[Point, _Descent | None]]:
-        """Return the next points of as many descents as there is room for; the last may get fewer."""
+        """Return the next points of as many descents as there is room for; the last one gets what is left."""
         each = min(4 + self._size, count)
         steps: list[tuple[Point, _Descent | None]] = []
         for place in range(max(count // each, 1)):

@@ -16,6 +16,7 @@ from cosim.studies.conduct import StudyOutcome
 from cosim.studies.figure_style import word_ticks
 from cosim.studies.row import PASSED
 from cosim.studies.table import Column, columns
+from cosim.studies.values import Count
 
 _MOST_VALUES = 3
 _RUN, _FAILS, _LEAST = "#0072b2", "#d55e00", "#333333"
@@ -37,7 +38,8 @@ def draw(outcome: StudyOutcome) -> Figure:
     Of two or more values, the last panel has all runs over the first two.
     """
     table = {column.name: column for column in columns(outcome)}
-    varied = [table[vary.name] for vary in outcome.study.vary if len(set(table[vary.name].values)) > 1][:_MOST_VALUES]
+    searched = [table[vary.name] for vary in outcome.study.vary if not isinstance(vary.values, Count)]
+    varied = [column for column in searched if len(set(column.values)) > 1][:_MOST_VALUES]
     numeric = [column for column in varied if not isinstance(column.values[0], str)]
     both = len(numeric) > 1
     across = 1 + len(varied) + both

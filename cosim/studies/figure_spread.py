@@ -35,9 +35,11 @@ def draw_spread(
     panel.set_ylabel("share of the runs up to it")
     panel.yaxis.set_major_formatter(PercentFormatter(1.0))
     panel.set_ylim(0.0, 1.03)
-    band = outcome.study.sample.method in _AT_RANDOM
+    at_random = outcome.study.sample.method in _AT_RANDOM
+    draws = len({row.draw for row in outcome.rows})
     for (name, figures), colour in zip(cases.items(), COLOURS, strict=False):
         named = printable(name) if len(cases) > 1 else None
+        band = at_random and len(figures) <= draws  # several runs of a draw depend on each other
         _draw_steps(panel, figures, measured.greatest_is_worst, colour, named, band)
     few_ticks(panel, np.concatenate(list(cases.values())))
     runs = sum(map(len, cases.values()))

@@ -94,6 +94,14 @@ def test_a_grid_of_one_value_is_a_curve_with_a_band_over_its_seeds(tmp_path: Pat
     assert not spread.collections, "runs of a grid are no draws, which would have a confidence"
 
 
+def test_there_is_a_band_of_confidence_unless_a_curve_has_several_runs_of_a_draw(tmp_path: Path) -> None:
+    gains = '<vary name="gain" cross="yes" select="//gain[@name=\'K_p\']/@value"><list values="5, 10"/></vary>'
+    sample = '<sample method="random" runs="4"/>'
+    for vary, bands in ((LAWS + UNIFORM, 2), (gains + UNIFORM, 0)):
+        made = outcome(tmp_path, vary, sample, [float(number) for number in range(8)], [PASSED] * 8)
+        assert len(draw(made).axes[0].collections) == bands
+
+
 def test_a_broken_run_is_the_worst_at_its_place_also_where_less_is_worse(tmp_path: Path) -> None:
     seeds = '<vary name="seed" select="simulation/@seed"><range from="1" to="3"/></vary>'
     figures = [1.0, math.nan, 2.0, 4.0, 4.0, 4.0, 5.0, 6.0, 7.0]

@@ -13,7 +13,7 @@ import pytest
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.studies.conduct import check_study, conduct
-from cosim.studies.figure_search import picture
+from cosim.studies.figure_search import draw, picture
 from cosim.studies.plan import Run
 from cosim.studies.reader import read_study
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
@@ -106,6 +106,8 @@ def test_the_same_search_with_one_worker_or_four_and_after_any_interruption(
     (tmp_path / "out").mkdir()
     pit = Pit((0.4, 0.4), (0.8, 0.8))
     whole = conduct(study, tmp_path / "out", executor=Played(monkeypatch, pit))
+    labels = [panel.get_xlabel() for panel in draw(whole).axes if panel.get_xlabel()]
+    assert labels == ["run", "mass [kg]", "bearing [deg]", "mass [kg]"], "a seed is nothing that is searched"
     lines = (tmp_path / "out" / FILE).read_bytes().splitlines(keepends=True)
     for kept in (0, 20):
         rows = random.Random(kept).sample(lines[1:], kept)
