@@ -9,11 +9,12 @@ import ctypes
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.sundials import CVodeSolver, libraries
-from fmpy.sundials.cvode import CV_NORMAL, CV_ROOT_RETURN, CVode
+from fmpy.sundials.cvode import CV_NORMAL, CV_ROOT_RETURN, CVode, CVodeFree
 from fmpy.sundials.nvector_serial import NV_DATA_S
 from numpy.typing import NDArray
 
@@ -27,6 +28,14 @@ _CLOSE = 1e-9
 """Part of a communication step below which two times are the same."""
 _MAX_PARTS = 100_000
 """Into how many parts events may cut a communication step."""
+_FREED = {
+    "LS": "SUNLinSolFree",
+    "A": "SUNMatDestroy",
+    "abstol": "N_VDestroy",
+    "x": "N_VDestroy",
+    "sunctx": "SUNContext_Free",
+}
+"""What FMPy's solver holds, and how SUNDIALS frees it; in this order."""
 _TRY_A_SHORTER_STEP, _STOP = 1, -1
 _MAX_STEPS = 10_000
 """How many steps CVODE may take for a part."""
@@ -50,10 +59,13 @@ class CvodePlant:
         self.spec = spec
         self._instance = Instance(spec)
         self._given = np.full(len(spec.inputs.start), np.nan)
+        self._ending = ExitStack()
+        self._ending.callback(self._instance.close)
         try:
             self._fmu = self._instance.fmu
             assert spec.tolerance is not None
             self._solver = _Solver(self._instance, spec.tolerance)
+            self._ending.callback(self._solver.close)
             self.first_outputs = list(spec.outputs.start) if spec.late_outputs else self._outputs()
         except BaseException as error:
             said = self._instance.log.take() or str(error)
@@ -97,7 +109,7 @@ class CvodePlant:
 
     def close(self) -> None:
         """End the plant."""
-        self._instance.close()
+        self._ending.close()
 
     def _integrate(self, time: float, step: float) -> None:
         end = time + step
@@ -161,6 +173,20 @@ class _Solver(CVodeSolver):  # type: ignore[misc]
         )
         if hasattr(libraries, "sundials_core"):  # from SUNDIALS 6 on
             _silence(self.sunctx)
+
+    def close(self) -> None:
+        """Free all that CVODE holds, open files among it; FMPy leaves most of it to the end of the process."""
+        held, core = self.__dict__, getattr(libraries, "sundials_core", None)
+        if memory := held.pop("cvode_mem", None):
+            CVodeFree(ctypes.byref(ctypes.c_void_p(memory)))
+        for name, free in _FREED.items() if core is not None else ():
+            if (part := held.pop(name, None)) is not None:
+                where = ctypes.byref(part) if name == "sunctx" else part
+                getattr(core, free)(ctypes.c_void_p(where) if isinstance(where, int) else where)
+
+    def __del__(self) -> None:
+        """Free what it holds even if it could not be made."""
+        self.close()
 
     def advance(self, time: float, until: float) -> tuple[bool, float]:
         """Integrate, and never look beyond; return whether there is a state event, and the time that was reached."""

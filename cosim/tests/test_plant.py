@@ -3,6 +3,7 @@
 import ctypes
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -231,6 +232,16 @@ def test_cvode_in_a_process_of_its_own_is_the_same(make: Make, isolated: bool) -
 
 
 # Events -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts open files as Linux does")
+def test_cvode_leaves_no_file_open(make: Make) -> None:
+    fmu = make(fmi="2.0", **MODEL)
+    drive(fmu, TORQUES[:2], solver="cvode")
+    before = len(os.listdir("/proc/self/fd"))
+    drive(fmu, TORQUES[:2], solver="cvode")
+    assert len(os.listdir("/proc/self/fd")) == before
+
 
 SOLVERS = ("euler", "runge_kutta_4", "cvode")
 
