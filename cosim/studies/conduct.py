@@ -104,14 +104,12 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     keys = {}
     for cases, timed in timed_scenarios(study, plan).items():
         with ExitStack() as cleanup:
-            setup = None
             for scenario in timed:
                 try:
-                    setup = set_up(scenario, cleanup, {}, setup)
+                    setup = set_up(scenario, cleanup, {})
                     check_envelopes(study.envelopes, scenario, setup.signals)
                 except InputError as error:
                     raise told_for(error, study, cases, scenario) from None
-            assert setup is not None
             key = key_of_measures(key_of_scenario(study.bases[cases], setup), study.measures)
             keys[cases] = key_with_envelopes(key, study.envelopes)
     return plan, keys, judged

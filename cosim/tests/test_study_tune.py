@@ -198,13 +198,17 @@ def test_the_command_writes_trials_and_a_scenario_with_the_best_values(
     monkeypatch.chdir(tmp_path)
     write_study(tmp_path, GAINS + SEEDS, tune(evaluations="8", restarts="1", batch="7"))
     assert main(["check", "study.xml"]) == 0
-    assert "8 trials, 40 runs: each trial on 3 draws" in capsys.readouterr().out
+    checked = capsys.readouterr().out
+    assert "8 trials, 40 runs: each trial on 3 draws" in checked
+    assert re.search(r"takes about [\d.]+ \w+ on \d+ process", checked)
     assert main(["study", "study.xml", "--workers", "2"]) == 0
     printed = capsys.readouterr().out
     assert "40 runs; 40 passed" in printed
     assert "tuned.xml" in printed
     assert re.search(r"K_p +10 +\d", printed)
     summary = json.loads((tmp_path / "runs/small/summary.json").read_text())
+    assert main(["check", "study.xml"]) == 0
+    assert "as fast as the runs before" in capsys.readouterr().out
     (told,) = summary["tuned"]
     assert (told["trials"], summary["holds"]) == (8, True)
     assert main(["run", "runs/small/tuned.xml", "--no-figure"]) == 0
