@@ -45,14 +45,25 @@ def test_rows_of_an_array_are_one_move(width: int) -> None:
     np.testing.assert_array_equal(now, table[4, :, 1:])
 
 
+def test_rows_of_two_widths_that_alternate_are_two_moves() -> None:
+    """As the recorded signals of robots do."""
+    of, to, recorded = np.arange(24.0).reshape(4, 6), np.zeros((4, 4)), [0, 2, 3, 4]
+    moves = np.array(moves_between(spots(to), spots(of)[:, recorded]), dtype=np.int64)
+    assert moves[:, Move.ROWS].tolist() == [4, 4]
+    move(moves, 0, len(moves), 0)
+    np.testing.assert_array_equal(to, of[:, recorded])
+
+
 @pytest.mark.parametrize("strange", [np.nan, np.inf, -np.inf])
 def test_numbers_that_are_not_finite_are_moved_and_told(strange: float) -> None:
-    of, to = np.array([1.0, strange, 1e308]), np.zeros(3)
-    moves = np.array(moves_between(spots(to), spots(of)), dtype=np.int64)
-    assert not move_finite(moves, 0, 1, 0)
-    np.testing.assert_array_equal(to, of)
-    of[1] = -0.0
-    assert move_finite(moves, 0, 1, 0)
+    for size, place in [(3, 1), *((7, place) for place in range(7))]:
+        of, to = np.full(size, 1e308), np.zeros(size)
+        of[place] = strange
+        moves = np.array(moves_between(spots(to), spots(of)), dtype=np.int64)
+        assert not move_finite(moves, 0, 1, 0)
+        np.testing.assert_array_equal(to, of)
+        of[place] = -0.0
+        assert move_finite(moves, 0, 1, 0)
 
 
 class Own(NamedTuple):
