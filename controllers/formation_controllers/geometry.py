@@ -5,6 +5,8 @@ They serve every vehicle that states its `FormationGeometry`. A pose has the P e
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -353,11 +355,21 @@ def _formation_courses(
                 error = kinematics.posture_error(own, Direction(c["sin"][r], c["cos"][r]), leader)
                 c["range"][r], phi = kinematics.line_of_sight(error.e_1, error.e_2, vehicle.ahead)
                 c["bearing"][r] = phi - kinematics.steering_angle(own, vehicle)
+            turns, previous = 0, before
+            for r in range(count):
+                ahead = c["bearing"][r] - previous + math.pi
+                turns += not 0.0 <= ahead <= 6.28  # less than a turn
+                previous = c["bearing"][r]
+            if turns > 0:  # seldom, and one after the other
+                previous = before
+                for r in range(count):
+                    previous = c["bearing"][r] = kinematics.unwrapped(c["bearing"][r], previous)
+            before = previous
             for r in range(count):
                 k = first + r
-                before = kinematics.unwrapped(c["bearing"][r], before)
-                courses[0, i, k], courses[1, i, k] = c["range"][r], before
-                courses[2, i, k], courses[3, i, k] = c["range"][r] - desired[k, i, 0], before - desired[k, i, 1]
+                courses[0, i, k], courses[1, i, k] = c["range"][r], c["bearing"][r]
+                courses[2, i, k] = c["range"][r] - desired[k, i, 0]
+                courses[3, i, k] = c["bearing"][r] - desired[k, i, 1]
 
 
 @compiled

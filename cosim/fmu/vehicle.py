@@ -33,7 +33,7 @@ class Fmu(Package):
     binding: Binding
     brought_code: str
 
-    @property
+    @cached_property
     def about_interface(self) -> Interface:
         """The FMU's description of the interface that is used."""
         return interfaces(self.description)[self.interface]

@@ -9,8 +9,9 @@ from cosim.master.ticks import Ticks
 SHORTEST, LONGEST = 0.02, 0.2
 """A segment takes about so long [s]: long enough to be fast, short enough to answer Ctrl-C and to show progress."""
 
-MOST = 256
-"""Ticks of a segment at most: a plant may become slow within it."""
+MOST = 1024
+"""Ticks of a segment at most: a plant may become slow within it, and one that takes fifty times as long then makes it
+last a second."""
 
 
 class Segment:

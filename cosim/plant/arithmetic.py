@@ -7,8 +7,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_SIZE = 512
-"""Bytes, more than a ``fenv_t`` has anywhere."""
+_Environment = ctypes.c_char * 512
+"""More than a ``fenv_t`` has anywhere."""
 
 
 def _functions() -> tuple[Callable[..., int], Callable[..., int]] | None:
@@ -32,7 +32,7 @@ def kept_arithmetic() -> Iterator[None]:
         yield
         return
     get, put = _FUNCTIONS
-    environment = ctypes.create_string_buffer(_SIZE)
+    environment = _Environment()
     get(environment)
     try:
         yield

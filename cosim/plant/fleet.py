@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,8 @@ class Fleet:
                 self._local.start([member.spec for member in members], here)
             except NotStarted as error:
                 raise not_started(self.members, error.index, error.error) from None
-            wired = [self._local.rows, id(state), id(Log.pending), *((m.inputs, m.outputs, m.columns) for m in members)]
+            links = [(member.inputs, member.outputs, member.columns) for member in members]
+            wired = [self._local.rows, *map(_memory, (state, Log.pending)), *links]
             if wired != self._wired or len(here) < len(members):
                 self._wire(state)
                 self._wired = wired
@@ -345,6 +347,11 @@ class Fleet:
         if self._kept[index] > KEPT_MESSAGES:
             said = "more messages, which are not kept"
         self.messages.append(f"{robot}, t = {time:.6g} s: {said}")
+
+
+def _memory(array: NDArray[Any]) -> tuple[object, ...]:
+    """Return where an array is and how its numbers lie there."""
+    return array.ctypes.data, array.shape, array.strides
 
 
 @contextmanager

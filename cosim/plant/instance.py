@@ -47,6 +47,10 @@ _SETTERS = {
 }
 
 
+class _NotReset(Exception):
+    """An instance cannot be put at the start of another run."""
+
+
 class Instance:
     """An initialised instance at the start of its run; of Model Exchange, in Continuous-Time Mode.
 
@@ -80,7 +84,8 @@ class Instance:
         self.status = 0
         self._fmu: Any = None
         self._addresses: dict[str, int] = {}
-        self._started(self._instantiate)
+        self._initialised = False
+        self._started(self._begin)
         self.living.append(spec)
 
     def restart(self, spec: PlantSpec) -> bool:
@@ -105,35 +110,41 @@ class Instance:
         if self.status >= ERROR or (self._version == 1 and not self._co_simulation):
             return False
         self.log.take_data()
-        folder = os.getcwd()
         try:
-            with kept_arithmetic():
-                self._fmu.reset()
-                self._set_together(spec.values)
-        except Exception as error:  # FMPy's, or that of a value: a new instance says which one it refuses
-            self._note(error)
+            self._started(lambda: self._reset(spec))
+        except _NotReset:
             return False
-        finally:
-            os.chdir(folder)
-        self.living[:] = [spec if one is self.spec else one for one in self.living]
-        self.spec, self.status = spec, 0
-        self._started()
         return True
 
-    def _started(self, instantiate: Callable[[], None] | None = None) -> None:
-        """Start the instance, which has its values if it is not instantiated here; close it if that fails."""
+    def _reset(self, spec: PlantSpec) -> None:
+        """Reset the instance, and give it its values for another run."""
+        try:
+            self._fmu.reset()
+            self._set_together(spec.values)
+        except Exception as error:  # FMPy's, or that of a value: a new instance says which one it refuses
+            self._note(error)
+            raise _NotReset from None
+        self.living[:] = [spec if one is self.spec else one for one in self.living]
+        self.spec, self.status, self._initialised = spec, 0, False
+
+    def _begin(self) -> None:
+        """Make the instance, and give it its values for its first run."""
+        self._instantiate()
+        for value in self.spec.values:
+            self._set(value)
+
+    def _started(self, make_ready: Callable[[], None]) -> None:
+        """Make the instance ready to be initialised, and do that; close it if that fails."""
         self.next_event = float("inf")
-        self._initialised = False
         self._it = "it "  # the subject of messages until the plant is started
         folder = os.getcwd()
         try:
             with kept_arithmetic():
-                if instantiate is not None:
-                    instantiate()
-                    for value in self.spec.values:
-                        self._set(value)
+                make_ready()
                 self._initialise()
             self._it = ""
+        except _NotReset:
+            raise
         except BaseException as error:
             self._note(error)
             said = self._reason(str(error))
