@@ -29,5 +29,5 @@ class Segment:
         if taken < SHORTEST:
             self.ticks = min(2 * self.ticks, MOST)
         elif taken > LONGEST:
-            self.ticks = max(self.ticks // 2, 1)
+            self.ticks = max(int(self.ticks * SHORTEST / taken), 1)
         return True
