@@ -192,6 +192,8 @@ def test_a_study_may_end_early_with_the_same_run_on_any_number_of_workers(tmp_pa
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
     assert here(tmp_path, UNIFORM + SEEDS, many, text).rows == outcome.rows
+    look = here(tmp_path, UNIFORM + SEEDS, many, text, runs=12)
+    assert (look.verdicts, look.made) == (outcome.verdicts, 0), "a first look that is long enough has its verdict"
 
 
 # The command ------------------------------------------------------------------------------------------------
