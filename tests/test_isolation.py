@@ -595,6 +595,23 @@ def test_ctrl_c_while_plants_start(harness: Callable[..., Harness], tmp_path: Pa
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes that Linux shows")
+def test_ctrl_c_in_the_moment_in_which_a_process_starts(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupted(subprocess.Popen[bytes]):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            signal.raise_signal(signal.SIGINT)
+
+    path = scenario(tmp_path / "case.xml", f'<plant id="car" fmu="{make(fmi="2.0")}" isolate="process"/>')
+    before = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
+    monkeypatch.setattr(subprocess, "Popen", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        cosim.Simulation(cosim.read_scenario(path))
+    assert Path(f"/proc/self/task/{os.getpid()}/children").read_text() == before
+
+
 def test_ctrl_c_twice_in_a_step_that_does_not_end(harness: Callable[..., Harness], tmp_path: Path) -> None:
     one = harness(behaviour="hang")
     one.wait_for(lambda: len(one.workers()) == 1 and (tmp_path / "bad").is_dir())

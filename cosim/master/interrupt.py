@@ -8,8 +8,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals by which a user, or the end of a terminal or of a machine, stops a command."""
+from cosim.undisturbed import SIGNALS as SIGNALS
 
 
 class HeldSignals:

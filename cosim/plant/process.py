@@ -31,6 +31,7 @@ from cosim.plant.printed import Printed
 from cosim.plant.protocol import HEADER, MOST, Reply, Request, send
 from cosim.plant.spec import PlantSpec, Value
 from cosim.shared_memory import MappedMemory
+from cosim.undisturbed import undisturbed
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
 """Options of the interpreter."""
@@ -94,9 +95,17 @@ class PlantProcess:
         try:
             self._printed = Printed(specs[0].file)
             variables = environment(self._mark, plain=_plain(specs, often))
-            self._process = self._printed.of(lambda pipe: launch(WORKER, variables, memory.descriptors, errors=pipe))
+            with undisturbed():  # a process that nobody knows would be left
+                self._process = self._printed.of(
+                    lambda pipe: launch(WORKER, variables, memory.descriptors, errors=pipe)
+                )
         except OSError as error:
             raise NotStarted(0, PlantError(f"its process cannot be started: {error.strerror}")) from None
+        except KeyboardInterrupt:
+            if hasattr(self, "_process"):
+                kill(self._process, self._mark)
+                self._printed.close()
+            raise
         finally:
             memory.is_inherited()
         try:
