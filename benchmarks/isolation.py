@@ -13,6 +13,7 @@ The scenario is scenarios/clmr_line.xml with as many followers, its model as an 
 The result has to be the same in each way, to the bit. Printed are the time by the clock and the CPU time of all
 processes together, each per tick and as a multiple of the run in the harness, and how often a process has waited. A
 ratio is that of the fastest rounds, and in brackets the median of the ratios of all rounds: the machine may be busy.
+Few ticks are stepped from Python in a process of its own: compiled code takes longer to load than it saves.
 """
 
 import argparse

@@ -515,6 +515,11 @@ class Harness:
     def workers(self) -> list[str]:
         return workers(self.process.pid)
 
+    def waits(self) -> int:
+        """Return how often its plants' process has waited, as it does for each step, and hardly before."""
+        status = Path("/proc", self.workers()[0].split()[0], "status").read_text()
+        return int(status.partition("\nvoluntary_ctxt_switches:")[2].split()[0])
+
     def gone(self) -> bool:
         """Return whether its plants' processes go within a few seconds."""
         deadline = time.monotonic() + 10.0
@@ -552,7 +557,7 @@ def slow(harness: Callable[..., Harness], tmp_path: Path) -> Harness:
     """Return a harness in the midst of a run that takes long."""
     one = harness(behaviour="slow", seconds=0.01, when=0.0)
     one.wait_for(lambda: len(one.workers()) == 1 and (tmp_path / "bad").is_dir())
-    time.sleep(0.5)
+    one.wait_for(lambda: one.waits() > 100)
     return one
 
 
