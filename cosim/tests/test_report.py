@@ -45,7 +45,8 @@ def judged(short_line: Scenario) -> Result:
     wanted = (
         '<expect><settled by="0.5 s" range="10 m" bearing="200 deg"/><peak signal="torque" component="tau_drive" '
         'below="1 N.m" robots="follower_2"/><rms signal="bearing_error" below="200 deg" from="0.2 s"/>'
-        '<least signal="range" above="1 m"/><distance above="0.1 m"/><final signal="range_error" below="9 m"/>'
+        '<least signal="range" above="1 m"/><peak signal="pose" component="x" minus="measured_pose" '
+        'below="1 m" robots="follower_4"/><distance above="0.1 m"/><final signal="range_error" below="9 m"/>'
         "<regular/></expect>"
     )
     shortened = re.sub(r'horizon="100 s"', 'horizon="1 s"', re.sub(r"(?s)<expect>.*</expect>", wanted, text))
@@ -135,6 +136,7 @@ def test_the_bands_are_those_of_the_expectations(judged: Result) -> None:
     assert (bands["least", "range"]["lower"], bands["least", "range"]["upper"]) == (1, None)
     assert (bands["rms", "bearing_error"]["lower"], bands["rms", "bearing_error"]["start"]) == (None, 0.2)
     assert bands["regular", "drive_gain"]["inside"] is False
+    assert (bands["peak", "pose"]["upper"], bands["peak", "measured_pose"]["upper"]) == (None, None)
 
 
 def test_events_are_on_the_time_line(scenarios: Path) -> None:

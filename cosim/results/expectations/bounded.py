@@ -74,7 +74,7 @@ class Bounded(Kind):
         """Return its signal, with the bound if single values are held against it."""
         lower, upper = self.limits(units.convert(self.bound, self.unit, self.measure.unit(self.subject.unit(result))))
         start = self.written.start if self.lasts else self.written.stop
-        return (Band(self.subject.signal, self.subject.component, start, self.written.stop, lower, upper),)
+        return self.subject.bands(start, self.written.stop, lower, upper)
 
     def limits(self, bound: float) -> tuple[float, float]:
         """Return the limits of single values for a bound in the signal's unit; infinite if none is held against it."""

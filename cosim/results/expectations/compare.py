@@ -94,7 +94,7 @@ class Compare(Kind):
 
     def bands(self, result: Result) -> tuple[Band, ...]:
         """Return its signal."""
-        return (Band(self.subject.signal, self.subject.component, self.written.start, self.written.stop),)
+        return self.subject.bands(self.written.start, self.written.stop)
 
     def _without(self, figure: float, unit: str, why: str) -> Verdict:
         """Return the verdict of a comparison that could not be made; it does not count as the known failure."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Self, TypeAlias
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from cosim.errors import nearest
 from cosim.results.expectations.kind import Kind
 from cosim.results.expectations.recorded import Recorded, units_by_component
+from cosim.results.expectations.shown import Band
 from cosim.results.passes import missing
 from cosim.results.result import Result, Variable, by_robot
 from cosim.scenario.scenario import LEADER, Expectation
@@ -70,6 +72,12 @@ class Subject:
     def signals(self) -> Collection[str]:
         """The names of the signals that it is computed from."""
         return {self.signal} | ({self.minus.signal} if self.minus else set())
+
+    def bands(self, start: float, stop: float, lower: float = -math.inf, upper: float = math.inf) -> tuple[Band, ...]:
+        """Return it with its limits over a window; of a difference both signals, which have none by themselves."""
+        if self.minus is None:
+            return (Band(self.signal, self.component, start, stop, lower, upper),)
+        return tuple(Band(one.signal, one.component, start, stop) for one in (self, self.minus))
 
     def check(self, kind: Kind, known: Mapping[str, Recorded]) -> str:
         """Check that an expectation can be about it; return its unit."""
