@@ -140,7 +140,12 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
 
 
 def formation_courses(
-    pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Vehicle, before: Floats | None = None
+    pose: Floats,
+    leader_pose: Floats,
+    desired: Floats,
+    vehicle: Vehicle,
+    before: Floats | None = None,
+    out: Floats | None = None,
 ) -> Floats:
     """Range, bearing and their errors of followers over time: `range_bearing`, unwrapped, less the desired place.
 
@@ -157,6 +162,8 @@ def formation_courses(
     before
         Bearings (N,) at the sample before, for a later part of a course; without them the first bearings take the turns
         nearest to the desired ones.
+    out
+        Gets the courses, as NumPy's functions take it; without it, a new array.
 
     Returns
     -------
@@ -178,7 +185,7 @@ def formation_courses(
     ):
         shapes = ", ".join(str(array.shape) for array in (pose, leader_pose, desired))
         raise ControllerError(f"poses, the leader's and desired places have shapes {shapes}, which do not fit")
-    courses = np.empty((4, pose.shape[1], samples))
+    courses = np.empty((4, pose.shape[1], samples)) if out is None else out
     if samples:
         last = np.array(desired[0, :, 1] if before is None else before, dtype=float)
         _formation_courses(pose, leader_pose, desired, last, geometry, columns(_COURSE)[0], courses)

@@ -16,7 +16,7 @@ from cosim.master.who_is_who import texts
 from cosim.results.expectations.recorded import DERIVED, units_by_component
 from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
-from cosim.storage import blocks
+from cosim.storage import blocks, is_constant
 
 Floats = NDArray[np.float64]
 
@@ -50,18 +50,20 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
         for name, variable in recorder.variables.items()
         if recorder.wants(name)
     }
-    courses = _courses(arrays, samples, setup, teams) if computed else {}
+    courses = _courses(arrays, recorder, setup, teams) if computed else {}
     for name in computed:
         units, long_name = DERIVED[name]
         variables[name] = Variable(("time", "robot"), courses[name], {"units": units, "long_name": long_name})
     return Result(variables, coordinates, {})
 
 
-def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Sequence[Team]) -> dict[str, Floats]:
+def _courses(
+    arrays: Mapping[str, Floats], recorder: Recorder, setup: Setup, teams: Sequence[Team]
+) -> dict[str, Floats]:
     """Return the variables that are computed from recorded ones."""
-    desired = setup.desired.q[:samples]
-    found = setup.storage.empty((len(DERIVED), desired.shape[1], samples))
-    for block in blocks(samples, desired.shape[1]):
+    desired = setup.desired.q[: recorder.recorded]
+    found = recorder.room_for((len(DERIVED), desired.shape[1]))
+    for block in blocks(len(desired), desired.shape[1]):
         before = found[1, :, block.start - 1] if block.start else None
         for team in teams:
             if formation_of(team.vehicle) is None:
@@ -70,13 +72,19 @@ def _courses(arrays: Mapping[str, Floats], samples: int, setup: Setup, teams: Se
                 own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][block, team.place]
                 if own != tuple(range(pose.shape[-1])):
                     pose = pose[..., own]
-                found[:, team.place, block] = formation_courses(
+                wanted = desired[block, team.place]
+                room = found[:, team.place, block]  # itself, if it is one piece
+                in_place = isinstance(team.place, slice) and room.flags.c_contiguous
+                courses = formation_courses(
                     pose,
                     arrays["leader_pose"][block],
-                    np.ascontiguousarray(desired[block, team.place]),
+                    wanted if is_constant(wanted) else np.ascontiguousarray(wanted),
                     team.vehicle,
                     None if before is None else before[team.place],
+                    room if in_place else None,
                 )
+                if not in_place:
+                    found[:, team.place, block] = courses
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
 
 

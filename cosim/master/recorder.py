@@ -49,6 +49,7 @@ class Recorder:
         self.recorded = 0
         self._samples = samples
         self._allocate = allocate
+        self._lent = memory is not None
         self._memory: list[NDArray[Any]] = [] if memory is None else memory
         self._used = 0
         self._arrays: dict[str, NDArray[np.float64]] = {}
@@ -75,6 +76,13 @@ class Recorder:
     def place_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a place (samples, ...) for the values that an array has at the ticks."""
         return self._place(values.shape, values.dtype)
+
+    def room_for(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
+        """Return an array (..., recorded samples) for what is computed of the records, to write into."""
+        if not self._lent:
+            return self._allocate((*shape, self.recorded), np.dtype(np.float64))
+        room: NDArray[np.float64] = self._place(shape, np.dtype(np.float64)).reshape(-1)
+        return room[: math.prod(shape) * self.recorded].reshape(*shape, self.recorded)
 
     def records_of(
         self, rows: NDArray[np.int_], dtype: np.dtype[np.void]

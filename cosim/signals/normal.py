@@ -50,13 +50,13 @@ class NormalStreams:
         else:
             self._plain = [random_stream(seed, *name) for name in self._names]
 
-    def multiply(self, out: Floats, columns: NDArray[np.int64]) -> None:
-        """Multiply columns (ticks, columns) by the next numbers of a stream each."""
+    def draw(self, deviations: Floats, out: Floats, columns: NDArray[np.int64]) -> None:
+        """Write the next numbers of each stream, times its standard deviation, into its column (ticks, ...)."""
         if ZIGGURAT is not None:
-            multiply_all(out, columns, self._states)
+            draw_all(deviations, out, columns, self._states)
             return
-        for column, stream in zip(columns, self._plain, strict=True):
-            out[:, column] *= stream.standard_normal(len(out))
+        for deviation, column, stream in zip(deviations, columns, self._plain, strict=True):
+            out[:, column] = deviation * stream.standard_normal(len(out))
 
 
 # Seeds: NumPy's SeedSequence ---------------------------------------------------------------------------------------
@@ -179,8 +179,8 @@ if ZIGGURAT is not None:
 
 
 @compiled
-def multiply_all(out: Floats, columns: NDArray[np.int64], states: Words) -> None:
-    """Multiply columns (ticks, columns) by the next numbers of a stream each."""
+def draw_all(deviations: Floats, out: Floats, columns: NDArray[np.int64], states: Words) -> None:
+    """Write the next numbers of each stream, times its standard deviation, into its column (ticks, ...)."""
     for tick in range(len(out)):
         for stream in range(len(columns)):
             bits = _next(states, stream)
@@ -188,7 +188,7 @@ def multiply_all(out: Floats, columns: NDArray[np.int64], states: Words) -> None
             number = place * _SIGNED[bits & _SIGNED_LAYER]
             if place >= _INSIDE[bits & _LAYER]:  # one in a hundred
                 number = _beyond(states, stream, bits, number)
-            out[tick, columns[stream]] *= number
+            out[tick, columns[stream]] = deviations[stream] * number
 
 
 @compiled

@@ -153,14 +153,14 @@ def test_normal_numbers_are_those_of_numpy(seed: int, compiled: bool, monkeypatc
     names = [("a", channel) for channel in CHANNELS]
     streams = normal.NormalStreams(names)
     streams.begin(seed)
-    drawn = np.full((40_000, 6), 3.0)
+    drawn = np.zeros((40_000, 6))
     for block in (slice(0, 1), slice(1, 1024), slice(1024, None)):
-        streams.multiply(drawn[block], np.array([5, 0, 1, 3]))
-    for column, name in zip((5, 0, 1, 3), names, strict=True):
+        streams.draw(np.array([1.0, 2.0, 3.0, 0.1]), drawn[block], np.array([5, 0, 1, 3]))
+    for column, deviation, name in zip((5, 0, 1, 3), (1.0, 2.0, 3.0, 0.1), names, strict=True):
         expected = random_stream(seed, *name).standard_normal(len(drawn))
-        assert np.array_equal(drawn[:, column], 3.0 * expected)
+        assert np.array_equal(drawn[:, column], deviation * expected)
         assert np.abs(expected).max() > 3.66, "numbers beyond the last layer of the ziggurat are among them"
-    assert (drawn[:, [2, 4]] == 3.0).all()
+    assert (drawn[:, [2, 4]] == 0.0).all()
 
 
 def test_sensors_that_are_restarted_are_as_good_as_new() -> None:

@@ -37,6 +37,6 @@ class Noise(OfEntries):
         self._streams.begin(rows.seed)
 
     def amounts(self, first: int, out: Floats) -> None:
-        """Write random numbers with the standard deviations."""
-        self._deviation.fill(first, out)
-        self._streams.multiply(out.reshape(len(out), -1), self._columns)
+        """Write random numbers with the standard deviations; channels without noise stay at zero."""
+        for ticks, deviation in self._deviation.pieces(first, len(out)):
+            self._streams.draw(deviation.ravel()[self._columns], out[ticks].reshape(-1, deviation.size), self._columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -56,10 +56,18 @@ class Schedule:
 
     def fill(self, first: int, out: Floats) -> None:
         """Write the amounts (ticks, robots, channels) from a tick on."""
+        for ticks, amount in self.pieces(first, len(out)):
+            out[ticks] = amount
+
+    def pieces(self, first: int, count: int) -> Iterator[tuple[slice, Floats]]:
+        """Yield the amounts (robots, channels) in so many ticks from one on, with the part of these that has them."""
         piece = bisect_right(self._switches, first) - 1
-        last = bisect_left(self._switches, first + len(out))
-        for start, amount in zip(self._switches[piece:last], self._amounts[piece:last], strict=True):
-            out[max(start - first, 0) :] = amount
+        last = bisect_left(self._switches, first + count)
+        ends = [*(switch - first for switch in self._switches[piece + 1 : last]), count]
+        begin = 0
+        for end, amount in zip(ends, self._amounts[piece:last], strict=True):
+            yield slice(begin, end), amount
+            begin = end
 
     @property
     def first(self) -> Floats:
