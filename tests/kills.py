@@ -126,7 +126,8 @@ class Bench:
         if self.cluster is not None and self.cluster.scheduler.poll() is not None:
             self.end_cluster()
         if self.cluster is None:
-            self.cluster = Cluster(self.folder / "dask", **{MARK: CLUSTER_MARK})
+            place = self.folder / "dask"  # its processes keep what they have prepared
+            self.cluster = Cluster(place, **{MARK: CLUSTER_MARK, "TMPDIR": str(place)})
         self.cluster.workers = [worker for worker in self.cluster.workers if worker.poll() is None]
         while len(self.cluster.workers) < 2:
             self.cluster.add_worker()
