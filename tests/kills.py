@@ -17,13 +17,14 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import h5py
 from lxml import etree
 
+from cosim import process_tree
 from cosim.cli import entry
 from cosim.cli.earlier_results import BEFORE
 from cosim.tests.driving import scenario
@@ -198,8 +199,8 @@ def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterato
         bench.start_cluster()
     pid, mark = bench.start(kind)
     time.sleep(rng.uniform(0.0, 1.1 * seconds))
-    others = [other for other in living(mark) if other != pid]
-    others += living(CLUSTER_MARK) if kind == "cluster" else []
+    started = sorted({*living(mark), *process_tree._descendants(pid)} - {pid})  # what is forked shows no mark
+    others = [*started, *(living(CLUSTER_MARK) if kind == "cluster" else [])]
     victim = rng.choice(others) if others and rng.random() < 0.5 else pid
     with suppress(ProcessLookupError):
         os.kill(victim, signal.SIGKILL)
@@ -209,7 +210,7 @@ def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterato
     if status not in STATUSES:
         yield f"it ends with status {status}"
     deadline = time.monotonic() + LAST_MOMENT
-    while (left := living(mark)) and time.monotonic() < deadline:
+    while (left := living(mark, started)) and time.monotonic() < deadline:
         time.sleep(0.02)
     if left:
         yield f"the processes {left} are left"
@@ -219,9 +220,9 @@ def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterato
     yield from bench.findings()
 
 
-def living(mark: str) -> list[int]:
-    """Return the processes that have a mark in their environment, or that such a process has started."""
-    found = []
+def living(mark: str, others: Sequence[int] = ()) -> list[int]:
+    """Return the processes that have a mark in their environment as they were started, and others that live."""
+    found = [process for process in others if process_tree._state(process) not in ("Z", "")]
     sought = f"{MARK}={mark}".encode()
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
