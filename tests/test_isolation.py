@@ -402,6 +402,7 @@ def test_a_change_of_the_directory_in_a_step(
         "result.nc",
         "summary.json",
         "figure.png",
+        "report.html",
         "all.xml",
     }
     monkeypatch.undo()

@@ -45,6 +45,8 @@ def test_who_holds_the_pipe_is_not_waited_for() -> None:
     printed = Printed("car.fmu")
     pipe = printed.of(os.dup)
     printed.close()  # returns
+    with pytest.raises(BrokenPipeError):
+        os.write(pipe, b"late\n")
     os.close(pipe)
 
 

@@ -23,7 +23,7 @@ from cosim.results.follower_figures import FollowerFigures
 from cosim.results.summary import Summary
 from cosim.scenario.edits import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 
-FILES = ["figure.png", "result.nc", "summary.json"]
+FILES = ["figure.png", "report.html", "result.nc", "summary.json"]
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def test_a_run_that_does_not_begin_leaves_no_verdict_of_an_earlier_one(
             assert main(arguments) == 2
             assert {path.name: path.read_bytes() for path in folder.iterdir()} == {"result.before.nc": earlier}
     assert main(arguments) == 1
-    assert {path.name for path in folder.iterdir()} == {"result.nc", "summary.json"}
+    assert {path.name for path in folder.iterdir()} == {"report.html", "result.nc", "summary.json"}
 
 
 def test_nothing_is_said_to_be_changed_where_nothing_is(line: str, tmp_path: Path, capsys) -> None:

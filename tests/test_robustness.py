@@ -52,7 +52,11 @@ def test_the_result_does_not_depend_on_who_reads_what_is_printed(line: str, tmp_
     done = subprocess.run(["bash", "-c", command], capture_output=True, timeout=300, check=False)
     assert b"Traceback" not in done.stderr
     assert done.returncode == 1, "the expectations fail after 1 s"
-    assert sorted(path.name for path in (tmp_path / "clmr_line").iterdir()) == ["result.nc", "summary.json"]
+    assert sorted(path.name for path in (tmp_path / "clmr_line").iterdir()) == [
+        "report.html",
+        "result.nc",
+        "summary.json",
+    ]
 
 
 def test_a_title_in_any_letters_can_be_drawn(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

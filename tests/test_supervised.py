@@ -289,3 +289,13 @@ def test_the_process_begins_while_no_other_thread_compiles(
     thread.join()
     assert forked_while_free == [True]
     assert result.sizes["time"] == 31
+
+
+def test_messages_of_fmi_1_are_told_beside_another_run_with_the_same_names(make: Make, tmp_path: Path) -> None:
+    """FMI 1.0 tells instances apart by their names; those of the supervising process have the same ones."""
+    fmu = make(behaviour="log_odd", fmi="1.0", when=0.1, name="talks")
+    here = write(tmp_path / "here.xml", fmu, 'isolate="no"', "0.2 s")
+    with cosim.Simulation(cosim.read_scenario(here)) as simulation:
+        simulation.step()
+        result = cosim.run(write(tmp_path / "there.xml", fmu, "", "0.2 s"))
+    assert any("100 % sure" in message for message in json.loads(result.attrs["plant_messages"]))

@@ -32,6 +32,7 @@ from cosim.master.setup import Setup
 from cosim.master.simulation import Simulation
 from cosim.plant.activity import Activity
 from cosim.plant.fleet import Fleet
+from cosim.plant.log import Log
 from cosim.plant.printed import LOG, line_by_line
 from cosim.plant.protocol import HEADER, exactly, send
 from cosim.scenario.scenario import Scenario
@@ -77,6 +78,7 @@ def child(
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
+    Log.begin_anew()  # FMI 1.0 tells instances apart by their names, which those of the supervising process have, too
     orders, tells, printed = _out_of_reach(orders, tells, printed)
     _print_to(printed)
     tell = partial(_tell, tells)

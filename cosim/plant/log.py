@@ -108,6 +108,11 @@ class Log:
         self._pending = 0
         return self._taken.take()
 
+    @classmethod
+    def begin_anew(cls) -> None:
+        """Forget all instances: those of the process that this one was forked from."""
+        cls._open.clear()
+
     def close(self) -> None:
         """Forget the instance."""
         self.take_data()

@@ -276,7 +276,7 @@ BAD = {
         ANGLES,
         'method="saltelli" runs="9000000000"',
         "5,368,709,120 draws, which is more than 1,000,000 runs, the most of a study: at 0.1 s a run, they would take "
-        "a processor 17.0 years",
+        "a processor 17 years",
     ),
 }
 
