@@ -31,7 +31,8 @@ def written(folder: Path, name: str, below: str, fmi: str = "2.0", more: str = "
 
 
 def python(folder: Path, *arguments: str) -> tuple[int, str, str]:
-    environment = {**os.environ, "TMPDIR": str(folder)}
+    # As commands have it: SciPy, which xarray imports if Dask is there, would start threads while a library is loaded.
+    environment = {**os.environ, "TMPDIR": str(folder), "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
     )
