@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -19,6 +18,7 @@ from cosim.results.drawable_part import drawable
 from cosim.results.expectations import Kind, understood
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
+from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
 from cosim.results.result import Result, Variable
 from cosim.results.summary import Summary, summary_of
@@ -86,7 +86,7 @@ def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, st
         "provenance": _provenance(result, summary),
         "scenario": result.attrs["scenario"],
     }
-    return _plain(content), columns.packed()
+    return without_nan(content), columns.packed()
 
 
 def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
@@ -214,12 +214,12 @@ def _components(result: Result, signal: Variable) -> list[str]:
 def _verdicts(summary: Summary, expectations: tuple[Expectation, ...], result: Result) -> list[Json]:
     """Return the verdicts, each with the time and the signals at which a reader sees why."""
     kinds = [understood(written) for written in expectations] if summary.verdicts else []
-    moments = {kind.text: kind.moments(result) for kind in kinds}
+    moments = {(kind.text, robot): time for kind in kinds for robot, time in kind.moments(result).items()}
     signals = {kind.text: [[band.signal, band.component] for band in _of(kind, result)] for kind in kinds}
     return [
         {
             **{name: value for name, value in asdict(verdict).items() if name != "where"},
-            "moment": moments.get(verdict.expectation, {}).get(verdict.robot),
+            "moment": moments.get((verdict.expectation, verdict.robot)),
             "signals": signals.get(verdict.expectation, []),
         }
         for verdict in summary.verdicts
@@ -284,12 +284,3 @@ def _loaded(result: Result, name: str) -> Any:
         return json.loads(result.attrs.get(name, "null"))
     except ValueError:
         return None
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with None for what is no finite number."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple | Iterator):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

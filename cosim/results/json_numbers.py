@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 
-def without_nan(value: object) -> object:
+def without_nan(value: Any) -> Any:
     """Return a value with None for every number that JSON does not know: NaN and the infinite ones."""
     if isinstance(value, dict):
         return {key: without_nan(entry) for key, entry in value.items()}

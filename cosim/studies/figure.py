@@ -6,7 +6,6 @@ is spread, and beside it a curve over a single value, a map over a grid of two, 
 
 from __future__ import annotations
 
-import io
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +21,7 @@ from cosim.errors import printable
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.figure_sensitivity import changes_of, draw_sensitivity, draw_tornado
 from cosim.studies.figure_spread import draw_spread
-from cosim.studies.figure_style import COLOURS, HEIGHT, MOST_WORDS, WIDTH, font
+from cosim.studies.figure_style import COLOURS, HEIGHT, MOST_WORDS, WIDTH, font, png
 from cosim.studies.figure_values import draw_bounds, draw_curves, draw_map, draw_runs
 from cosim.studies.row import Row
 from cosim.studies.study import Measured, Vary
@@ -37,10 +36,7 @@ _MOST_MEASURES, _MOST_VALUES = 6, 3
 
 def picture(outcome: StudyOutcome) -> bytes:
     """Return the picture as PNG; see `draw`."""
-    buffer = io.BytesIO()
-    with font():
-        draw(outcome).savefig(buffer, format="png", dpi=130, pil_kwargs={"compress_level": 1})
-    return buffer.getvalue()
+    return png(draw(outcome))
 
 
 def draw(outcome: StudyOutcome) -> Figure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import textwrap
 from collections.abc import Sequence
 from itertools import pairwise
@@ -18,7 +17,7 @@ from cosim.errors import printable
 from cosim.scenario.scenario import LEADER
 from cosim.studies.bundles import Bundle
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import COLOURS, font
+from cosim.studies.figure_style import COLOURS, font, png
 
 WITHIN = 0.9
 """The share of the runs that is in the inner band."""
@@ -35,10 +34,7 @@ _WIDTH, _PATHS, _OVER_TIME, _TITLE = 9.0, 4.6, 2.3, 0.7
 
 def picture(outcome: StudyOutcome) -> bytes:
     """Return the picture as PNG; see `draw`."""
-    buffer = io.BytesIO()
-    with font():
-        draw(outcome).savefig(buffer, format="png", dpi=130, pil_kwargs={"compress_level": 1})
-    return buffer.getvalue()
+    return png(draw(outcome))
 
 
 def draw(outcome: StudyOutcome) -> Figure:

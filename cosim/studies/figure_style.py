@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -30,6 +32,14 @@ MOST_WORDS = 12
 def font() -> AbstractContextManager[None]:
     """Return the context in which figures are made and saved."""
     return rc_context({"font.size": 9.0})
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG."""
+    buffer = io.BytesIO()
+    with font():
+        figure.savefig(buffer, format="png", dpi=130, pil_kwargs={"compress_level": 1})
+    return buffer.getvalue()
 
 
 def label(name: str, unit: str) -> str:
