@@ -16,9 +16,10 @@ from rich.table import Table
 from cosim.cli.console import out, safe, table, warn
 from cosim.cli.named_scenarios import pairs
 from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
-from cosim.compare.figure import SHOWN, save_comparison_figure
+from cosim.compare.figure import save_comparison_figure
 from cosim.errors import InputError, nearest
 from cosim.quantity import quantity
+from cosim.results.display_units import displayed
 from cosim.results.files import writable_folder, write
 from cosim.vehicle.kinds import kinds
 
@@ -147,7 +148,7 @@ def _differences(console: Console, comparison: PlantComparison) -> Table:
         left = heading in ("role", "unit")
         differences.add_column(heading, justify="left" if left else "right", no_wrap=True, overflow="fold")
     for found in comparison.roles:
-        unit, factor = SHOWN.get(found.role.unit, (found.role.unit, 1.0))
+        unit, factor = displayed(found.role.unit)
         figures = (found.largest, found.rms, found.span, found.tolerance)
         largest, rms, span, tolerance = (f"{figure * factor:.3g}" for figure in figures)
         beyond = "never" if found.first_beyond is None else f"{found.first_beyond:g}"
@@ -158,5 +159,5 @@ def _differences(console: Console, comparison: PlantComparison) -> Table:
 
 
 def _shown(value: float, unit: str) -> str:
-    unit, factor = SHOWN.get(unit, (unit, 1.0))
+    unit, factor = displayed(unit)
     return f"{value * factor:.6g} {unit}"

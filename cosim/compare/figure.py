@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from pathlib import Path
 from typing import TypedDict
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from cosim.compare.comparison import PlantComparison, RoleDifference
 from cosim.errors import printable
+from cosim.results.display_units import displayed
 from cosim.results.files import write
 
 
@@ -33,9 +33,6 @@ _STYLES: tuple[_Style, ...] = (
 )
 """The second plant is drawn over the first, which is seen through its gaps."""
 _DIFFERENCE = "tab:red"
-
-SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}
-"""Display units: internal unit -> (unit shown, factor)."""
 
 
 def save_comparison_figure(comparison: PlantComparison, path: Path) -> None:
@@ -118,7 +115,7 @@ def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantCompariso
 
 
 def _draw_role(axes: Axes, comparison: PlantComparison, found: RoleDifference) -> None:
-    unit, factor = SHOWN.get(found.role.unit, (found.role.unit, 1.0))
+    unit, factor = displayed(found.role.unit)
     for states, style in zip(comparison.states, _STYLES, strict=True):
         axes.plot(comparison.time, factor * states[:, _column(comparison, found)], **style)
     axes.set_ylabel(f"{found.role.name} [{unit}]")
@@ -126,7 +123,7 @@ def _draw_role(axes: Axes, comparison: PlantComparison, found: RoleDifference) -
 
 
 def _draw_difference(axes: Axes, comparison: PlantComparison, found: RoleDifference) -> None:
-    unit, factor = SHOWN.get(found.role.unit, (found.role.unit, 1.0))
+    unit, factor = displayed(found.role.unit)
     course: NDArray[np.float64] = factor * comparison.difference[:, _column(comparison, found)]
     axes.plot(comparison.time, course, color=_DIFFERENCE, linewidth=1.2)
     at = round(found.at / comparison.step)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -34,7 +35,7 @@ MOST_POSES = 1_500_000
 _ERRORS = ("range_error", "bearing_error", "range")
 
 
-def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, str]:
+def content_of(result: Result, summary: Summary | None = None, *, share: int = 1) -> Json:
     """Return what a page shows of a run.
 
     Parameters
@@ -43,13 +44,13 @@ def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, st
         Its result, of this version or an earlier one, complete or not.
     summary
         Its summary; without it, it is read from the result.
+    share
+        How many runs share the room of a page.
 
     Returns
     -------
-    content : dict
-        Plain data, without NaN.
-    numbers : str
-        The columns that it refers to, packed (`Columns.packed`).
+    dict
+        Plain data, without NaN; under ``numbers`` the columns that it refers to, packed (`Columns.packed`).
 
     Raises
     ------
@@ -62,6 +63,8 @@ def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, st
         raise InputError("the result holds no sample, so there is nothing to show")
     shown, columns = drawable(result), Columns()
     expectations, events = _read(result)
+    kinds = [understood(expectation) for expectation in expectations]
+    bands = [_bands(kind, result) for kind in kinds]
     content = {
         "name": summary.scenario,
         "title": summary.title,
@@ -73,10 +76,14 @@ def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, st
         "samples": samples,
         "end": summary.end_time,
         "vehicles": _vehicles(result),
-        "motion": _motion(shown, columns),
-        "signals": _signals(shown, columns),
-        "verdicts": _verdicts(summary, expectations, result),
-        "bands": _bands(expectations, result),
+        "motion": _motion(shown, columns, MOST_POSES // share),
+        "signals": _signals(shown, columns, MOST_NUMBERS // share),
+        "verdicts": _verdicts(summary, kinds, bands, result),
+        "bands": [
+            {**asdict(band), "robots": list(kind.written.robots), "text": kind.text}
+            for kind, own in zip(kinds, bands, strict=True)
+            for band in own
+        ],
         "events": [{"time": event.time, "robot": event.robot, "text": in_words.event(event)} for event in events],
         "messages": [asdict(message) for message in summary.messages],
         "messages_left_out": summary.messages_left_out,
@@ -86,7 +93,7 @@ def content_of(result: Result, summary: Summary | None = None) -> tuple[Json, st
         "provenance": _provenance(result, summary),
         "scenario": result.attrs["scenario"],
     }
-    return without_nan(content), columns.packed()
+    return {**without_nan(content), "numbers": columns.packed()}
 
 
 def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
@@ -143,12 +150,12 @@ def _geometry(result: Result, kind: str, field: str, row: int) -> Any:
     return str(value) if isinstance(value, str) else float(value)
 
 
-def _motion(result: Result, columns: Columns) -> Json:
+def _motion(result: Result, columns: Columns, most: int) -> Json:
     """Return poses and errors of place at evenly spaced samples, the last one among them."""
     samples, robots = result.sizes["time"], range(len(result.robots))
     entries = result.sizes["pose_component"]
     width = (1 + len(robots)) * entries + len(robots) * len(_ERRORS)
-    every = max(1, math.ceil(samples * width / MOST_POSES))
+    every = max(1, math.ceil(samples * width / most))
     chosen = np.unique(np.append(np.arange(0, samples, every), samples - 1))
     leader, poses = result["leader_pose"].values[chosen], result["pose"].values[chosen]
     errors = [result[name].values[chosen] for name in _ERRORS if name in result]
@@ -165,11 +172,11 @@ def _motion(result: Result, columns: Columns) -> Json:
 # Signals ----------------------------------------------------------------------------------------------------
 
 
-def _signals(result: Result, columns: Columns) -> Json:
+def _signals(result: Result, columns: Columns, most: int) -> Json:
     """Return all signals over time; of many samples the extremes of each bucket of them."""
     signals = {name: signal for name, signal in result.data_vars.items() if signal.dims[:1] == ("time",)}
     width = sum(math.prod(signal.values.shape[1:]) for signal in signals.values())
-    size = samples_in_bucket(result.sizes["time"], width, MOST_NUMBERS)
+    size = samples_in_bucket(result.sizes["time"], width, most)
     return {
         "bucket": size,
         "list": [_signal(result, name, signal, size, columns) for name, signal in signals.items()],
@@ -211,11 +218,13 @@ def _components(result: Result, signal: Variable) -> list[str]:
 # Verdicts ---------------------------------------------------------------------------------------------------
 
 
-def _verdicts(summary: Summary, expectations: tuple[Expectation, ...], result: Result) -> list[Json]:
+def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[Band]], result: Result) -> list[Json]:
     """Return the verdicts, each with the time and the signals at which a reader sees why."""
-    kinds = [understood(written) for written in expectations] if summary.verdicts else []
-    moments = {(kind.text, robot): time for kind in kinds for robot, time in kind.moments(result).items()}
-    signals = {kind.text: [[band.signal, band.component] for band in _of(kind, result)] for kind in kinds}
+    having = kinds if summary.verdicts else ()
+    moments = {(kind.text, robot): time for kind in having for robot, time in kind.moments(result).items()}
+    signals = {
+        kind.text: [[band.signal, band.component] for band in own] for kind, own in zip(kinds, bands, strict=True)
+    }
     return [
         {
             **{name: value for name, value in asdict(verdict).items() if name != "where"},
@@ -226,16 +235,7 @@ def _verdicts(summary: Summary, expectations: tuple[Expectation, ...], result: R
     ]
 
 
-def _bands(expectations: tuple[Expectation, ...], result: Result) -> list[Json]:
-    return [
-        {**asdict(band), "robots": list(expectation.robots), "text": kind.text}
-        for expectation in expectations
-        for kind in (understood(expectation),)
-        for band in _of(kind, result)
-    ]
-
-
-def _of(kind: Kind, result: Result) -> tuple[Band, ...]:
+def _bands(kind: Kind, result: Result) -> tuple[Band, ...]:
     """Return the bands of an expectation whose signals are in the result; one of an earlier version may lack some."""
     try:
         return tuple(band for band in kind.bands(result) if band.signal in result)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.report.content import Json, content_of
+from cosim.results.display_units import DISPLAYED
 from cosim.results.files import write
 from cosim.results.result import Result
 from cosim.results.summary import Summary
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 """Usual name of a page."""
 STYLES = ("uPlot.min.css", "page.css")
-SCRIPTS = ("uPlot.iife.min.js", "numbers.js", "scene.js", "playback.js", "panels.js", "tables.js", "page.js")
+SCRIPTS = ("uPlot.iife.min.js", "numbers.js", "scene.js", "playback.js", "panels.js", "tables.js", "runs.js", "page.js")
 """Files of the page, in the order in which they stand in it."""
 _PLACE = re.compile(r"\{\{([a-z]+)\}\}")
 
@@ -50,26 +51,33 @@ def save_report(results: Sequence[xr.Dataset | Result], path: str | Path, summar
         The file cannot be written.
     """
     runs = [content_of(Result.of(result), summary) for result, summary in zip_longest(results, summaries)]
-    write(Path(path), page([run for run, _ in runs], [numbers for _, numbers in runs]).encode())
+    title = " against ".join(str(run["title"] or run["name"]) for run in runs)
+    write(Path(path), page(title, {"runs": runs}).encode())
 
 
-def page(runs: Sequence[Json], numbers: Sequence[str]) -> str:
+def page(title: str, data: Json) -> str:
     """Return the text of a page.
 
     Whatever comes from a run stands in it as data, in which no ``<`` is left, so no text can become markup; the page's
     script makes text of it and never markup. The policy lets nothing run but the script of the page.
+
+    Parameters
+    ----------
+    title
+        Its title.
+    data
+        What it shows: ``runs``, each as `content_of` returns it; the script reads no other part of the page.
     """
     style, script = _assets(STYLES), _assets(SCRIPTS)
     parts = {
-        "title": html.escape(" against ".join(str(run["title"] or run["name"]) for run in runs)),
+        "title": html.escape(title),
         "policy": (
             f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; img-src data: blob:; "
             "base-uri 'none'; form-action 'none'"
         ),
         "style": style,
         "script": script,
-        "data": _as_data(list(runs)),
-        "numbers": _as_data(list(numbers)),
+        "data": _as_data({"units": DISPLAYED, **data}),
     }
     return _PLACE.sub(lambda place: parts[place[1]], _asset("page.html"))
 

@@ -85,8 +85,8 @@ def test_many_samples_share_buckets() -> None:
 
 
 def test_content(judged: Result) -> None:
-    content, packed = content_of(judged)
-    numbers = unpacked(packed)
+    content = content_of(judged)
+    numbers = unpacked(content["numbers"])
     assert (content["samples"], content["step"], content["end"]) == (51, 0.02, 1.0)
     assert [vehicle["id"] for vehicle in content["vehicles"]] == ["leader", *judged.robots]
     assert {vehicle["ahead"] for vehicle in content["vehicles"]} == {1.2}
@@ -105,7 +105,7 @@ def test_content(judged: Result) -> None:
 
 
 def test_each_verdict_has_the_moment_that_decides_it_and_its_signals(judged: Result) -> None:
-    content, _ = content_of(judged)
+    content = content_of(judged)
     told = {
         (verdict["expectation"].split()[0].strip(","), verdict["robot"]): verdict for verdict in content["verdicts"]
     }
@@ -127,7 +127,7 @@ def test_each_verdict_has_the_moment_that_decides_it_and_its_signals(judged: Res
 
 
 def test_the_bands_are_those_of_the_expectations(judged: Result) -> None:
-    bands = {(band["text"].split()[0].strip(","), band["signal"]): band for band in content_of(judged)[0]["bands"]}
+    bands = {(band["text"].split()[0].strip(","), band["signal"]): band for band in content_of(judged)["bands"]}
     assert (bands["settled", "range_error"]["lower"], bands["settled", "range_error"]["upper"]) == (-10, 10)
     assert bands["settled", "bearing_error"]["upper"] == pytest.approx(np.radians(200))
     assert (bands["settled", "range_error"]["start"], bands["settled", "range_error"]["stop"]) == (0.5, 1.0)
@@ -144,17 +144,16 @@ def test_events_are_on_the_time_line(scenarios: Path) -> None:
     (event, *_) = scenario.events
     result = cosim.run(scenario.edited(horizon=scenario.step, expectations=False))
     given = Result.of(result.assign_attrs(scenario=scenario.text))
-    told = content_of(given)[0]["events"]
+    told = content_of(given)["events"]
     assert told[0]["time"] == event.time
     assert event.parameters[0].name in told[0]["text"]
 
 
 def test_nothing_in_a_page_can_become_markup(judged: Result) -> None:
     hostile = "</script><!--<script>alert(1)</script>"
-    text = page(
-        *([one] for one in content_of(Result(judged.data_vars, judged.coords, {**judged.attrs, "title": hostile})))
-    )
-    assert text.count("<script") == 3
+    content = content_of(Result(judged.data_vars, judged.coords, {**judged.attrs, "title": hostile}))
+    text = page(hostile, {"runs": [content]})
+    assert text.count("<script") == 2
     assert hostile not in text
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
     assert policy is not None
@@ -171,7 +170,7 @@ def test_nothing_in_a_page_can_become_markup(judged: Result) -> None:
 def test_a_page_of_a_result_of_an_earlier_version(judged: Result) -> None:
     coords = {name: one for name, one in judged.coords.items() if not name.startswith(("vehicle", "outline", "pose_n"))}
     attrs = {name: one for name, one in judged.attrs.items() if name not in ("scenario_file", "changes", "verdicts")}
-    content, _ = content_of(Result(judged.data_vars, coords, {**attrs, "scenario": "<older/>", "verdicts": "[]"}))
+    content = content_of(Result(judged.data_vars, coords, {**attrs, "scenario": "<older/>", "verdicts": "[]"}))
     assert [vehicle["parts"] for vehicle in content["vehicles"]] == [[]] * 5
     assert content["vehicles"][1]["pose"] == ["x", "y", "psi", "gamma"]
     assert (content["events"], content["bands"], content["verdicts"]) == ([], [], [])
@@ -218,7 +217,7 @@ def test_the_page_of_a_run_that_diverged_shows_how_far_it_came(short_line: Scena
     light = short_line.edited(["plant[1]/parameter[@name='m_c']/@value=1e-3 kg"])
     with pytest.raises(cosim.SimulationError) as failed:
         cosim.run(light)
-    content, _ = content_of(Result.of(failed.value.recorded))
+    content = content_of(Result.of(failed.value.recorded))
     assert content["status"] == "incomplete"
     assert "diverged" in content["failure"]["text"]
     save_report([failed.value.recorded], tmp_path / "report.html")

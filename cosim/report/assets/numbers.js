@@ -1,11 +1,16 @@
 "use strict";
 /* Numbers over time: the columns of a run, unpacked from the text of the page. */
 
-/** Return all numbers of a packed text: three planes of bytes, deflated, in base 64. */
+/** Return the bytes of a text: deflated, in base 64. */
 async function unpacked(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+  return new Response(stream).arrayBuffer();
+}
+
+/** Return all numbers of a packed text: three planes of bytes. */
+async function unpackedNumbers(text) {
+  const planes = new Uint8Array(await unpacked(text));
   const count = planes.length / 3;
   const bits = new Uint32Array(count);
   for (let i = 0; i < count; i++) {
@@ -33,7 +38,7 @@ function prepare(run, numbers) {
   run.errors = run.motion.errors.map((errors) => errors.map((reference) => column(run, reference, samples)));
 }
 
-const SHOWN = { rad: ["deg", 180 / Math.PI], "rad/s": ["deg/s", 180 / Math.PI], 1: ["", 1] };
+const SHOWN = { 1: ["", 1] }; // display units, to which the page's data adds those of the angles
 
 /** Return the unit in which a signal is shown, and the factor from its own. */
 function shownUnit(unit) {

@@ -17,7 +17,13 @@ class Panels {
     this.seek = seek;
     this.open = new Map(); // by key: signal and component
     this.zoomed = null;
-    new ResizeObserver(() => this._resize()).observe(place);
+    this.resized = new ResizeObserver(() => this._resize());
+    this.resized.observe(place);
+  }
+
+  close() {
+    this.resized.disconnect();
+    for (const key of [...this.open.keys()]) this.hide(key);
   }
 
   static key(signal, component) {

@@ -224,7 +224,7 @@ class Playback {
       }
       pen.stroke();
     };
-    if (run.vehicles.length <= MOST_WATCHED) strip(last, x.length - 1, 0.22, 1);
+    if (run.vehicles.length <= MOST_WATCHED) strip(last, x.length - 1, 0.35, 1);
     strip(run.vehicles.length <= MOST_WATCHED ? 0 : Math.max(0, last - 20), last, 0.85, 1.5);
     pen.setLineDash([]);
     pen.globalAlpha = 1;

@@ -16,9 +16,13 @@ function swatch(colour) {
 
 const MOST_ROWS = 30;
 
+/** Return a table; on a phone each row is a block, in which headings stand beside the figures. */
 function table(headings, rows) {
+  for (const row of rows) {
+    [...row.cells].forEach((cell, k) => { if (headings[k][1] === "number") cell.dataset.heading = headings[k][0]; });
+  }
   const head = element("tr", {}, headings.map(([text, kind = ""]) => element("th", { scope: "col", class: kind }, text)));
-  return element("div", { class: rows.length > MOST_ROWS ? "long" : "scroll" }, element("table", {}, [element("thead", {}, head), element("tbody", {}, rows)]));
+  return element("div", { class: rows.length > MOST_ROWS ? "long" : "scroll" }, element("table", { class: "stacked" }, [element("thead", {}, head), element("tbody", {}, rows)]));
 }
 
 function inUnit(value, unit) {

@@ -1,0 +1,270 @@
+/* A view of runs: what it shows at a time, and how a reader moves through it. */
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32];
+const FIRST = ["range_error", "bearing_error"];
+const MOST_MARKS = 200;
+
+/**
+ * Show runs, overlaid, in the sections of the template; return the view, of which `close` removes it.
+ *
+ * @param runs the runs, prepared
+ * @param differences between them, where there are several; or null
+ */
+function showRuns(runs, differences = null) {
+  const place = document.getElementById("view");
+  place.replaceChildren(document.getElementById("run-view").content.cloneNode(true));
+  const closed = new AbortController();
+  const whileOpen = { signal: closed.signal };
+  const end = Math.max(...runs.map((run) => run.end));
+  const state = { time: 0, hidden: new Set(), chosen: "", playing: false, speed: end > 60 ? 4 : 1 };
+  const get = (id) => document.getElementById(id);
+  const playback = new Playback(get("scene"), runs, state);
+  const panels = new Panels(get("panels"), runs, state, (time) => seek(time));
+
+  // Time
+
+  function show() {
+    playback.draw();
+    panels.tick();
+    get("time").value = state.time;
+    get("clock").textContent = `${state.time.toFixed(2)} / ${end.toFixed(2)} s`;
+    const warning = playback.warnings.slice(0, 3).join("; ");
+    if (get("warning").textContent !== warning) get("warning").textContent = warning;
+  }
+
+  function seek(time) {
+    state.time = Math.max(0, Math.min(end, time));
+    show();
+    if (!state.playing) remember();
+  }
+
+  function remember() {
+    address.set("t", Number(state.time.toFixed(3)));
+  }
+
+  function recall() {
+    const time = Number.parseFloat(address.get("t"));
+    if (Number.isFinite(time)) seek(time);
+  }
+
+  let before = 0;
+  function frame(now) {
+    if (!state.playing || closed.signal.aborted) return;
+    state.time = Math.min(end, state.time + (state.speed * Math.min(now - before, 200)) / 1000);
+    before = now;
+    if (state.time >= end) play(false);
+    show();
+    requestAnimationFrame(frame);
+  }
+
+  function play(on) {
+    state.playing = on;
+    get("play").textContent = on ? "❚❚" : "▶\uFE0E";
+    get("play").setAttribute("aria-label", on ? "Pause" : "Play");
+    if (!on) return remember();
+    if (state.time >= end) state.time = 0;
+    before = performance.now();
+    requestAnimationFrame(frame);
+  }
+
+  function faster(by) {
+    state.speed = SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(state.speed) + by))];
+    get("speed").value = state.speed;
+  }
+
+  // Robots
+
+  const robots = [...new Set(runs.flatMap((run) => run.vehicles.map((vehicle) => vehicle.id)))];
+  for (const id of robots) {
+    const colour = colourFor(runs.find((run) => run.vehicles.some((one) => one.id === id)), id, "var(--leader)");
+    const button = element("button", { class: "robot", "aria-pressed": "true", title: "show or hide" }, [swatch(colour), id]);
+    button.addEventListener("click", () => {
+      if (!state.hidden.delete(id)) state.hidden.add(id);
+      button.setAttribute("aria-pressed", String(!state.hidden.has(id)));
+      panels.redraw();
+      show();
+    });
+    get("robots").append(button);
+  }
+  for (const [value, text] of [["", "everything"], ["team", "the team"], ...robots.map((id) => [id, id])]) {
+    get("follow").append(element("option", { value }, text));
+  }
+
+  function choose(id) {
+    state.chosen = state.chosen === id ? "" : id;
+    panels.redraw();
+    show();
+  }
+
+  // Signals
+
+  const buttons = new Map();
+  function press() {
+    for (const [key, button] of buttons) button.setAttribute("aria-pressed", String(panels.open.has(key)));
+  }
+  panels.changed = press;
+  const groups = Map.groupBy ? Map.groupBy(panels.signals(), (one) => one.group) : grouped(panels.signals());
+  for (const [group, signals] of groups) {
+    const row = element("div", {}, [element("span", {}, group)]);
+    for (const signal of signals) {
+      for (const component of signal.components) {
+        const key = Panels.key(signal.name, component.name);
+        const button = element("button", { "aria-pressed": "false", title: signal.about },
+          component.name ? `${signal.name}: ${component.name}` : signal.name);
+        button.addEventListener("click", () => {
+          if (panels.open.has(key)) panels.hide(key);
+          else panels.show(key);
+          press();
+        });
+        buttons.set(key, button);
+        row.append(button);
+      }
+    }
+    get("groups").append(row);
+  }
+  const commands = panels.signals().find((signal) => ["torque", "command"].includes(signal.name));
+  for (const key of [...FIRST, ...(commands ? commands.components.map((one) => Panels.key(commands.name, one.name)) : [])]) panels.show(key);
+  press();
+  const thinned = runs.filter((run) => run.signals.bucket > 1);
+  get("thinning").textContent = thinned.length
+    ? `The run has many samples: of each ${thinned[0].signals.bucket} of them, the curves show the least and the greatest value.` : "";
+
+  // Verdicts, and where the runs come from
+
+  function lead(run, verdict) {
+    play(false);
+    for (const [signal, component] of verdict.signals) panels.show(Panels.key(signal, component));
+    press();
+    state.chosen = verdict.robot;
+    panels.redraw();
+    seek(verdict.moment);
+  }
+
+  showVerdicts(get("verdicts"), runs, lead);
+  showFollowers(get("followers"), runs);
+  showNotes(get("notes"), runs, (time) => { play(false); seek(time); });
+  showProvenance(get("provenance"), runs);
+  runs.forEach((run, number) => get("runs").append(headline(run, runs.length > 1 ? number + 1 : 0)));
+  marks(get("marks"), runs, end, (time) => { play(false); seek(time); });
+
+  // Controls
+
+  get("time").max = end;
+  for (const speed of SPEEDS) get("speed").append(element("option", { value: speed }, `× ${speed}`));
+  get("speed").value = state.speed;
+  const step = runs[0].step;
+  const actions = {
+    play: () => play(!state.playing),
+    back: () => seek(state.time - step),
+    ahead: () => seek(state.time + step),
+    fit: () => { playback.follow = get("follow").value = ""; playback.fit(); },
+    "keys-button": () => {
+      get("keys").hidden = !get("keys").hidden;
+      get("keys-button").setAttribute("aria-expanded", String(!get("keys").hidden));
+    },
+  };
+  for (const [id, act] of Object.entries(actions)) get(id).addEventListener("click", act);
+  get("time").addEventListener("input", () => seek(Number(get("time").value)));
+  get("speed").addEventListener("change", () => { state.speed = Number(get("speed").value); });
+  get("follow").addEventListener("change", () => {
+    playback.follow = get("follow").value;
+    playback.view = null;
+    show();
+  });
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || !isOurs(event)) return;
+    const pan = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
+    const keys = {
+      " ": () => play(!state.playing),
+      ArrowLeft: () => seek(state.time - (event.shiftKey ? step : 1)),
+      ArrowRight: () => seek(state.time + (event.shiftKey ? step : 1)),
+      Home: () => seek(0),
+      End: () => seek(end),
+      "+": () => playback.zoom(1.25),
+      "-": () => playback.zoom(0.8),
+      0: actions.fit,
+      "[": () => faster(-1),
+      "]": () => faster(1),
+      Escape: () => choose(state.chosen),
+    };
+    const act = event.altKey ? pan && (() => playback.pan(...pan)) : keys[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }, whileOpen);
+  const redraw = () => { panels.redraw(); show(); };
+  addEventListener("resize", show, whileOpen);
+  addEventListener("hashchange", recall, whileOpen);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw, whileOpen);
+  addEventListener("beforeprint", redraw, whileOpen);
+  show();
+  recall();
+
+  function close() {
+    play(false);
+    closed.abort();
+    panels.close();
+    place.replaceChildren();
+  }
+
+  return { runs, state, playback, panels, seek, play, lead, show, close };
+}
+
+/** Return whether a key is meant for the playback: not for what has the focus, or for another part of the page. */
+function isOurs(event) {
+  const { tagName, type } = event.target;
+  if (event.target.closest("#study")) return false;
+  if (tagName === "INPUT" && type === "range") return event.key === " ";
+  if (/^(INPUT|SELECT|TEXTAREA)$/.test(tagName)) return false;
+  return !(event.key === " " && /^(BUTTON|SUMMARY)$/.test(tagName));
+}
+
+/** What the page's address says behind its #. */
+const address = {
+  get: (name) => new URLSearchParams(location.hash.slice(1)).get(name),
+  set(name, value) {
+    const told = new URLSearchParams(location.hash.slice(1));
+    if (value === "") told.delete(name);
+    else told.set(name, value);
+    history.replaceState(null, "", `#${told}`);
+  },
+};
+
+function grouped(signals) {
+  const found = new Map();
+  for (const signal of signals) found.set(signal.group, [...(found.get(signal.group) || []), signal]);
+  return found;
+}
+
+/** Return a line that tells how a run ended. */
+function headline(run, number) {
+  const fails = run.verdicts.filter((verdict) => !verdict.passed).length;
+  const [kind, word] = run.status !== "completed" ? ["bad", "did not reach its end"]
+    : !run.verdicts.length ? ["", "reached its end"]
+      : fails ? ["bad", `${fails} of ${run.verdicts.length} verdicts ${fails === 1 ? "fails" : "fail"}`] : ["good", "all expectations hold"];
+  const changes = run.provenance.changes.length ? `, changed by ${run.provenance.changes.join(" ")}` : "";
+  const line = element("li", {}, [
+    number ? `${number}: ` : "", element("strong", {}, run.name), changes, ", ", element("span", { class: kind }, word),
+    ` after ${figure(run.end)} s, seed ${run.provenance.seed ?? "unknown"}`,
+  ]);
+  if (run.failure) line.append(element("div", { class: "bad" }, run.failure.text));
+  return line;
+}
+
+/** Mark on the time line when something happened. */
+function marks(place, runs, end, seek) {
+  const found = runs.flatMap((run) => [
+    ...run.verdicts.filter((verdict) => !verdict.passed && verdict.moment !== null)
+      .map((verdict) => [verdict.moment, "bad", `${verdict.robot} ${verdict.expectation}`]),
+    ...run.events.map((event) => [event.time, "event", `${event.robot}: ${event.text}`]),
+    ...run.messages.map((message) => [message.time, "", `${message.robot}: ${message.text}`]),
+    ...(run.failure && run.failure.time !== null ? [[run.failure.time, "bad", run.failure.text]] : []),
+  ]);
+  for (const [time, kind, text] of found.slice(0, MOST_MARKS)) {
+    const title = `${time.toFixed(2)} s, ${text}`;
+    const button = element("button", { class: kind, title, "aria-label": title });
+    button.style.left = `${end ? Math.min(100, (100 * time) / end) : 0}%`;
+    button.addEventListener("click", () => seek(time));
+    place.append(button);
+  }
+}
