@@ -25,6 +25,7 @@ and later, from the files of ``formation run``:
 >>> summary = cosim.summary_of(result)                       # the table, notes and verdicts, as data
 >>> cosim.save_figure(result, "figure.png")
 >>> cosim.save_report([result], "report.html")               # several results: compared on one page
+>>> cosim.export_result(result, "drive.mcap")                # or .csv, .mat
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
     from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
+    from cosim.export.formats import export_result
     from cosim.master.pacing import Pacer
     from cosim.master.prepared import Prepared
     from cosim.master.simulation import Simulation
@@ -69,6 +71,7 @@ __all__ = [
     "Summary",
     "Verdict",
     "compare_plants",
+    "export_result",
     "load_result",
     "read_scenario",
     "run",
@@ -191,6 +194,7 @@ _HOMES = {
     "Simulation": "cosim.master.simulation",
     "Summary": "cosim.results.summary",
     "Verdict": "cosim.results.verdict",
+    "export_result": "cosim.export.formats",
     "load_result": "cosim.results.files",
     "read_scenario": "cosim.scenario.reader",
     "save_figure": "cosim.results.figure",

@@ -16,6 +16,7 @@ import weakref
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import lru_cache
+from io import FileIO
 from pathlib import Path
 from typing import IO, Any
 
@@ -133,6 +134,13 @@ def take(file: IO[bytes], size: int) -> None:
     while (missing := size - file.tell()) > 0:
         file.write(bytes(min(_PIECE, missing)))
     file.flush()
+
+
+def write_all(file: FileIO, data: bytes | memoryview) -> None:
+    """Write data to a file that may take a part of it at a time, such as a pipe."""
+    rest = memoryview(data)
+    while len(rest):
+        rest = rest[file.write(rest) :]
 
 
 def blocks(samples: int, numbers: int = 1) -> Iterator[slice]:

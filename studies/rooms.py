@@ -27,6 +27,7 @@ CONTENT = {
     "studies": "many runs, judged together",
     "compare": "two plants, same torques",
     "report": "the page that shows runs",
+    "export": "results for other tools",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
     "fmu": "FMU files: read, bind, test",

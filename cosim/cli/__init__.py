@@ -105,6 +105,7 @@ _COMMANDS = {
     "study": "cosim.cli.studying.study",
     "show": "cosim.cli.show.show",
     "report": "cosim.cli.reporting.report",
+    "export": "cosim.cli.exporting.export",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
     "inspect": "cosim.cli.inspecting.inspect",
@@ -180,6 +181,21 @@ def _parser() -> Parser:
         type=Path,
         metavar="FILE.html",
         help="file of the page (report.html beside the result; of several, here)",
+    )
+
+    export = command("export", "write a finished run as a file of other tools: MCAP for ROS 2, CSV, MATLAB")
+    export.add_argument("result", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
+    export.add_argument(
+        "--out",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help="the file, whose ending states the format: .mcap, .csv or .mat (result.mcap beside the result)",
+    )
+    export.add_argument(
+        "--start-time",
+        metavar="TIME",
+        help="time of the run's start in .mcap, as in 2026-05-04T09:30:00Z or as seconds since 1970 (0)",
     )
 
     check = command("check", "check scenarios and show their content, without running them")

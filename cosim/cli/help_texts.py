@@ -38,6 +38,10 @@ formation study payload.xml --runs 100 --workers 4""",
     "report": """\
 formation report runs/clmr_line
 formation report runs/clmr_line+seed=2 runs/clmr_line --out compared.html""",
+    "export": """\
+formation export runs/clmr_line
+formation export runs/clmr_line --out drive.csv --out drive.mat
+formation export runs/clmr_line --out drive.mcap --start-time 2026-05-04T09:30:00Z""",
     "check": """\
 formation check mine.xml
 formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",

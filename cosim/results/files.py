@@ -16,7 +16,7 @@ from cosim.errors import InputError, OutputError
 from cosim.results.netcdf import annotate as netcdf_attributes
 from cosim.results.netcdf import netcdf
 from cosim.results.result import Result
-from cosim.storage import take
+from cosim.storage import take, write_all
 from plants import scratch
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def save(result: xr.Dataset | Result, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    with _replacing(path) as file:
+    with replacing(path) as file:
         netcdf(Result.of(result), file)
 
 
@@ -52,11 +52,11 @@ def annotate(path: Path, **attributes: str) -> None:
         earlier = path.open("rb")
     except OSError as error:
         raise OutputError(f"{path} cannot be completed: {error.strerror}") from None
-    with earlier, _replacing(path) as file:
+    with earlier, replacing(path) as file:
         take(file, os.fstat(earlier.fileno()).st_size)
         file.seek(0)
         while piece := earlier.read(_PIECE):
-            _write_all(file, piece)
+            write_all(file, piece)
         netcdf_attributes(file, attributes)
 
 
@@ -104,18 +104,12 @@ def write(path: Path, data: bytes | memoryview) -> None:
     OutputError
         The file cannot be written.
     """
-    with _replacing(path) as file:
-        _write_all(file, data)
-
-
-def _write_all(file: FileIO, data: bytes | memoryview) -> None:
-    rest = memoryview(data)
-    while len(rest):
-        rest = rest[file.write(rest) :]
+    with replacing(path) as file:
+        write_all(file, data)
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[FileIO]:
+def replacing(path: Path) -> Iterator[FileIO]:
     """Yield a file to be written, which takes the place of another one at the end of the block.
 
     A symbolic link stays, and so does a pipe or a device: what is written goes there.
@@ -158,7 +152,7 @@ def is_stream(path: Path) -> bool:
 def _append(path: Path, file: FileIO) -> None:
     with path.open("ab", buffering=0) as stream:
         while piece := file.read(_PIECE):
-            _write_all(stream, piece)
+            write_all(stream, piece)
 
 
 def _umask() -> int:

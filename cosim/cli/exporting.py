@@ -1,0 +1,66 @@
+"""``formation export``: a finished run as files of other tools, from its result."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+from cosim.cli.console import out, safe
+from cosim.errors import InputError
+from cosim.export.formats import export_result, format_of, usable
+from cosim.results.files import load_result, writable_file
+from cosim.results.result import Result
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write a result in each format that is asked for."""
+    paths: list[Path] = options.out or [_usual_place(options.result)]
+    for path in paths:
+        format_of(path)
+        writable_file(path, "--out")
+    start_time = _start_time(options.start_time)
+    result = _load(options.result)
+    for path in paths:
+        export_result(result, path, start_time)
+        out().print(safe(f"{path}: {format_of(path).about}"), soft_wrap=True)
+    return 0
+
+
+def _usual_place(result: Path) -> Path:
+    return (result if result.is_dir() else result.parent) / "result.mcap"
+
+
+def _load(path: Path) -> Result:
+    result = Result.of(load_result(path))
+    try:
+        return usable(result)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _start_time(text: str | None) -> float:
+    """Return a time as seconds since 1970."""
+    if text is None:
+        return 0.0
+    try:
+        seconds = _seconds(text)
+    except (ValueError, OverflowError):
+        raise InputError(
+            f"--start-time {text}: expected a date with a time, such as 2026-05-04T09:30:00Z, or seconds since 1970"
+        ) from None
+    if not 0 <= seconds < 2**31:
+        raise InputError(f"--start-time {text}: ROS has times from 1970 to 2038 only")
+    return seconds
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        moment = datetime.fromisoformat(text)
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    if not math.isfinite(seconds):
+        raise ValueError(text)
+    return seconds

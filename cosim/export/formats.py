@@ -1,0 +1,108 @@
+"""The formats in which a result can be exported, by the ending of a file's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cosim.errors import InputError
+from cosim.results.result import Result
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user chose, besides result and file.
+
+    Attributes
+    ----------
+    start_time : float
+        Time of the run's start, as seconds since 1970; 0: times are those of the run.
+    """
+
+    start_time: float = 0.0
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format.
+
+    Attributes
+    ----------
+    about : str
+        The format and who reads it, in a few words.
+    module : str
+        Its module, whose function ``write(result, path, options)`` writes the file whole or not at all. It is imported
+        when it is needed.
+    """
+
+    about: str
+    module: str
+
+
+FORMATS: Mapping[str, Format] = {
+    ".mcap": Format("ROS 2 messages, for Foxglove, PlotJuggler, RViz and ros2 bag", "cosim.export.mcap"),
+    ".csv": Format("a wide table with units, for spreadsheets and pandas", "cosim.export.csv"),
+    ".mat": Format("structs, for MATLAB, Octave and SciPy", "cosim.export.mat"),
+}
+"""The formats, by the ending of the file's name."""
+
+
+def export_result(result: xr.Dataset | Result, path: str | Path, start_time: float = 0.0) -> None:
+    """Write a result as a file of another tool.
+
+    Parameters
+    ----------
+    result
+        The result of a run.
+    path
+        The file; the ending of its name, such as ``.mcap``, ``.csv`` or ``.mat``, states the format.
+    start_time
+        Time of the run's start as seconds since 1970, for formats with clock time (``.mcap``); 0: times are those of
+        the run.
+
+    Raises
+    ------
+    InputError
+        There is no such format, it needs a package that is not installed, the result is not that of a run, or it does
+        not fit into the format.
+    OutputError
+        The file cannot be written.
+    """
+    path = Path(path)
+    import_module(format_of(path).module).write(usable(Result.of(result)), path, Options(start_time))
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of a file, by the ending of its name.
+
+    Raises
+    ------
+    InputError
+        There is none of this ending.
+    """
+    if (found := FORMATS.get(path.suffix.lower())) is None:
+        known = "; ".join(f"{suffix}: {one.about}" for suffix, one in FORMATS.items())
+        raise InputError(f"{path}: the ending of the name states the format, one of these: {known}")
+    return found
+
+
+def usable(result: Result) -> Result:
+    """Return a result that can be exported.
+
+    Raises
+    ------
+    InputError
+        It is not the result of a run, or it has no sample.
+    """
+    for name in ("scenario_name", "scenario", "status", "time", "robot", "pose", "leader_pose"):
+        if name not in result and name not in result.attrs:
+            raise InputError(f"this is not the result of a run: {name!r} is missing in it")
+    if not result.sizes["time"]:
+        raise InputError("the result holds no sample, so there is nothing to export")
+    return result
