@@ -42,7 +42,7 @@ class Clock:
 
     def times_in(self, block: slice) -> NDArray[np.float64]:
         """Return some of the communication points [s], from one tick to before another."""
-        times: NDArray[np.float64] = self.step * np.arange(block.start, block.stop, dtype=np.float64)
+        times: NDArray[np.float64] = self.step * np.arange(block.start, block.stop, block.step or 1, dtype=np.float64)
         return times
 
     def off_tick(self, time: float) -> str:

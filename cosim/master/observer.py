@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.clock import Clock
 from cosim.errors import Failure
+from cosim.master.records import Records
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,10 @@ class Watched:
         True pose and pseudo-velocities, measured pose and torque that acts from the tick on, of every robot.
     stopping : callable
         Returns whether somebody wants the run to end, so that it is no use to wait.
+    held : callable
+        Returns how long observers have held the run on purpose [s], which is no delay.
+    records : Records
+        What is recorded.
     """
 
     clock: Clock
@@ -38,6 +43,8 @@ class Watched:
     measured: NDArray[np.float64]
     torque: NDArray[np.float64]
     stopping: Callable[[], bool]
+    held: Callable[[], float]
+    records: Records
 
 
 class Observer(Protocol):
@@ -46,7 +53,8 @@ class Observer(Protocol):
     Legal call order: `started`, `ticked` for tick after tick, `ended`. An exception of an observer ends the run.
 
     An observer whose attribute ``every_tick`` is False is told of the last tick of each segment only, some of them a
-    second, and may find the plants moved on. A run that has none but such observers is faster.
+    second, and may find the plants moved on. A run that has none but such observers is faster. The attribute may change.
+    One that holds the run on purpose says in its attribute ``held`` for how long [s].
     """
 
     def started(self, run: Watched) -> None:

@@ -101,7 +101,8 @@ class Pacer:
         now = self._clock()
         if self._start is None:
             self._start, self._first = now, tick
-        due = self._start + (tick - self._first) * self._step / self._factor
+        held = 0.0 if self._run is None else self._run.held()
+        due = self._start + held + (tick - self._first) * self._step / self._factor
         self._ticks += 1
         if now > due:
             self._overruns += 1

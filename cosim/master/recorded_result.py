@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from typing import TypeAlias
@@ -21,6 +22,7 @@ from cosim.master.who_is_who import who_is_who
 from cosim.results import provenance
 from cosim.results.result import Result
 from cosim.scenario.scenario import Scenario
+from cosim.storage import Storage
 
 MakeResult: TypeAlias = Callable[[Scenario, Setup, Recorder, Sequence[Team], AnyFleet, Failure | None], Result]
 """Makes the result of a run's records, as `recorded_result` does."""
@@ -100,6 +102,26 @@ def _provenance(
 @cache
 def _versions() -> str:
     return json.dumps({"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}})
+
+
+def part_of_result(
+    scenario: Scenario,
+    setup: Setup,
+    recorder: Recorder,
+    teams: Sequence[Team],
+    fleet: AnyFleet,
+    ticks: slice,
+    before: Result | None = None,
+    *,
+    described: bool = False,
+) -> Result:
+    """Return some of the recorded ticks of a run, which may go on; see `cosim.master.records.Part`."""
+    setup = replace(setup, storage=Storage())  # that of the run is not for another thread
+    part = recorder.part(ticks)
+    if described:
+        return recorded_result(scenario, setup, part, teams, fleet)
+    bearings = None if before is None else before["bearing"].values[-1]
+    return recorded_signals(scenario, setup, part, teams, bearings)
 
 
 def only_signals(

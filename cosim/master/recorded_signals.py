@@ -21,18 +21,22 @@ from cosim.storage import blocks, is_constant
 Floats = NDArray[np.float64]
 
 
-def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams: Sequence[Team]) -> Result:
+def recorded_signals(
+    scenario: Scenario, setup: Setup, recorder: Recorder, teams: Sequence[Team], before: Floats | None = None
+) -> Result:
     """Return the signals of a run that are wanted, with times, followers and components, but without provenance.
 
     The dimensions are ``time`` [s], ``robot`` (the followers' ids) and one labelled dimension for the components of
-    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time.
+    each vector. Range and bearing, (7), are those of the true poses; the bearing is unwrapped over time, from those of
+    the followers `before` if they are given.
     """
     samples = recorder.recorded
     computed = [name for name in DERIVED if recorder.wants(name)]
     arrays = _in_columns(recorder.arrays(setup.storage), setup)
-    times = setup.storage.empty((samples,))
+    times, every, first = setup.storage.empty((samples,)), recorder.ticks.step, recorder.ticks.start
     for block in blocks(samples):
-        times[block] = scenario.clock.times_in(block)
+        ticks = slice(first + every * block.start, first + every * block.stop, every)
+        times[block] = scenario.clock.times_in(ticks)
     coordinates = {
         "time": Variable(("time",), times, {"units": "s", "long_name": "time"}),
         "robot": texts("robot", [follower.id for follower in scenario.followers], "follower"),
@@ -50,7 +54,7 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
         for name, variable in recorder.variables.items()
         if recorder.wants(name)
     }
-    courses = _courses(arrays, recorder, setup, teams) if computed else {}
+    courses = _courses(arrays, recorder, setup, teams, before) if computed else {}
     for name in computed:
         units, long_name = DERIVED[name]
         variables[name] = Variable(("time", "robot"), courses[name], {"units": units, "long_name": long_name})
@@ -58,13 +62,13 @@ def recorded_signals(scenario: Scenario, setup: Setup, recorder: Recorder, teams
 
 
 def _courses(
-    arrays: Mapping[str, Floats], recorder: Recorder, setup: Setup, teams: Sequence[Team]
+    arrays: Mapping[str, Floats], recorder: Recorder, setup: Setup, teams: Sequence[Team], first: Floats | None
 ) -> dict[str, Floats]:
     """Return the variables that are computed from recorded ones."""
-    desired = setup.desired.q[: recorder.recorded]
+    desired = setup.desired.q[recorder.ticks]
     found = recorder.room_for((len(DERIVED), desired.shape[1]))
     for block in blocks(len(desired), desired.shape[1]):
-        before = found[1, :, block.start - 1] if block.start else None
+        before = found[1, :, block.start - 1] if block.start else first
         for team in teams:
             if formation_of(team.vehicle) is None:
                 found[:, team.place, block] = np.nan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,7 @@ class Recorder:
         self._lent = memory is not None
         self._memory: list[NDArray[Any]] = [] if memory is None else memory
         self._used = 0
+        self._ticks: slice | None = None
         self._arrays: dict[str, NDArray[np.float64]] = {}
         self._stores: list[tuple[NDArray[np.int_], NDArray[np.void]]] = []
 
@@ -127,6 +129,21 @@ class Recorder:
         """The arrays into which ticks are recorded."""
         return tuple(self._memory[: self._used])
 
+    @property
+    def ticks(self) -> slice:
+        """The recorded ticks."""
+        return slice(0, self.recorded, 1) if self._ticks is None else self._ticks
+
+    def part(self, ticks: slice) -> Recorder:
+        """Return the records of some of the recorded ticks; views if possible."""
+        made = copy(self)
+        made._ticks = slice(ticks.start, ticks.stop, ticks.step or 1)
+        made.recorded = len(range(ticks.start, ticks.stop, ticks.step or 1))
+        made._memory, made._lent, made._used, made._allocate = [], False, 0, np.empty
+        made._arrays = {name: _some(array, ticks) for name, array in self._arrays.items()}
+        made._stores = [(rows, _some(store, ticks)) for rows, store in self._stores]
+        return made
+
     def arrays(self, storage: Storage | None = None) -> dict[str, NDArray[np.float64]]:
         """Return the recorded part of every variable that is recorded, by name; views if possible."""
         kept = storage or Storage()
@@ -147,6 +164,12 @@ class Recorder:
             for rows, values in stores:
                 found[block, rows] = values[block]
         return found
+
+
+def _some(values: NDArray[Any], ticks: slice) -> NDArray[Any]:
+    """Return some samples of an array, in one piece if it is: nothing is compiled anew for arrays of another form."""
+    part = values[ticks]
+    return np.ascontiguousarray(part) if values.flags.c_contiguous else part
 
 
 def _in_whole_numbers(dtype: np.dtype[np.void]) -> np.dtype[np.void]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -18,8 +19,9 @@ from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.pacing import Pacer
-from cosim.master.recorded_result import MakeResult, recorded_result
+from cosim.master.recorded_result import MakeResult, part_of_result, recorded_result
 from cosim.master.recorder import Recorder
+from cosim.master.records import Records
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import TeamArrays
@@ -205,6 +207,8 @@ class Simulation:
             measured,
             torque,
             lambda: self._signals.received > 0,
+            lambda: sum(getattr(one, "held", 0.0) for one in self._observers),
+            self.records,
         )
         observer.started(run)
         self._observers.append(observer)
@@ -308,6 +312,13 @@ class Simulation:
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
         recorder = self._ticks.recorder
         return self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
+
+    @property
+    def records(self) -> Records:
+        """What is recorded so far, also for another thread."""
+        recorder = self._ticks.recorder
+        part = partial(part_of_result, self.scenario, self.setup, recorder, self._teams, self._fleet)
+        return Records(self.scenario, lambda: recorder.recorded, part)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

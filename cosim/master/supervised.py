@@ -28,9 +28,11 @@ from cosim import process_tree
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.foreign import is_foreign
+from cosim.master.gate import Gate
 from cosim.master.interrupt import HeldSignals
 from cosim.master.pacing import Pacer, PaceReport
 from cosim.master.recorder import Recorder
+from cosim.master.records import Records
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
 from cosim.master.simulation import Simulation
@@ -58,12 +60,19 @@ _MOST = 64 * 1024**2
 """Bytes of a message from the process."""
 
 
-def whole_run(scenario: Scenario, setup: Setup | None = None) -> Simulation | SupervisedRun:
-    """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants."""
+def whole_run(
+    scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None
+) -> Simulation | SupervisedRun:
+    """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants.
+
+    A gate that holds it must be in memory that processes share.
+    """
     used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
     plants = [scenario.plants[name] for name in used]
     foreign = any(map(is_foreign, plants))
-    return SupervisedRun(scenario, setup) if foreign and sys.platform == "linux" else Simulation(scenario, setup)
+    if foreign and sys.platform == "linux":
+        return SupervisedRun(scenario, setup, gate)
+    return Simulation(scenario, setup, observers=[gate] if gate is not None else ())
 
 
 class SupervisedRun:
@@ -77,6 +86,8 @@ class SupervisedRun:
         The scenario.
     setup
         With which set-up; without one, the scenario is set up here.
+    gate
+        Holds the run where somebody closes it; in memory that processes share.
 
     Raises
     ------
@@ -86,9 +97,10 @@ class SupervisedRun:
         A plant returns no finite pose at the start.
     """
 
-    def __init__(self, scenario: Scenario, setup: Setup | None = None) -> None:
+    def __init__(self, scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None) -> None:
         self.scenario = scenario
         self.timing: dict[str, float] = {}
+        self._gate = gate
         self._status: int | None = None
         self._expired: float | None = None
         self._buffer = b""
@@ -110,7 +122,7 @@ class SupervisedRun:
             self._seen, self._since = (-1, 0.0), time.monotonic()
             cleanup.callback(self._kill)
             with timed(self.timing, "load"):
-                self._fork(partial(child, scenario, self.setup, memory, self._activity))
+                self._fork(partial(child, scenario, self.setup, memory, self._activity, gate))
                 self._begin()
             self._cleanup = cleanup.pop_all()
 
@@ -140,6 +152,16 @@ class SupervisedRun:
             error.recorded = result
             raise error
         return result
+
+    @property
+    def records(self) -> Records:
+        """What is recorded so far, also for another thread."""
+
+        def count() -> int:
+            held = -1 if self._gate is None else self._gate.tick
+            return max(self._recorder.recorded, min(max(self._tick, held), self.scenario.ticks) + 1)
+
+        return Records(self.scenario, count, self._records.records.part)
 
     @property
     def time(self) -> float:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from cosim import process_tree
 from cosim.errors import InputError, SimulationError
 from cosim.master.fleets import members_of
+from cosim.master.gate import Gate
 from cosim.master.interrupt import HeldSignals
 from cosim.master.pacing import Pacer
 from cosim.master.recorder import Recorder
@@ -57,6 +58,7 @@ def child(
     setup: Setup,
     memory: list[NDArray[Any]],
     activity: Activity,
+    gate: Gate | None,
     printed: int,
     orders: int,
     tells: int,
@@ -71,6 +73,8 @@ def child(
         Where it is recorded, see `Recorder`.
     activity
         Shows what the plants are about.
+    gate
+        Holds the run, if there is one.
     printed
         A pipe to the process that supervises this one, for everything that is printed here.
     orders, tells
@@ -92,7 +96,8 @@ def child(
             return closing(started[0])
 
         try:
-            simulation = Simulation(scenario, setup, fleet=start, recorder=recorder)
+            watching = [gate] if gate is not None else []
+            simulation = Simulation(scenario, setup, observers=watching, fleet=start, recorder=recorder)
         except InputError as error:
             where = None if error.where is None else [error.where.file, error.where.line, error.where.column]
             tell(Told.REFUSED, message=error.message, where=where)
