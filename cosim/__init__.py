@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from cosim.compare.comparison import PlantComparison, PlantFile, compare_plants
     from cosim.errors import FormationError, InputError, OutputError, RunInterrupted, SimulationError
     from cosim.export.formats import export_result
+    from cosim.live.view import LiveView
     from cosim.master.pacing import Pacer
     from cosim.master.prepared import Prepared
     from cosim.master.simulation import Simulation
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FormationError",
     "InputError",
+    "LiveView",
     "OutputError",
     "Pacer",
     "PlantComparison",
@@ -187,6 +189,7 @@ _HOMES = {
     "PlantComparison": "cosim.compare.comparison",
     "PlantFile": "cosim.compare.comparison",
     "compare_plants": "cosim.compare.comparison",
+    "LiveView": "cosim.live.view",
     "Pacer": "cosim.master.pacing",
     "Prepared": "cosim.master.prepared",
     "RunOutcome": "cosim.results.outcome",

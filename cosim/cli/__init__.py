@@ -146,6 +146,16 @@ def _parser() -> Parser:
         metavar="FACTOR",
         help="keep pace with FACTOR times real time (1: real time), and report ticks that came late",
     )
+    run.add_argument(
+        "--live",
+        action="store_true",
+        help="show the run on a page in the browser while it goes on, at an address that is printed",
+    )
+    run.add_argument("--open", action="store_true", help="open the live page in the browser")
+    run.add_argument("--port", type=int, metavar="N", help="port of the live page (any that is free)")
+    run.add_argument(
+        "--paused", action="store_true", help="wait at the first tick until the live page lets the run go on"
+    )
     run.add_argument("--timing", action="store_true", help="print where the time went")
 
     study = command("study", "make the many runs of a study, and judge them together")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,6 +20,7 @@ from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
 from cosim.cli.summary import print_summary
+from cosim.cli.watching import watched
 from cosim.errors import InputError, OutputError, RunInterrupted, SimulationError
 from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
@@ -36,6 +38,9 @@ from cosim.results.summary import Summary, summarise
 from cosim.scenario.scenario import Scenario
 from cosim.storage import Storage
 
+if TYPE_CHECKING:
+    from cosim.live.view import LiveView
+
 EXPECTATION_FAILED = 1
 
 
@@ -45,22 +50,24 @@ def run(options: argparse.Namespace) -> int:
         writable_file(options.junit, "--junit")
     outcomes: list[Outcome] = []
     try:
-        with FigureProcess() as figures:
-            return max(_run_scenarios(options, outcomes, figures), default=0)
+        with FigureProcess() as figures, watched(options) as live:
+            return max(_run_scenarios(options, outcomes, figures, live), default=0)
     finally:
         if options.junit is not None:
             with HeldSignals():
                 write(options.junit, junit_xml(outcomes))
 
 
-def _run_scenarios(options: argparse.Namespace, outcomes: list[Outcome], figures: FigureProcess) -> Iterator[int]:
+def _run_scenarios(
+    options: argparse.Namespace, outcomes: list[Outcome], figures: FigureProcess, live: LiveView | None
+) -> Iterator[int]:
     """Run each scenario, keep its outcome, and yield its exit status."""
     names: dict[str, Path] = {}
     for path in options.scenarios:
         status = 0
         try:
             with ExitStack() as ending:  # the plants end last: everything is written and printed before
-                status = _run_scenario(path, options, outcomes, names, figures, ending)
+                status = _run_scenario(path, options, outcomes, names, figures, live, ending)
         except (Exception, SystemExit) as error:  # of an FMU at its end
             status = max(status, ended_by(error, path)[1])
         yield status
@@ -72,6 +79,7 @@ def _run_scenario(
     outcomes: list[Outcome],
     names: dict[str, Path],
     figures: FigureProcess,
+    live: LiveView | None,
     ending: ExitStack,
 ) -> int:
     started = time.perf_counter()
@@ -85,7 +93,7 @@ def _run_scenario(
                 "folder: give one of them another name"
             )
         names[scenario.name] = path
-        _run_one(scenario, options, outcome, figures, ending)
+        _run_one(scenario, options, outcome, figures, live, ending)
         return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
     except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are run
         outcome.error, status = ended_by(error, path)
@@ -102,7 +110,12 @@ def _run_scenario(
 
 
 def _run_one(
-    scenario: Scenario, options: argparse.Namespace, outcome: Outcome, figures: FigureProcess, ending: ExitStack
+    scenario: Scenario,
+    options: argparse.Namespace,
+    outcome: Outcome,
+    figures: FigureProcess,
+    live: LiveView | None,
+    ending: ExitStack,
 ) -> None:
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
@@ -119,8 +132,10 @@ def _run_one(
             for fmu in setup.fmus.values() if options.strict else ():
                 rules_kept(fmu, strict=True)  # before any is started
             storage.reserve(size_of_result(scenario, setup.result_variables))
-            simulation = whole_run(scenario, setup)
+            simulation = whole_run(scenario, setup, None if live is None else live.gate)
             ending.callback(simulation.close)
+        if live is not None:
+            live.show(simulation.records)
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
             folder = writable_folder(options.out / scenario.name, "--out").absolute()
@@ -148,6 +163,8 @@ def _run_one(
         # Judging may run other scenarios, to compare with: the result is safe by now.
         with timed(timing, "expectations"), taking_a_while("judging the expectations"):
             outcome.summary = summary = summarise(scenario, result, partial(run_other, simulation.setup))
+        if live is not None:
+            live.finish(result, summary)
         write(folder / "summary.json", summary.to_json().encode())
         if summary.verdicts:
             annotate(folder / "result.nc", verdicts=summary.verdicts_as_json())

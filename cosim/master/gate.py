@@ -1,4 +1,4 @@
-"""A gate in a run's way: closed, it holds the run after a tick; people let it through tick by tick, or open it again."""
+"""A gate in a run's way: closed, it holds the run after a tick, until it is opened or lets one tick through."""
 
 from __future__ import annotations
 
@@ -71,6 +71,7 @@ class Gate:
     def started(self, run: Watched) -> None:
         """Take note of the run."""
         self._run = run
+        self._shared[_TICK] = run.tick - 1
 
     def ticked(self, tick: int) -> None:
         """Hold the run while the gate is closed, unless somebody wants the run to end, or this is its last tick."""

@@ -53,8 +53,8 @@ class Observer(Protocol):
     Legal call order: `started`, `ticked` for tick after tick, `ended`. An exception of an observer ends the run.
 
     An observer whose attribute ``every_tick`` is False is told of the last tick of each segment only, some of them a
-    second, and may find the plants moved on. A run that has none but such observers is faster. The attribute may change.
-    One that holds the run on purpose says in its attribute ``held`` for how long [s].
+    second, and may find the plants moved on. A run that has none but such observers is faster. The attribute may
+    change. One that holds the run on purpose says in its attribute ``held`` for how long [s].
     """
 
     def started(self, run: Watched) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from cosim.errors import Failure
+from cosim.master.setup import Setup
 from cosim.results.result import Result
 from cosim.scenario.scenario import Scenario
 
@@ -35,12 +37,18 @@ class Records:
     ----------
     scenario : Scenario
         The scenario that is run.
+    setup : Setup
+        Its set-up.
     count : callable
         Returns how many ticks are recorded.
     part : Part
         Makes the result of some of them.
+    whole : callable
+        Makes the result of all of them once there are no more, from why the run has not reached its end, if so.
     """
 
     scenario: Scenario
+    setup: Setup
     count: Callable[[], int]
     part: Part
+    whole: Callable[[Failure | None], Result]

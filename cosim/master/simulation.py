@@ -318,7 +318,7 @@ class Simulation:
         """What is recorded so far, also for another thread."""
         recorder = self._ticks.recorder
         part = partial(part_of_result, self.scenario, self.setup, recorder, self._teams, self._fleet)
-        return Records(self.scenario, lambda: recorder.recorded, part)
+        return Records(self.scenario, self.setup, lambda: recorder.recorded, part, self.recorded)
 
     def close(self) -> None:
         """End all plant instances and remove unpacked files; `result` stays."""

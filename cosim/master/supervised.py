@@ -16,6 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from types import TracebackType
 from typing import Any, Self
@@ -60,9 +61,7 @@ _MOST = 64 * 1024**2
 """Bytes of a message from the process."""
 
 
-def whole_run(
-    scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None
-) -> Simulation | SupervisedRun:
+def whole_run(scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None) -> Simulation | SupervisedRun:
     """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants.
 
     A gate that holds it must be in memory that processes share.
@@ -161,7 +160,7 @@ class SupervisedRun:
             held = -1 if self._gate is None else self._gate.tick
             return max(self._recorder.recorded, min(max(self._tick, held), self.scenario.ticks) + 1)
 
-        return Records(self.scenario, count, self._records.records.part)
+        return replace(self._records.records, count=count)
 
     @property
     def time(self) -> float:

@@ -53,6 +53,23 @@ class Columns:
         return base64.b64encode(zlib.compress(planes, _LEVEL)).decode("ascii")
 
 
+class Rows:
+    """The columns of some samples of a run as they are, for a page that gets more of them; each has a number."""
+
+    def __init__(self) -> None:
+        self._columns: list[Floats] = []
+
+    def add(self, values: Floats) -> Reference:
+        """Add a column (T,), and return its number in a list."""
+        self._columns.append(values)
+        return [len(self._columns) - 1]
+
+    def numbers(self) -> NDArray[np.float32]:
+        """Return all numbers (T, columns)."""
+        with np.errstate(over="ignore"):
+            return np.stack(self._columns, axis=1).astype(np.float32)
+
+
 def samples_in_bucket(samples: int, columns: int, most: int = MOST_NUMBERS) -> int:
     """Return how many samples share a bucket, of which only the extremes are kept; 1: all are kept."""
     if samples * columns <= most:

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, extremes, samples_in_bucket
+from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, Rows, extremes, samples_in_bucket
 from cosim.report.groups import group_of
 from cosim.results.drawable_part import drawable
 from cosim.results.expectations import Kind, understood
@@ -76,8 +76,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "samples": samples,
         "end": summary.end_time,
         "vehicles": _vehicles(result),
-        "motion": _motion(shown, columns, MOST_POSES // share),
-        "signals": _signals(shown, columns, MOST_NUMBERS // share),
+        **courses_of(shown, columns, share),
         "verdicts": _verdicts(summary, kinds, bands, result),
         "bands": [
             {**asdict(band), "robots": list(kind.written.robots), "text": kind.text}
@@ -94,6 +93,14 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "scenario": result.attrs["scenario"],
     }
     return {**without_nan(content), "numbers": columns.packed()}
+
+
+def courses_of(result: Result, columns: Columns | Rows, share: int = 1) -> Json:
+    """Return the motion and the signals of a result, or of a part of one, whose numbers are added to columns."""
+    return {
+        "motion": _motion(result, columns, MOST_POSES // share),
+        "signals": _signals(result, columns, MOST_NUMBERS // share),
+    }
 
 
 def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
@@ -150,7 +157,7 @@ def _geometry(result: Result, kind: str, field: str, row: int) -> Any:
     return str(value) if isinstance(value, str) else float(value)
 
 
-def _motion(result: Result, columns: Columns, most: int) -> Json:
+def _motion(result: Result, columns: Columns | Rows, most: int) -> Json:
     """Return poses and errors of place at evenly spaced samples, the last one among them."""
     samples, robots = result.sizes["time"], range(len(result.robots))
     entries = result.sizes["pose_component"]
@@ -172,7 +179,7 @@ def _motion(result: Result, columns: Columns, most: int) -> Json:
 # Signals ----------------------------------------------------------------------------------------------------
 
 
-def _signals(result: Result, columns: Columns, most: int) -> Json:
+def _signals(result: Result, columns: Columns | Rows, most: int) -> Json:
     """Return all signals over time; of many samples the extremes of each bucket of them."""
     signals = {name: signal for name, signal in result.data_vars.items() if signal.dims[:1] == ("time",)}
     width = sum(math.prod(signal.values.shape[1:]) for signal in signals.values())
@@ -183,7 +190,7 @@ def _signals(result: Result, columns: Columns, most: int) -> Json:
     }
 
 
-def _signal(result: Result, name: str, signal: Variable, size: int, columns: Columns) -> Json:
+def _signal(result: Result, name: str, signal: Variable, size: int, columns: Columns | Rows) -> Json:
     of_robots = "robot" in signal.dims
     robots = result.robots if of_robots else (LEADER,)
     labels = _components(result, signal)
@@ -202,7 +209,7 @@ def _signal(result: Result, name: str, signal: Variable, size: int, columns: Col
     }
 
 
-def _column(values: Floats, size: int, columns: Columns) -> Reference:
+def _column(values: Floats, size: int, columns: Columns | Rows) -> Reference:
     return columns.add(extremes(values, size))
 
 

@@ -55,7 +55,7 @@ def save_report(results: Sequence[xr.Dataset | Result], path: str | Path, summar
     write(Path(path), page(title, {"runs": runs}).encode())
 
 
-def page(title: str, data: Json) -> str:
+def page(title: str, data: Json, scripts: tuple[str, ...] = SCRIPTS, connect: str = "'none'") -> str:
     """Return the text of a page.
 
     Whatever comes from a run stands in it as data, in which no ``<`` is left, so no text can become markup; the page's
@@ -67,13 +67,17 @@ def page(title: str, data: Json) -> str:
         Its title.
     data
         What it shows: ``runs``, each as `content_of` returns it; the script reads no other part of the page.
+    scripts
+        Its scripts.
+    connect
+        The only place that they may talk to, as a policy names it.
     """
-    style, script = _assets(STYLES), _assets(SCRIPTS)
+    style, script = _assets(STYLES), _assets(scripts)
     parts = {
         "title": html.escape(title),
         "policy": (
             f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; img-src data: blob:; "
-            "base-uri 'none'; form-action 'none'"
+            f"connect-src {connect}; base-uri 'none'; form-action 'none'"
         ),
         "style": style,
         "script": script,

@@ -33,7 +33,7 @@ function prepare(run, numbers) {
   const bucket = run.signals.bucket;
   const count = bucket === 1 ? run.samples : 2 * Math.ceil(run.samples / bucket);
   const time = bucket === 1 ? (i) => i : (i) => Math.min((i / 2 + 0.25) * bucket, run.samples - 1);
-  run.times = Float64Array.from({ length: count }, (_, i) => time(i) * run.step);
+  run.times = run.signals.spaced ? run.motionTimes : Float64Array.from({ length: count }, (_, i) => time(i) * run.step);
   run.poses = run.motion.poses.map((entries) => entries.map((reference) => column(run, reference, samples)));
   run.errors = run.motion.errors.map((errors) => errors.map((reference) => column(run, reference, samples)));
 }

@@ -80,6 +80,25 @@ class Panels {
     for (const panel of this.open.values()) this._draw(panel);
   }
 
+  /** Take further samples in: whoever sees all times still does. */
+  grow() {
+    for (const panel of this.open.values()) {
+      const [times] = panel.plot.data;
+      const { min, max } = panel.plot.scales.x;
+      const all = !(min > times[0] || max < times.at(-1));
+      const courses = this._courses(panel);
+      if (courses.length !== panel.courses.length) this._draw(panel);
+      else {
+        panel.courses = courses;
+        this.zooming = true; // each panel sees to itself
+        panel.plot.setData(aligned(courses, panel.factor), all);
+        this.zooming = false;
+        if (all) this.zoomed = null;
+        else panel.plot.redraw();
+      }
+    }
+  }
+
   /** Follow the time of the playback. */
   tick() {
     for (const panel of this.open.values()) this._now(panel);

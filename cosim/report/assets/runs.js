@@ -15,7 +15,9 @@ function showRuns(runs, differences = null) {
   place.replaceChildren(document.getElementById("run-view").content.cloneNode(true));
   const closed = new AbortController();
   const whileOpen = { signal: closed.signal };
-  const end = Math.max(...runs.map((run) => run.end));
+  const last = () => Math.max(...runs.map((run) => run.end));
+  let end = last();
+  const until = Math.max(end, ...runs.map((run) => (run.status === "running" ? run.horizon : 0)));
   const state = { time: 0, hidden: new Set(), chosen: "", playing: false, speed: end > 60 ? 4 : 1 };
   const get = (id) => document.getElementById(id);
   const playback = new Playback(get("scene"), runs, state);
@@ -145,11 +147,11 @@ function showRuns(runs, differences = null) {
   showNotes(get("notes"), runs, (time) => { play(false); seek(time); });
   showProvenance(get("provenance"), runs);
   runs.forEach((run, number) => get("runs").append(headline(run, runs.length > 1 ? number + 1 : 0)));
-  marks(get("marks"), runs, end, (time) => { play(false); seek(time); });
+  marks(get("marks"), runs, until, (time) => { play(false); seek(time); });
 
   // Controls
 
-  get("time").max = end;
+  get("time").max = until;
   for (const speed of SPEEDS) get("speed").append(element("option", { value: speed }, `× ${speed}`));
   get("speed").value = state.speed;
   const step = runs[0].step;
@@ -207,7 +209,41 @@ function showRuns(runs, differences = null) {
     place.replaceChildren();
   }
 
-  return { runs, state, playback, panels, seek, play, lead, show, close };
+  // A run that goes on
+
+  const isFollowing = () => !state.playing && state.time >= end;
+
+  function follow() {
+    play(false);
+    state.time = end;
+    show();
+  }
+
+  /** Show that the runs have more samples; whoever was at the end stays there. */
+  function grow() {
+    const following = isFollowing();
+    end = last();
+    if (following) state.time = end;
+    panels.grow();
+    show();
+  }
+
+  /** Let a reader find what another view has shown. */
+  function restore(before) {
+    for (const key of before.keys) panels.show(key);
+    for (const key of [...panels.open.keys()]) if (!before.keys.includes(key)) panels.hide(key);
+    press();
+    for (const button of get("robots").children) if (before.hidden.has(button.textContent)) button.click();
+    state.chosen = before.chosen;
+    state.speed = get("speed").value = before.speed;
+    playback.view = before.place;
+    playback.follow = get("follow").value = before.follow;
+    state.time = before.following ? end : Math.min(before.time, end);
+    panels.redraw();
+    show();
+  }
+
+  return { runs, state, playback, panels, seek, play, lead, show, close, isFollowing, follow, grow, restore };
 }
 
 /** Return whether a key is meant for the playback: not for what has the focus, or for another part of the page. */
@@ -239,13 +275,13 @@ function grouped(signals) {
 /** Return a line that tells how a run ended. */
 function headline(run, number) {
   const fails = run.verdicts.filter((verdict) => !verdict.passed).length;
-  const [kind, word] = run.status !== "completed" ? ["bad", "did not reach its end"]
+  const [kind, word] = run.status === "running" ? ["", "goes on"] : run.status !== "completed" ? ["bad", "did not reach its end"]
     : !run.verdicts.length ? ["", "reached its end"]
       : fails ? ["bad", `${fails} of ${run.verdicts.length} verdicts ${fails === 1 ? "fails" : "fail"}`] : ["good", "all expectations hold"];
   const changes = run.provenance.changes.length ? `, changed by ${run.provenance.changes.join(" ")}` : "";
   const line = element("li", {}, [
     number ? `${number}: ` : "", element("strong", {}, run.name), changes, ", ", element("span", { class: kind }, word),
-    ` after ${figure(run.end)} s, seed ${run.provenance.seed ?? "unknown"}`,
+    run.status === "running" ? "" : ` after ${figure(run.end)} s`, `, seed ${run.provenance.seed ?? "unknown"}`,
   ]);
   if (run.failure) line.append(element("div", { class: "bad" }, run.failure.text));
   return line;
