@@ -26,6 +26,7 @@ CONTENT = {
     "swap": "a foreign FMU: words, proposals",
     "studies": "many runs, judged together",
     "compare": "two plants, same torques",
+    "live": "a run on a page, as it goes on",
     "report": "the page that shows runs",
     "export": "results for other tools",
     "master": "set-up, step loop, recorder",

@@ -124,14 +124,7 @@ class Feed:
         ticks = scenario.ticks + 1
         self._every = math.ceil(ticks / max(MOST_NUMBERS // width, _FEWEST))
         self._rows = np.empty((-(-ticks // self._every), width), np.float32)
-        shown: Json = {
-            "status": "running",
-            "failure": None,
-            "followers": [],
-            "distance": [],
-            "notes": [],
-            "verdicts": [],
-        }
+        none_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
         self.head = _message(
             kind="begin",
             run={**content_of(first), **courses, **none_yet, "status": "running", "failure": None, "numbers": ""},
