@@ -82,6 +82,13 @@ def part(function: F) -> F:
     return _compiled(function, inline="always")
 
 
+def vectors_of_four() -> None:
+    """Keep a compiled function that calls this to vectors of four numbers; called by Python, it does nothing.
+
+    With eight numbers to a vector, and two vectors at a time, a team of four never gets to the vectors.
+    """
+
+
 def _compiled(function: F, **more: Any) -> F:
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
@@ -131,6 +138,23 @@ def _form(value: Any) -> Any:
     return type(value)
 
 
+def _teach_vectors() -> None:
+    """Let compiled functions call `vectors_of_four`."""
+    from numba.extending import intrinsic, overload
+
+    @intrinsic
+    def narrow(typing: Any) -> Any:
+        def generate(context: Any, builder: Any, *_: Any) -> Any:
+            # llvmlite itself adds only attributes that it knows, and this is not one of them
+            set.add(builder.function.attributes, '"prefer-vector-width"="256"')
+            return context.get_dummy_value()
+
+        return numba.none(), generate
+
+    # Inlined as text: what belongs to a function of its own would not count where that is inlined.
+    overload(vectors_of_four, strict=False, inline="always")(lambda: lambda: narrow())  # type: ignore[call-arg]
+
+
 def _teach_elementary() -> None:
     """Let compiled code call the functions of `elementary`, from the same text that Python runs."""
     from numba.extending import intrinsic, overload, register_jitable
@@ -166,3 +190,4 @@ def _teach_elementary() -> None:
 
 if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     _teach_elementary()
+    _teach_vectors()

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from formation_controllers import kinematics
 from formation_controllers.columns import BLOCK, columns, sin_cos_of
-from formation_controllers.compiled import compiled
+from formation_controllers.compiled import compiled, vectors_of_four
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
 from formation_controllers.kinematics import UNKNOWN, Direction, Geometry, Pose, PostureError, geometry_of
@@ -346,6 +346,7 @@ def _formation_courses(
     c: np.void,
     courses: Floats,
 ) -> None:
+    vectors_of_four()
     for i in range(pose.shape[1]):
         before = last[i]
         for first in range(0, len(pose), BLOCK):

@@ -46,9 +46,20 @@ def columns(inputs: int, centres: int) -> dict[str, tuple[int, ...]]:
 
 
 @part
+def sigma_of(c: np.void, r: int, count: int) -> Floats:
+    """Return sigma of one robot out of a block of so many."""
+    sigma: Floats = c["sigma"]
+    return sigma.reshape(sigma.size)[r : len(sigma) * count : count]
+
+
+@part
 def basis(c: np.void, gains: NDArray[np.void], first: int, count: int) -> None:
-    """Fill sigma_k(x) = exp(-|x - mu_k|^2 / lambda_k^2), (11), for a block of robots, given x."""
-    x, centres, widths, sigma = c["x"], c["centres"], c["widths"], c["sigma"]
+    """Fill sigma_k(x) = exp(-|x - mu_k|^2 / lambda_k^2), (11), for a block of robots, given x.
+
+    Sigma has no gaps between its numbers: centre by centre, one a robot of the block. `sigma_of` takes out a robot's.
+    """
+    x, centres, widths = c["x"], c["centres"], c["widths"]
+    sigma = c["sigma"].reshape(c["sigma"].size)
     for r in range(count):
         own = gains[first + r]
         for k in range(len(centres)):
@@ -59,11 +70,9 @@ def basis(c: np.void, gains: NDArray[np.void], first: int, count: int) -> None:
             for j in range(len(x)):
                 difference = x[j, r] - centres[k, r]
                 distance_squared += difference * difference
-            sigma[k, r] = -distance_squared / (widths[k, r] * widths[k, r])
-    # Apart from the loop above: a processor works ahead on as many of these long chains as fit into its window.
-    for k in range(len(centres)):
-        for r in range(count):
-            sigma[k, r] = exp(sigma[k, r])
+            sigma[k * count + r] = -distance_squared / (widths[k, r] * widths[k, r])
+    for i in range(len(centres) * count):
+        sigma[i] = exp(sigma[i])
 
 
 @part

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from formation_controllers import network, observer_pid, projection, robot_view, saturation
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import borrowing, part
+from formation_controllers.compiled import borrowing, part, vectors_of_four
 from formation_controllers.compiled_law import TeamRecords
 from formation_controllers.gains import gain
 from formation_controllers.interface import Floats, Signal, TickInputs
@@ -80,6 +80,7 @@ def network_input(
 @borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
+    vectors_of_four()
     seen, c, size = team.seen[0], team.columns[0], len(inputs.pose)
     steering_d = steering_angle(pose_of(inputs.leader_pose, team.vehicle), team.vehicle)
 
@@ -104,7 +105,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
         for r in range(count):
             i = first + r
             own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-            W, theta, s, sigma = own["W"], own["theta"], c["s"][:, r], c["sigma"][:, r]
+            W, theta, s, sigma = own["W"], own["theta"], c["s"][:, r], network.sigma_of(c, r, count)
             view = robot_view.view_of(seen, r)
 
             # PID, network and robust term; torque, (24)

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 
 from formation_controllers import network, projection, robot_view, saturation
 from formation_controllers.columns import BLOCK
-from formation_controllers.compiled import borrowing
+from formation_controllers.compiled import borrowing, vectors_of_four
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.errors import GainError
 from formation_controllers.gains import gain
@@ -41,6 +41,7 @@ NETWORK_INPUTS: Final = 8
 @borrowing
 def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
     """Fill the torques of a team at one tick, and its telemetry, and advance its state by one period."""
+    vectors_of_four()
     c, size = team.columns[0], len(inputs.pose)
     q, z_1, z_2, alpha, q_hat_dot, v_hat = team.seen[0]["q"], c["z_1"], c["z_2"], c["alpha"], c["q_hat_dot"], c["v_hat"]
     for first in range(0, size, BLOCK):
@@ -67,7 +68,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
         for r in range(count):
             i = first + r
             own, g, out = team.state[i], team.gains[i], team.telemetry[i]
-            view, Theta, S = robot_view.view_of(team.seen[0], r), own["Theta"], c["sigma"][:, r]
+            view, Theta, S = robot_view.view_of(team.seen[0], r), own["Theta"], network.sigma_of(c, r, count)
             f_1, f_2 = robot_view.along_velocities(view, z_1[0, r], z_1[1, r])
             tau_1, tau_2 = robot_view.torque_of(
                 view,

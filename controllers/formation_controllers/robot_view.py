@@ -14,7 +14,7 @@ import numpy as np
 
 from formation_controllers import kinematics
 from formation_controllers.columns import sin_cos_of, sin_cos_tan_of
-from formation_controllers.compiled import borrowing, part
+from formation_controllers.compiled import borrowing, part, vectors_of_four
 from formation_controllers.elementary import acos
 from formation_controllers.interface import Floats, TickInputs
 from formation_controllers.kinematics import Direction, Geometry, Matrix, Pose, PostureError, Steering
@@ -109,6 +109,7 @@ def see(inputs: TickInputs, team: TeamRecords, first: int, count: int) -> None:
 @borrowing
 def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: int) -> None:
     """Measure the formation of a block, given pose, last bearing and guard: the same code for every law."""
+    vectors_of_four()
     for r in range(count):
         pose = Pose(c["pose"][0, r], c["pose"][1, r], c["pose"][2, r], c["pose"][3, r])
         c["angle"][r] = kinematics.steering_angle(pose, vehicle)
