@@ -5,7 +5,6 @@ import re
 import numba
 import numpy as np
 import pytest
-
 from formation_controllers.columns import sin_cos_of
 from formation_controllers.compiled import vectors_of_four
 
