@@ -18,9 +18,11 @@ import pytest
 from matplotlib.image import imread
 
 import cosim
-from cosim.report.page import save_report
+from cosim.report.page import save_report, save_study_report
+from cosim.results.files import save
 from cosim.results.outlines import outlined_followers
 from cosim.results.result import Result
+from cosim.tests.study_folder import write_study_folder
 from cosim.vehicle.outline import frames
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "scenarios").glob("*.xml"))
@@ -197,3 +199,121 @@ def _picture(page: Any) -> np.ndarray[Any, Any]:
     url = page.evaluate("document.getElementById('scene').toDataURL()")
     image = imread(io.BytesIO(base64.b64decode(url.partition(",")[2])), format="png")
     return (255 * image).round().astype(int)
+
+
+# Studies and comparisons ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def study(line: tuple[Result, Path], tmp_path: Path) -> Path:
+    """Return the page of a study of 10,000 runs, two of which are played."""
+    write_study_folder(tmp_path / "many", 10_000)
+    for number in (3, 7):
+        (tmp_path / "many" / "kept" / f"run_{number}").mkdir(parents=True)
+        save(line[0], tmp_path / "many" / "kept" / f"run_{number}" / "result.nc")
+    save_study_report(tmp_path / "many", tmp_path / "many" / "report.html")
+    return tmp_path / "many" / "report.html"
+
+
+def _column(page: Any, number: int) -> list[str]:
+    cells: list[str] = page.locator(f"table.runs tbody tr > :nth-child({number})").all_inner_texts()
+    return cells
+
+
+def test_the_runs_of_a_study_are_sorted_and_filtered(study: Path, opened: Any) -> None:
+    page = opened(study)
+    assert page.locator("#ends").inner_text().startswith("many, 10,000 runs: ")
+    assert page.get_by_text("runs 1 to 25 of 10,000").is_visible()
+    page.get_by_role("button", name="mass [kg]", exact=True).press("Enter")
+    masses = [float(mass) for mass in _column(page, 2)]
+    assert masses == sorted(masses)
+    assert masses[0] == pytest.approx(25.0, abs=0.01)
+    page.get_by_role("button", name="settling [s]", exact=True).click()
+    assert _column(page, 6)[0] == "∞"  # the worst first, and those without a number last
+    assert page.get_by_role("columnheader", name="settling").get_attribute("aria-sort") == "descending"
+    page.get_by_label("Filter runs").fill("mass > 30.5, stiff")
+    shown = page.evaluate("formation.rows.rows.length")
+    expected = sum(25 + 7 * (run * 0.618034 % 1) > 30.5 for run in range(2, 10_001, 2))
+    assert shown == expected
+    page.get_by_role("button", name="Rows after").click()
+    assert page.get_by_text(f"runs 26 to 50 of {expected:,}").is_visible()
+    page.get_by_label("Filter runs").fill("no such text")
+    assert page.get_by_text("no such run").is_visible()
+    page.get_by_label("Filter runs").fill("")
+    page.get_by_role("button", name="passed").click()
+    page.get_by_role("button", name="failed").click()
+    assert _column(page, 1) == ["1"]  # the broken one
+
+
+def test_a_point_of_a_study_leads_to_its_run(study: Path, opened: Any) -> None:
+    page = opened(study)
+    assert page.evaluate("formation.scatter.points.length") == 9_999  # one is broken
+    page.locator("#scatter").scroll_into_view_if_needed()
+    x, y, row = page.evaluate(
+        "formation.scatter.points.find(([, , row]) => row === 1)"
+    )  # without a figure, at the edge
+    found = page.evaluate("([x, y]) => formation.scatter.nearest(x, y)", [x, y])
+    assert found == row
+    page.locator("#scatter").click(position={"x": x, "y": y})
+    assert page.locator("#chosen-run h2").inner_text() == f"Run {found + 1}"
+    assert page.url.endswith(f"#run={found + 1}")
+    command = page.locator("#chosen-run code").inner_text()
+    assert command.startswith("formation study 'studies/my many.xml' --out ")
+    assert command.endswith(f" --keep {found + 1}")
+    page.get_by_role("button", name="close", exact=True).click()
+    assert page.locator("#chosen-run").is_hidden()
+
+
+def test_runs_of_a_study_are_played_and_compared(study: Path, opened: Any) -> None:
+    page = opened(study)
+    page.get_by_role("button", name="play run 3").click()
+    first = _picture(page)
+    page.evaluate("formation.seek(3)")
+    assert (_picture(page) != first).any()
+    page.get_by_role("button", name="play run 7").click()
+    assert page.locator("#runs li").count() == 2
+    assert "play=3+7" in page.url
+    assert page.locator("#compared").is_visible()
+    page.get_by_role("button", name="play run 3").click()
+    page.get_by_role("button", name="play run 7").click()
+    assert page.locator("#scene").count() == 0
+    again = opened(study, "#run=2&play=7&t=1.5")
+    assert again.evaluate("formation.state.time") == 1.5
+    assert again.locator("#chosen-run h2").inner_text() == "Run 2"
+
+
+def test_texts_of_a_study_stay_texts(opened: Any, tmp_path: Path) -> None:
+    hostile = "</script><script>window.taken = 1</script><img src=x onerror='taken=1'>"
+    write_study_folder(tmp_path, 30, message=hostile, title=hostile, changes=[hostile], worst={"run": hostile})
+    (tmp_path / "cases.csv").write_text(f"{hostile},passed\n{hostile},3\n", encoding="utf-8")
+    (tmp_path / "figure.png").write_bytes(hostile.encode())
+    save_study_report(tmp_path, tmp_path / "report.html")
+    page = opened(tmp_path / "report.html")
+    assert page.locator("h1").inner_text() == hostile
+    page.get_by_role("button", name="show run 1", exact=True).click()
+    assert hostile in page.locator("#chosen-run").inner_text()
+    assert page.evaluate("window.taken === undefined && document.images.length === 1")
+
+
+def test_differences_of_runs(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    result, _ = line
+    scenario = cosim.read_scenario(SCENARIOS[0].with_name("clmr_line.xml")).edited(expectations=False)
+    moved = cosim.run(scenario.edited(["follower[@id='follower_2']/pose/@y=10.5 m", "simulation/@seed=2"], horizon=3.0))
+    save_report([result, moved], tmp_path / "both.html")
+    page = opened(tmp_path / "both.html")
+    told = page.locator("#compared")
+    path = "follower[@id='follower_2']/pose/@y"
+    assert told.locator("tr", has_text=path).locator("td").all_inner_texts()[1:] == ["10 m", "10.5 m"]
+    assert told.locator("tr", has_text="seed").locator("td").all_inner_texts() == ["seed", "1", "2"]
+
+    apart = np.linalg.norm((result["pose"].values[:151] - moved["pose"].values)[..., 1, :2], axis=-1)
+    row = told.locator("tr", has_text="at the end").locator("..").locator("..").locator("tbody tr").first
+    assert row.locator("td").first.inner_text() == "follower_2"
+    row.get_by_role("button").click()
+    assert page.evaluate("formation.state.time") == pytest.approx(0.02 * apart.argmax())
+    assert float(row.locator("td").nth(1).inner_text().split()[0]) == pytest.approx(apart.max(), rel=1e-3)
+
+    rms = told.locator("tr", has_text="range RMS").locator("td").all_inner_texts()
+    worst = [max(one.range_rms for one in cosim.summary_of(run).followers) for run in (result, moved)]
+    assert float(rms[1].split()[0]) == pytest.approx(worst[0], rel=1e-3)
+    assert rms[2].endswith("better" if worst[1] < worst[0] else "worse")

@@ -177,6 +177,7 @@ def _parser() -> Parser:
         help='keep the full results of some runs, too: all, worst, median, or numbers such as "3" or "5 to 9"',
     )
     study.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
+    study.add_argument("--no-report", dest="report", action="store_false", help="write no page for the browser")
     study.add_argument("--junit", type=Path, metavar="FILE.xml", help="write the verdicts as JUnit XML")
     study.add_argument("--out", type=Path, default=Path("runs"), metavar="DIR", help="folder of the results (runs)")
 
@@ -184,8 +185,10 @@ def _parser() -> Parser:
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
     show.add_argument("--figure", type=Path, metavar="FILE.png", help="also draw the figure")
 
-    report = command("report", "write the page that shows a finished run in a browser, or compares several")
-    report.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
+    report = command("report", "write the page that shows a finished run or study in a browser, or compares runs")
+    report.add_argument(
+        "results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run or of a study"
+    )
     report.add_argument(
         "--out",
         type=Path,

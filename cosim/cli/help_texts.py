@@ -37,6 +37,7 @@ formation study payload.xml --runs 100 --workers 4""",
     "show": "formation show runs/clmr_line/result.nc",
     "report": """\
 formation report runs/clmr_line
+formation report runs/payload
 formation report runs/clmr_line+seed=2 runs/clmr_line --out compared.html""",
     "export": """\
 formation export runs/clmr_line

@@ -18,6 +18,7 @@ from cosim.cli.summary import print_verdict
 from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.errors import InputError
 from cosim.master.interrupt import HeldSignals
+from cosim.report.page import PAGE, save_study_report
 from cosim.results.files import save, writable_file, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
 from cosim.studies import by_case
@@ -97,6 +98,9 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     with _going_on(where / FILE), taking_a_while("making the full results that are kept"):
         kept = keep_results(outcome, folder)
+    if options.report:
+        save_study_report(where, folder / PAGE)
+        files.append(PAGE)
     _print(out(), outcome, cases)
     out().print(f"results in {where}/: {', '.join(files)}", markup=False, soft_wrap=True)
     if written:

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.report.content import Json, content_of
+from cosim.report.paths import with_distances
+from cosim.report.study_content import study_of
 from cosim.results.display_units import DISPLAYED
 from cosim.results.files import write
 from cosim.results.result import Result
@@ -26,7 +28,19 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 """Usual name of a page."""
 STYLES = ("uPlot.min.css", "page.css")
-SCRIPTS = ("uPlot.iife.min.js", "numbers.js", "scene.js", "playback.js", "panels.js", "tables.js", "runs.js", "page.js")
+SCRIPTS = (
+    *(
+        "uPlot.iife.min.js",
+        "numbers.js",
+        "scene.js",
+        "playback.js",
+        "panels.js",
+        "tables.js",
+        "differences.js",
+        "runs.js",
+    ),
+    *("charts.js", "rows.js", "study.js", "page.js"),
+)
 """Files of the page, in the order in which they stand in it."""
 _PLACE = re.compile(r"\{\{([a-z]+)\}\}")
 
@@ -50,9 +64,25 @@ def save_report(results: Sequence[xr.Dataset | Result], path: str | Path, summar
     OutputError
         The file cannot be written.
     """
-    runs = [content_of(Result.of(result), summary) for result, summary in zip_longest(results, summaries)]
+    runs = with_distances(
+        (arrays, content_of(arrays, summary)) for arrays, summary in zip_longest(map(Result.of, results), summaries)
+    )
     title = " against ".join(str(run["title"] or run["name"]) for run in runs)
     write(Path(path), page(title, {"runs": runs}).encode())
+
+
+def save_study_report(folder: Path, path: Path) -> None:
+    """Write the page of a study, from the files of its folder.
+
+    Raises
+    ------
+    InputError
+        The folder is not that of a study, or a file in it cannot be read.
+    OutputError
+        The file cannot be written.
+    """
+    study, runs = study_of(folder)
+    write(path, page(study["title"] or study["name"], {"study": study, "runs": runs}).encode())
 
 
 def page(title: str, data: Json, scripts: tuple[str, ...] = SCRIPTS, connect: str = "'none'") -> str:
@@ -66,7 +96,8 @@ def page(title: str, data: Json, scripts: tuple[str, ...] = SCRIPTS, connect: st
     title
         Its title.
     data
-        What it shows: ``runs``, each as `content_of` returns it; the script reads no other part of the page.
+        What it shows: ``runs``, each as `content_of` returns it, and of a study ``study``. The script reads no other
+        part of the page.
     scripts
         Its scripts.
     connect

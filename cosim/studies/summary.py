@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from cosim.quantity import quantity
 from cosim.results.json_numbers import without_nan
+from cosim.scenario.edits import as_setting
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.row import BROKEN
 from cosim.studies.searching import Worst
@@ -66,11 +69,13 @@ def as_json(outcome: StudyOutcome) -> str:
         "study": outcome.study.name,
         "title": outcome.study.title,
         "scenario": str(next(iter(outcome.study.bases.values())).path),
+        "changes": [*map(as_setting, outcome.study.changes)],
         "planned": outcome.planned,
         "runs": len(outcome.rows),
         "ended_early": outcome.early,
         **counts(outcome),
         "measures": [asdict(spread) for spread in spreads(outcome)],
+        "bounds": [*_bounds(outcome.study)],
         **({"tuned": as_data(outcome.study, tune, outcome.tuned)} if (tune := outcome.study.tune) else {}),
         **({"sensitivity": [one.as_data() for one in found]} if (found := outcome.sensitivities) else {}),
         **({"worst": _worst_data(outcome.study, outcome.worst)} if outcome.worst else {}),
@@ -78,6 +83,15 @@ def as_json(outcome: StudyOutcome) -> str:
         "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
     }
     return json.dumps(without_nan(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _bounds(study: Study) -> Iterator[dict[str, Any]]:
+    """Return the bounds of what must hold of each run's figure, in the measure's unit."""
+    units = {measured.name: measured.unit for measured in study.measures}
+    for one in study.requirements:
+        side = "below" if "below" in one.attributes else "above"
+        if one.kind in ("quantile", "worst", "mean") and (of := one.attributes["of"]) in units:
+            yield {"measure": of, "kind": one.kind, side: quantity(one.attributes[side], units[of] or "1")}
 
 
 def _worst_data(study: Study, worst: Worst) -> dict[str, Any]:

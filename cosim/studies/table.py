@@ -76,7 +76,8 @@ def as_result(outcome: StudyOutcome) -> Result:
         variables |= figures
         coordinates |= labels
     study = outcome.study
-    return Result(variables, coordinates, {"study": study.name, "title": study.title, "runs_planned": outcome.planned})
+    told = {"study": study.name, "title": study.title, "runs_planned": outcome.planned, "text": study.document.text}
+    return Result(variables, coordinates, told)
 
 
 def _columns(outcome: StudyOutcome) -> Iterator[Column]:

@@ -21,6 +21,7 @@ from cosim.errors import InputError
 from cosim.report.columns import Columns, extremes, samples_in_bucket
 from cosim.report.content import content_of
 from cosim.report.page import page, save_report
+from cosim.report.paths import Paths, apart
 from cosim.results.result import Result
 from cosim.scenario.scenario import Scenario
 
@@ -221,3 +222,15 @@ def test_the_page_of_a_run_that_diverged_shows_how_far_it_came(short_line: Scena
     assert content["status"] == "incomplete"
     assert "diverged" in content["failure"]["text"]
     save_report([failed.value.recorded], tmp_path / "report.html")
+
+
+def test_how_far_apart_the_paths_of_two_runs_are() -> None:
+    time = np.arange(5) * 0.5
+    straight = np.stack([time, np.zeros(5)], axis=1)
+    first = Paths(time, {"a": straight, "b": straight, "gone": straight})
+    there = np.array([[0.0, 0.0], [0.5, 3.0], [1.0, 1.0]])
+    other = Paths(time[:3], {"a": there, "b": np.full((3, 2), np.nan)})
+    assert apart(first, other) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": 1.0}]
+    slower = Paths(time[:3:2], {"a": there[::2]})  # straight between its samples
+    assert apart(first, slower) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
+    assert apart(slower, first) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]

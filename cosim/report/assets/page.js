@@ -3,8 +3,14 @@
 async function start() {
   const data = JSON.parse(document.getElementById("data").textContent);
   Object.assign(SHOWN, data.units);
-  for (const run of data.runs) prepare(run, await unpackedNumbers(run.numbers));
-  window.formation = showRuns(data.runs, data.differences);
+  for (const [place, run] of data.runs.entries()) {
+    run.place = place;
+    prepare(run, await unpackedNumbers(run.numbers));
+  }
+  if (data.study) {
+    await prepareStudy(data.study);
+    showStudy(data.study, data.runs);
+  } else window.formation = showRuns(data.runs);
   document.documentElement.dataset.ready = "true";
 }
 

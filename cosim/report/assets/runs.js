@@ -8,9 +8,8 @@ const MOST_MARKS = 200;
  * Show runs, overlaid, in the sections of the template; return the view, of which `close` removes it.
  *
  * @param runs the runs, prepared
- * @param differences between them, where there are several; or null
  */
-function showRuns(runs, differences = null) {
+function showRuns(runs) {
   const place = document.getElementById("view");
   place.replaceChildren(document.getElementById("run-view").content.cloneNode(true));
   const closed = new AbortController();
@@ -140,11 +139,28 @@ function showRuns(runs, differences = null) {
     state.chosen = verdict.robot;
     panels.redraw();
     seek(verdict.moment);
+    reveal();
+  }
+
+  /** Bring the playback into view, where it is not. */
+  function reveal() {
+    const { top, bottom } = get("stage").getBoundingClientRect();
+    if (bottom < 120 || top > innerHeight - 120) get("playback").scrollIntoView({ block: "start" });
   }
 
   showVerdicts(get("verdicts"), runs, lead);
   showFollowers(get("followers"), runs);
-  showNotes(get("notes"), runs, (time) => { play(false); seek(time); });
+  showNotes(get("notes"), runs, (time) => { play(false); seek(time); reveal(); });
+  if (runs.length > 1) {
+    get("compared").hidden = false;
+    showDifferences(get("compared"), runs, lead, (robot, time) => {
+      play(false);
+      state.chosen = robot;
+      panels.redraw();
+      seek(time);
+      reveal();
+    });
+  }
   showProvenance(get("provenance"), runs);
   runs.forEach((run, number) => get("runs").append(headline(run, runs.length > 1 ? number + 1 : 0)));
   marks(get("marks"), runs, until, (time) => { play(false); seek(time); });

@@ -19,7 +19,7 @@ const MOST_ROWS = 30;
 /** Return a table; on a phone each row is a block, in which headings stand beside the figures. */
 function table(headings, rows) {
   for (const row of rows) {
-    [...row.cells].forEach((cell, k) => { if (headings[k][1] === "number") cell.dataset.heading = headings[k][0]; });
+    [...row.cells].forEach((cell, k) => { if (headings[k][1]) cell.dataset.heading = headings[k][0]; });
   }
   const head = element("tr", {}, headings.map(([text, kind = ""]) => element("th", { scope: "col", class: kind }, text)));
   return element("div", { class: rows.length > MOST_ROWS ? "long" : "scroll" }, element("table", { class: "stacked" }, [element("thead", {}, head), element("tbody", {}, rows)]));
@@ -29,7 +29,7 @@ function inUnit(value, unit) {
   return value === null ? "" : `${figure(value)} ${unit}`.trim();
 }
 
-const OUTCOMES = { true: ["good", "✓ holds"], false: ["bad", "✗ fails"], known: ["known", "✗ fails as known"] };
+const OUTCOMES = { true: ["good", "✓\u00A0holds"], false: ["bad", "✗\u00A0fails"], known: ["known", "✗\u00A0fails as known"] };
 
 const MOST_ONES = 12;
 

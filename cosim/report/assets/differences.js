@@ -1,0 +1,136 @@
+/* What differs between runs that are compared: figures, scenarios, versions, and the paths of the robots. */
+
+const MOST_DIFFERENCES = 60;
+const KEYS = ["id", "name", "select"];
+
+/** Show the differences of runs from the first one; `lead(run, verdict)` and `seek(robot, time)` are called for what a reader chooses. */
+function showDifferences(place, runs, lead, seek) {
+  const headings = runs.map((run, number) => [number ? `${number + 1} against 1` : "1", "number"]);
+  place.append(element("h2", {}, "Differences"), table([["figure, of the worst follower"], ...headings], comparedFigures(runs, lead)));
+  const differing = differingInputs(runs);
+  place.append(element("h3", {}, "What differs in what was run"));
+  if (differing.length) {
+    const rows = differing.slice(0, MOST_DIFFERENCES).map(({ what, values }) => element("tr", {}, [
+      element("td", {}, element("code", {}, what)), ...values.map((value) => element("td", { class: value === undefined ? "dim" : "" }, value ?? "none"))]));
+    place.append(table([[""], ...runs.map((_, number) => [String(number + 1), "value"])], rows));
+    if (differing.length > MOST_DIFFERENCES) place.append(element("p", { class: "dim" }, `and ${differing.length - MOST_DIFFERENCES} more`));
+  } else place.append(element("p", { class: "dim" }, "Nothing: the scenarios, their changes, the plants and the versions are the same."));
+  place.append(element("h3", {}, "Largest distance between the paths"));
+  const apart = runs.slice(1).flatMap((run, k) => pathsApart(runs[0], run).map((one) => ({ ...one, number: k + 2 })));
+  if (!apart.length) place.append(element("p", { class: "dim" }, "The runs have no robot in common."));
+  else {
+    const rows = apart.map(({ robot, number, distance, time, end }) => {
+      const button = element("button", { class: "outcome", title: `show ${robot} at ${time.toFixed(2)} s` }, `${time.toFixed(2)} s`);
+      button.addEventListener("click", () => seek(robot, time));
+      return element("tr", {}, [
+        element("td", {}, robot), ...(runs.length > 2 ? [element("td", {}, `${number} against 1`)] : []),
+        element("td", { class: "number" }, inUnit(distance, "m")), element("td", { class: "number" }, button),
+        element("td", { class: "number" }, inUnit(end, "m"))]);
+    });
+    place.append(table([["robot"], ...(runs.length > 2 ? [["runs"]] : []), ["largest distance", "number"], ["at", "number"], ["at the end", "number"]], rows));
+  }
+}
+
+// Figures
+
+/** Return a row for each expectation, and for each figure of the followers. */
+function comparedFigures(runs, lead) {
+  const expectations = [...new Set(runs.flatMap((run) => run.verdicts.map((verdict) => verdict.expectation)))];
+  const judged = expectations.map((expectation) => comparedRow(expectation, runs.map((run) => {
+    const [worst] = worstFirst(run.verdicts.filter((verdict) => verdict.expectation === expectation));
+    return worst && { value: worst.figure, unit: worst.unit, good: worst.margin, passed: worst.passed, choose: worst.moment === null ? null : () => lead(run, worst) };
+  })));
+  const worstOf = (name, unit, factor = 1, smaller = true) => runs.map((run) => {
+    const values = run.followers.map((one) => (one[name] === null ? Infinity : one[name] * factor));
+    if (!values.length) return undefined;
+    const value = Math.max(...values);
+    return { value, unit, good: smaller ? -value : null };
+  });
+  const nearest = (of) => runs.map((run) => {
+    const found = run.distance.find((one) => one.of === of);
+    return found && { value: found.distance, unit: "m", good: found.distance };
+  });
+  const figures = [
+    ["settled within 0.1 m and 2 deg after", worstOf("settling_time", "s")],
+    ["range RMS over the last fifth", worstOf("range_rms", "m")],
+    ["bearing RMS over the last fifth", worstOf("bearing_rms", "deg", 180 / Math.PI)],
+    ["peak torque", worstOf("peak_torque", "N.m", 1, false)],
+    ["smallest distance of bodies", nearest("bodies")],
+  ];
+  return [...judged, ...figures.filter(([, found]) => found.some(Boolean)).map(([name, found]) => comparedRow(name, found))];
+}
+
+/** Return a row: the figure of each run, its difference from the first, and whether it is better. */
+function comparedRow(name, found) {
+  const cells = found.map((one, number) => {
+    if (!one) return element("td", { class: "number dim" }, "none");
+    const value = one.value === Infinity ? "never" : inUnit(one.value, one.unit) || "none";
+    const look = one.passed === undefined ? "" : one.passed ? "good" : "bad";
+    const mark = one.passed === undefined ? "" : one.passed ? "✓ " : "✗ ";
+    const text = one.choose ? element("button", { class: `one ${look}` }, mark + value) : element("span", { class: look }, mark + value);
+    if (one.choose) text.addEventListener("click", one.choose);
+    const told = number && found[0] ? againstFirst(one, found[0]) : "";
+    return element("td", { class: "number" }, [text, element("div", { class: "dim" }, told)]);
+  });
+  return element("tr", {}, [element("td", {}, name), ...cells]);
+}
+
+function againstFirst(one, first) {
+  if (one.value === first.value) return "the same";
+  const difference = one.value - first.value;
+  const by = Number.isFinite(difference) && one.value !== null && first.value !== null ? `${difference > 0 ? "+" : ""}${figure(difference)}` : "";
+  const better = one.good === null || first.good === null || one.good === first.good ? "" : one.good > first.good ? "better" : "worse";
+  return [by, better].filter(Boolean).join(", ");
+}
+
+// What was run
+
+/** Return what differs in the scenarios, plants, controllers and versions: {what, values}, a value a run. */
+function differingInputs(runs) {
+  const told = runs.map((run) => inputsOf(run));
+  const names = [...new Set(told.flatMap((one) => [...one.keys()]))];
+  return names.map((what) => ({ what, values: told.map((one) => one.get(what)) }))
+    .filter(({ values }) => values.some((value) => value !== values[0]));
+}
+
+function inputsOf(run) {
+  const found = new Map();
+  const parsed = new DOMParser().parseFromString(run.scenario, "application/xml");
+  if (!parsed.querySelector("parsererror")) flatten(parsed.documentElement, "", found);
+  const { seed, versions, plants, controllers } = run.provenance;
+  if (seed !== null && seed !== undefined) found.set("seed", String(seed));
+  for (const [id, plant] of Object.entries(plants || {})) {
+    found.set(`FMU of plant ${id}`, String(plant.file));
+    found.set(`SHA-256 of plant ${id}`, String(plant.sha256).slice(0, 16));
+  }
+  for (const law of controllers || []) for (const robot of law.robots) found.set(`controller of ${robot}`, `${law.name} of ${law.package} ${law.version}`);
+  for (const [name, version] of Object.entries(versions || {})) found.set(`version of ${name}`, String(version));
+  return found;
+}
+
+/** Add all attributes and texts of an element by their XPaths, as `--set` takes them. */
+function flatten(node, path, found) {
+  const under = (step) => (path ? `${path}/${step}` : step);
+  for (const { name, value } of node.attributes) {
+    if (!name.startsWith("xmlns") && !(path === "simulation" && name === "seed")) found.set(under(`@${name}`), value);
+  }
+  const children = [...node.children];
+  const text = node.textContent.trim();
+  if (!children.length && text) found.set(path, text.length > 120 ? `${text.slice(0, 120)}…` : text);
+  for (const child of children) flatten(child, under(stepTo(child, children)), found);
+}
+
+function stepTo(child, siblings) {
+  const alike = siblings.filter((one) => one.localName === child.localName);
+  const key = KEYS.find((name) => child.hasAttribute(name));
+  if (key) return `${child.localName}[@${key}='${child.getAttribute(key)}']`;
+  return alike.length > 1 ? `${child.localName}[${alike.indexOf(child) + 1}]` : child.localName;
+}
+
+// Paths
+
+/** Return how far apart the paths of two runs are, as the page's data tells it of the later one. */
+function pathsApart(one, other) {
+  const [early, late] = [one, other].sort((a, b) => a.place - b.place);
+  return late.apart?.[early.place] || [];
+}
