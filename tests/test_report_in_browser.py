@@ -189,6 +189,7 @@ def test_texts_of_strangers_stay_texts(opened: Any, tmp_path: Path) -> None:
     save_report([result], tmp_path / "report.html")
     page = opened(tmp_path / "report.html")
     page.get_by_text("the scenario as it was run").click()
+    page.locator("pre .x-tag").first.wait_for()
     assert "window.taken" in page.locator("pre").inner_text()
     assert page.locator("h1").inner_text().startswith("</title><script>")
     assert page.evaluate("window.taken === undefined && document.images.length === 0")

@@ -305,12 +305,9 @@ function quoted(word) {
 }
 
 function showStudyOrigin(place, study) {
-  const text = element("pre", { tabindex: "0" });
-  const folded = element("details", {}, [element("summary", {}, "the study as it was made"), text]);
-  folded.addEventListener("toggle", () => { if (!text.firstChild) text.append(...highlighted(study.text)); });
   place.append(element("dl", {}, [element("dt", {}, "study"), element("dd", {}, study.file),
     ...(study.changes.length ? [element("dt", {}, "changes"), element("dd", {}, study.changes.join(", "))] : [])]));
-  if (study.text) place.append(folded);
+  if (study.text) place.append(foldedXml("the study as it was made", study.text));
   if (study.rows < study.runs) {
     place.append(element("p", { class: "dim" }, `The page shows ${study.rows.toLocaleString("en")} of ${study.runs.toLocaleString("en")} runs: evenly spaced ones, those with the extremes of each figure, and those to look at. runs.csv has all.`));
   }

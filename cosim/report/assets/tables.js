@@ -149,11 +149,16 @@ function showProvenance(place, runs) {
     if (runs.length > 1) place.append(element("h3", {}, `${number + 1}: ${run.name}`));
     place.append(element("dl", {}, rows.flatMap(([name, text]) => [
       element("dt", {}, name), element("dd", {}, text instanceof Node ? text : String(text))])));
-    const text = element("pre", { tabindex: "0" });
-    const folded = element("details", {}, [element("summary", {}, "the scenario as it was run"), text]);
-    folded.addEventListener("toggle", () => { if (!text.firstChild) text.append(...highlighted(run.scenario)); });
-    place.append(folded);
+    place.append(foldedXml("the scenario as it was run", run.scenario));
   });
+}
+
+/** Return an XML text that is shown, coloured, when it is unfolded. */
+function foldedXml(summary, text) {
+  const place = element("pre", { tabindex: "0" });
+  const folded = element("details", {}, [element("summary", {}, summary), place]);
+  folded.addEventListener("toggle", () => place.replaceChildren(...highlighted(text)), { once: true });
+  return folded;
 }
 
 /** Return the pieces of an XML text, coloured. */
