@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING, Any
 from cosim.errors import InputError
 from cosim.live.feed import Feed
 from cosim.master.gate import Gate
-from cosim.report.page import SCRIPTS, page
+from cosim.report.page import OF_RUNS, page
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
 HOST = "127.0.0.1"
-LIVE_SCRIPTS = (*SCRIPTS[:-1], "live.js")
+LIVE_SCRIPTS = (*OF_RUNS, "live.js")
 _NAMES = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 """Names under which a browser may know the server, also through a tunnel from another port."""
 _PERIOD = 0.1

@@ -28,19 +28,17 @@ if TYPE_CHECKING:
 PAGE = "report.html"
 """Usual name of a page."""
 STYLES = ("uPlot.min.css", "page.css")
-SCRIPTS = (
-    *(
-        "uPlot.iife.min.js",
-        "numbers.js",
-        "scene.js",
-        "playback.js",
-        "panels.js",
-        "tables.js",
-        "differences.js",
-        "runs.js",
-    ),
-    *("charts.js", "rows.js", "study.js", "page.js"),
+OF_RUNS = (
+    "uPlot.iife.min.js",
+    "numbers.js",
+    "scene.js",
+    "playback.js",
+    "panels.js",
+    "tables.js",
+    "differences.js",
+    "runs.js",
 )
+SCRIPTS = (*OF_RUNS, "charts.js", "rows.js", "study.js", "page.js")
 """Files of the page, in the order in which they stand in it."""
 _PLACE = re.compile(r"\{\{([a-z]+)\}\}")
 
