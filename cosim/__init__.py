@@ -26,6 +26,11 @@ and later, from the files of ``formation run``:
 >>> cosim.save_figure(result, "figure.png")
 >>> cosim.save_report([result], "report.html")               # several results: compared on one page
 >>> cosim.export_result(result, "drive.mcap")                # or .csv, .mat
+
+or, of a drive of real robots:
+
+>>> result = cosim.judge_recording("drive.mcap", "scenarios/clmr_line.xml")
+>>> cosim.summary_of(result).verdicts
 """
 
 from __future__ import annotations
@@ -46,6 +51,7 @@ if TYPE_CHECKING:
     from cosim.master.pacing import Pacer
     from cosim.master.prepared import Prepared
     from cosim.master.simulation import Simulation
+    from cosim.recordings.judge import judge_recording
     from cosim.report.page import save_report
     from cosim.results.figure import save_figure
     from cosim.results.files import load_result
@@ -74,6 +80,7 @@ __all__ = [
     "Verdict",
     "compare_plants",
     "export_result",
+    "judge_recording",
     "load_result",
     "read_scenario",
     "run",
@@ -198,6 +205,7 @@ _HOMES = {
     "Summary": "cosim.results.summary",
     "Verdict": "cosim.results.verdict",
     "export_result": "cosim.export.formats",
+    "judge_recording": "cosim.recordings.judge",
     "load_result": "cosim.results.files",
     "read_scenario": "cosim.scenario.reader",
     "save_figure": "cosim.results.figure",

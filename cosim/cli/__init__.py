@@ -106,6 +106,7 @@ _COMMANDS = {
     "show": "cosim.cli.show.show",
     "report": "cosim.cli.reporting.report",
     "export": "cosim.cli.exporting.export",
+    "judge": "cosim.cli.judging.judge",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
     "inspect": "cosim.cli.inspecting.inspect",
@@ -209,6 +210,27 @@ def _parser() -> Parser:
         "--start-time",
         metavar="TIME",
         help="time of the run's start in .mcap, as in 2026-05-04T09:30:00Z or as seconds since 1970 (0)",
+    )
+
+    judge = command("judge", "judge a recorded drive by the expectations of a scenario")
+    judge.add_argument(
+        "recording",
+        type=Path,
+        metavar="RECORDING",
+        help="an MCAP file, a ROS 2 bag, a CSV file, or the result of a run",
+    )
+    judge.add_argument("--scenario", type=Path, required=True, metavar="SCENARIO.xml", help="whose expectations")
+    judge.add_argument(
+        "--map", type=Path, metavar="MAPPING.xml", help="the mapping, which says where the recording has the poses"
+    )
+    judge.add_argument(
+        "--start",
+        metavar="TIME",
+        help="time in the recording at which the scenario begins, in seconds or as a date (that of the first poses)",
+    )
+    judge.add_argument("--junit", type=Path, metavar="FILE.xml", help="write the verdicts as JUnit XML")
+    judge.add_argument(
+        "--out", type=Path, metavar="DIR", help="write result, summary and page of the drive to DIR/NAME/"
     )
 
     check = command("check", "check scenarios and show their content, without running them")

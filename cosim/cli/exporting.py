@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
-from datetime import UTC, datetime
 from pathlib import Path
 
 from cosim.cli.console import out, safe
 from cosim.errors import InputError
 from cosim.export.formats import export_result, format_of, usable
+from cosim.moments import seconds_of
 from cosim.results.files import load_result, writable_file
 from cosim.results.result import Result
 
@@ -45,22 +44,11 @@ def _start_time(text: str | None) -> float:
     if text is None:
         return 0.0
     try:
-        seconds = _seconds(text)
+        seconds = seconds_of(text)
     except (ValueError, OverflowError):
         raise InputError(
             f"--start-time {text}: expected a date with a time, such as 2026-05-04T09:30:00Z, or seconds since 1970"
         ) from None
     if not 0 <= seconds < 2**31:
         raise InputError(f"--start-time {text}: ROS has times from 1970 to 2038 only")
-    return seconds
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        moment = datetime.fromisoformat(text)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    if not math.isfinite(seconds):
-        raise ValueError(text)
     return seconds

@@ -17,6 +17,7 @@ _OF = {
     "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
     "study": {0: "all holds that must, or nothing was asked for", 1: "something does not hold", 2: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
+    "judge": {0: "all expectations hold", 1: "an expectation failed, or could not be judged", 2: None},
     "check": {0: "the scenario can be run", 2: None},
     "inspect": {0: None, 1: "a self-test fails", 2: "bad input, such as an FMU without a reference experiment"},
     "compare-plants": {0: None, 1: "the plants differ by more than --within allows", 2: None, 3: "a plant failed"},
@@ -43,6 +44,9 @@ formation report runs/clmr_line+seed=2 runs/clmr_line --out compared.html""",
 formation export runs/clmr_line
 formation export runs/clmr_line --out drive.csv --out drive.mat
 formation export runs/clmr_line --out drive.mcap --start-time 2026-05-04T09:30:00Z""",
+    "judge": """\
+formation judge drive.mcap --scenario scenarios/clmr_line.xml
+formation judge my_bag --scenario mine.xml --map my_robots.xml --out drives""",
     "check": """\
 formation check mine.xml
 formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",

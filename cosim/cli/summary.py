@@ -82,8 +82,12 @@ def _settled(follower: FollowerFigures) -> str:
 def _worst(verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
     """Return the verdict with the smallest margin on each expectation, as marked and otherwise."""
     for _, group in groupby(verdicts, key=lambda verdict: verdict.where):
-        for _, same in groupby(sorted(group, key=lambda v: v.as_marked), key=lambda v: v.as_marked):
+        for _, same in groupby(sorted(group, key=_alike), key=_alike):
             yield min(same, key=lambda verdict: -math.inf if math.isnan(verdict.margin) else verdict.margin)
+
+
+def _alike(verdict: Verdict) -> tuple[bool, bool]:
+    return verdict.as_marked, verdict.judged
 
 
 def _shown(value: float, digits: int) -> str:

@@ -57,8 +57,8 @@ def junit_xml(outcomes: Sequence[Outcome]) -> bytes:
     """Return a JUnit document.
 
     Each suite begins with a case "run", which fails with an error if the scenario is wrong or its run did not reach
-    the end. An expectation that fails as it is known to is skipped, with the reason; one that holds although it is
-    marked as failing is a failure.
+    the end. An expectation that could not be judged is an error, too. One that fails as it is known to is skipped,
+    with the reason; one that holds although it is marked as failing is a failure.
     """
     root = etree.Element("testsuites")
     for outcome in outcomes:
@@ -99,7 +99,9 @@ def _case(suite: etree._Element, outcome: Outcome, name: str, where: Location, s
 
 def _judged(case: etree._Element, verdict: Verdict) -> None:
     said = f"{verdict.finding}; {verdict.outcome}" if verdict.known_failure else verdict.finding
-    if verdict.as_marked and not verdict.passed:
+    if not verdict.judged:
+        etree.SubElement(case, "error", type="not judged", message=_text(said))
+    elif verdict.as_marked and not verdict.passed:
         etree.SubElement(case, "skipped", message=_text(said))
     elif not verdict.as_marked:
         etree.SubElement(case, "failure", type="expectation", message=_text(said))

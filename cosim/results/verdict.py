@@ -34,6 +34,8 @@ class Verdict:
         When, between whom, against what; or why there is no figure.
     where : Location
         Its place in the scenario.
+    judged : bool
+        Whether there was enough to judge it by; if not, it does not hold.
     """
 
     expectation: str
@@ -46,6 +48,7 @@ class Verdict:
     known_failure: str
     detail: str
     where: Location
+    judged: bool = True
 
     @property
     def as_marked(self) -> bool:
@@ -55,6 +58,8 @@ class Verdict:
     @property
     def outcome(self) -> str:
         """The outcome, in words."""
+        if not self.judged:
+            return "not judged"
         if not self.known_failure:
             return "holds" if self.passed else "FAILS"
         return f"{'holds, though marked as failing' if self.passed else 'fails as known'}: {self.known_failure}"

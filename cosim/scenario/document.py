@@ -123,6 +123,17 @@ def read_binding_document(path: Path) -> Document:
     return _read(path, "binding")
 
 
+def read_mapping_document(path: Path) -> Document:
+    """Read a file whose root element is a mapping, and check it against the schema.
+
+    Raises
+    ------
+    InputError
+        As of `read_document`.
+    """
+    return _read(path, "mapping")
+
+
 def read_study_document(path: Path) -> Document:
     """Read a file whose root element is a study, and check it against the schema.
 
@@ -207,6 +218,7 @@ _USES = {
     "variant": '"formation run" runs it',
     "study": '"formation study" makes its runs',
     "binding": "the attribute binding of a plant, or --binding, names it",
+    "mapping": 'the option --map of "formation judge" names it',
 }
 """What a file is for, by its root element."""
 

@@ -24,6 +24,7 @@ class Distance(Kind):
         super().__init__(written)
         self.read_bound("above")
         self.of_bodies = written.get("of", "reference_points") == "bodies"
+        self.of_places = not self.of_bodies
 
     @property
     def text(self) -> str:

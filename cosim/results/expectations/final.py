@@ -18,6 +18,11 @@ class Final(Bounded):
         """Return the limits of the magnitude."""
         return -bound, bound
 
+    def deciding(self, result: Result) -> slice:
+        """Return the last sample of the window."""
+        samples = self.samples(result)
+        return slice(max(samples.stop - 1, samples.start), samples.stop)
+
     def moments(self, result: Result) -> dict[str, float]:
         """Return the end of the window."""
         return dict.fromkeys(self.subject.courses(self, result), self.written.stop)

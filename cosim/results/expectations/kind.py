@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, TypeAlias
@@ -65,6 +65,10 @@ class Kind(ABC):
         Files of other scenarios that are run for it.
     of_bodies : bool
         Whether it is judged by the outlines in a result besides the signals.
+    of_places : bool
+        Whether x and y are all that it needs of a pose.
+    holds_with_gaps : bool
+        Whether it holds for sure if it does although samples are missing.
     """
 
     element: ClassVar[str] = ""
@@ -74,6 +78,8 @@ class Kind(ABC):
     unit: str = "1"
     others: tuple[Path, ...] = ()
     of_bodies: bool = False
+    of_places: bool = False
+    holds_with_gaps: ClassVar[bool] = False
 
     def __init__(self, written: Expectation) -> None:
         self.written = written
@@ -152,6 +158,10 @@ class Kind(ABC):
 
     # Judging
 
+    def not_judged(self, robot: str, why: str) -> Verdict:
+        """Return the verdict where nothing can be said; it holds in no way, not even as a known failure."""
+        return replace(self.verdict(math.nan, math.nan, False, robot, why, known_failure=""), judged=False)
+
     @property
     def span(self) -> str:
         """The window in words."""
@@ -164,6 +174,10 @@ class Kind(ABC):
     def samples(self, result: Result) -> slice:
         """Return which samples of a result are within the window."""
         return result.samples(self.written.start - ROUNDING, self.written.stop + ROUNDING)
+
+    def deciding(self, result: Result) -> slice:
+        """Return which samples of a result must be there for it to be judged."""
+        return self.samples(result)
 
     @property
     def bound_text(self) -> str:

@@ -21,6 +21,7 @@ class Settled(Kind):
     """``<settled>``."""
 
     element = "settled"
+    holds_with_gaps = True  # a missing sample counts as outside
 
     def __init__(self, written: Expectation) -> None:
         super().__init__(written)

@@ -1,0 +1,83 @@
+"""``formation judge``: a recorded drive under the expectations of a scenario."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+from cosim.cli.console import out, safe, say, table, taking_a_while
+from cosim.cli.summary import print_summary
+from cosim.errors import InputError
+from cosim.moments import seconds_of
+from cosim.recordings.drive import Drive
+from cosim.recordings.judge import JudgedDrive, judge_drive
+from cosim.report.page import PAGE, save_report
+from cosim.results.files import save, writable_file, writable_folder, write
+from cosim.results.junit import Outcome, junit_xml
+from cosim.scenario.reader import read_scenario
+
+EXPECTATION_FAILED = 1
+
+
+def judge(options: argparse.Namespace) -> int:
+    """Judge a recording, print and write what is asked for, and return the exit status."""
+    if options.junit is not None:
+        writable_file(options.junit, "--junit")
+    began = time.perf_counter()
+    outcome = Outcome(name=options.scenario.stem, path=options.scenario)
+    try:
+        scenario = read_scenario(options.scenario)
+        outcome.name = scenario.name
+        folder = None if options.out is None else writable_folder(options.out / scenario.name, "--out")
+        start = _start(options.start)
+        with taking_a_while(f"reading {options.recording}"):
+            judged = judge_drive(options.recording, scenario, options.map, start=start)
+        outcome.summary = judged.summary
+        console = out()
+        _print_drive(console, judged.drive, options.recording)
+        print_summary(console, judged.summary)
+        if folder is not None:
+            _write(judged, folder)
+            console.print(safe(f"results in {folder}/"), soft_wrap=True)
+        return 0 if judged.summary.passed else EXPECTATION_FAILED
+    except BaseException as error:
+        outcome.error = error
+        raise
+    finally:
+        outcome.seconds = time.perf_counter() - began
+        if options.junit is not None:
+            write(options.junit, junit_xml([outcome]))
+
+
+def _start(text: str | None) -> float | None:
+    if text is None:
+        return None
+    try:
+        return seconds_of(text)
+    except (ValueError, OverflowError):
+        raise InputError(
+            f"--start {text}: expected the time in the recording at which the scenario begins, in seconds or as a "
+            "date such as 2026-05-04T09:30:00Z"
+        ) from None
+
+
+def _print_drive(console: Console, drive: Drive, path: Path) -> None:
+    """Print what the recording has of each robot."""
+    shown = table(console, safe(f"recording {path}; the scenario begins at its {drive.start:.9g} s"))
+    shown.add_column("robot", no_wrap=True)
+    for heading in ("samples", "longest\ngap [s]", "ticks\nbridged", "ticks\nmissing"):
+        shown.add_column(safe(heading), justify="right", no_wrap=True)
+    for one in drive.tracked:
+        missing = f"[yellow]{one.missing}[/]" if one.missing else "0"
+        shown.add_row(safe(one.robot), str(one.samples), f"{one.longest_gap:.4g}", str(one.bridged), missing)
+    console.print(shown)
+    say(console, "bridged: interpolated across an interval that is longer than usual", "dim")
+
+
+def _write(judged: JudgedDrive, folder: Path) -> None:
+    save(judged.drive.result, folder / "result.nc")
+    write(folder / "summary.json", judged.summary.to_json().encode())
+    save_report([judged.drive.result], folder / PAGE, [judged.summary])

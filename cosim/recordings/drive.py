@@ -1,0 +1,412 @@
+"""From a recording to a result: its numbers at the ticks of a scenario, with everything that is computed from poses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Mapping as Table
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from formation_controllers.geometry import formation_courses
+from formation_controllers.vehicles import formation_of
+from numpy.typing import NDArray
+
+from cosim.errors import InputError
+from cosim.export.csv import heading
+from cosim.export.ros2_names import signal_topic, tokens
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import Setup
+from cosim.master.supervised import whole_run
+from cosim.master.who_is_who import texts, who_is_who
+from cosim.quantity import quantity
+from cosim.recordings.bag import SUFFIXES, read_bag
+from cosim.recordings.mapping import YAW, Mapped, MappedRobot, Mapping, Place, X, Y
+from cosim.recordings.series import ClockGoesBack, Floats, Sampled, Series, sampled
+from cosim.recordings.table import read_result, read_table
+from cosim.results import provenance
+from cosim.results.expectations import needed
+from cosim.results.expectations.recorded import DERIVED, DERIVED_FROM, units_by_component
+from cosim.results.result import Result, Variable
+from cosim.results.result_variable import ResultVariable
+from cosim.scenario.scenario import LEADER, Scenario
+from plants import UnitError, units
+
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What a recording has of a robot.
+
+    Attributes
+    ----------
+    robot : str
+        Its id.
+    samples : int
+        Samples of its place within the scenario's time.
+    longest_gap : float
+        The longest time between two of them [s].
+    bridged, missing : int
+        At how many ticks its pose is interpolated across a gap, and at how many there is none.
+    """
+
+    robot: str
+    samples: int
+    longest_gap: float
+    bridged: int
+    missing: int
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A recorded drive.
+
+    Attributes
+    ----------
+    result : Result
+        The drive as a result of the scenario; NaN where the recording has nothing.
+    start : float
+        The time in the recording at which the scenario begins [s].
+    tracked : tuple of Tracked
+        What there is of each robot.
+    """
+
+    result: Result
+    start: float
+    tracked: tuple[Tracked, ...]
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A number that is wanted: an entry of a signal of a robot, by the column that it has in the result."""
+
+    robot: str
+    row: int
+    signal: str
+    column: int
+    component: str
+    unit: str
+    mapped: Mapped
+
+    @property
+    def text(self) -> str:
+        return f"{self.signal} {self.component} of {self.robot}".replace("  ", " ")
+
+
+def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mapping) -> Drive:
+    """Return a recorded drive as a result of a scenario.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, lacks what the mapping names, or has a clock or units that do not fit.
+    """
+    robots = (setup.leader, *setup.followers)
+    bag, netcdf = _is_bag(path), path.suffix == ".nc" or (path / "result.nc").is_file()
+    wanted = list(_wanted(scenario, setup, mapping, bag))
+    given = [number.mapped for number in wanted]
+    if bag:
+        series = read_bag(path, given, mapping.by_header)
+    else:
+        series = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
+    found = [(number, series[number.mapped.place]) for number in wanted if number.mapped.place in series]
+    start = _start(path, found, mapping)
+    found = list(_moved(found, mapping.robots, start))
+    ticks = scenario.clock.times
+    values = {number: _sampled(path, number, one, ticks, start, mapping, setup) for number, one in found}
+    variables = dict(_variables(setup, values, scenario.ticks + 1))
+    if (leader := mapping.robots.get(LEADER)) and leader.from_scenario:
+        variables["leader_pose"] = _driven_leader(scenario, setup)
+    variables |= _derived(setup, variables)
+    notes = [*_notes(path, values)]
+    attributes = _attributes(path, scenario, notes, start)
+    result = Result(variables, _coordinates(scenario, setup, variables, robots), attributes)
+    return Drive(result, start, tuple(_tracked(robots, values, variables)))
+
+
+def _is_bag(path: Path) -> bool:
+    return path.suffix in SUFFIXES or (path / "metadata.yaml").exists()
+
+
+# What is wanted ---------------------------------------------------------------------------------------------
+
+
+def _wanted(scenario: Scenario, setup: Setup, mapping: Mapping, bag: bool) -> Iterator[_Number]:
+    """Yield the numbers that expectations need, poses and torques, each with its place in the recording."""
+    called = setup.columns.commands
+    names = needed(scenario.expectations, setup.signals) | {"pose", "leader_pose", called}
+    robots = [setup.leader, *setup.followers]
+    own = tokens([robot.name for robot in robots])
+    taken: set[tuple[str, str, str]] = set()
+    for variable in setup.result_variables:
+        if variable.name not in names:
+            continue
+        for row, robot in enumerate(robots):
+            if ("robot" in variable.dims) == (robot is setup.leader):
+                continue
+            signal = variable.name.removeprefix("leader_").replace("measured_leader_", "measured_")
+            mapped = mapping.robots.get(robot.name)
+            if mapped is not None and mapped.from_scenario:
+                continue
+            for column, component, unit in _components(setup, variable, robot):
+                taken.add((robot.name, signal, component))
+                place = _place(robot, own, signal, component, column, mapped, bag)
+                yield _Number(robot.name, row, variable.name, column, component, unit, place)
+    for robot_id, one in mapping.robots.items():
+        for (signal, component), given in one.signals.items():
+            if (robot_id, signal, component) not in taken and given.where is not None:
+                _refuse_unknown(setup, robot_id, signal, component, given)
+
+
+def _components(setup: Setup, variable: ResultVariable, robot: RobotSetup) -> Iterator[tuple[int, str, str]]:
+    """Yield the components that a robot has of a signal: column in the result, name and unit."""
+    shared, roles = {
+        "pose_component": (setup.columns.pose, robot.kind.pose),
+        "velocity_component": (setup.columns.velocity, robot.kind.velocity),
+        f"{setup.columns.commands}_component": (setup.columns.command, robot.kind.command),
+    }.get(variable.dims[-1] if variable.dims else "", (None, ()))
+    if shared is not None:
+        for column, role in zip(shared.of[robot.kind.name], roles, strict=True):
+            yield column, role.name, role.unit
+    elif robot.name in setup.signals[variable.name].robots:
+        by_component = setup.signals[variable.name].units
+        yield from ((column, name, unit) for column, (name, unit) in enumerate(by_component.items()))
+
+
+def _place(
+    robot: RobotSetup,
+    own: Table[str, str],
+    signal: str,
+    component: str,
+    column: int,
+    mapped: MappedRobot | None,
+    bag: bool,
+) -> Mapped:
+    """Return where a number is: as mapped, in the robot's pose, or by its usual name."""
+    if mapped is not None:
+        if (signal, component) in mapped.signals:
+            return mapped.signals[signal, component]
+        if mapped.pose is not None and signal == "pose" and component in [role.name for role in robot.kind.pose[:3]]:
+            at = [role.name for role in robot.kind.pose].index(component)
+            return Mapped(replace(mapped.pose, field=(X, Y, YAW)[at]), where=mapped.where)
+    path = tuple(part for part in (signal, component) if part)
+    if bag:
+        return Mapped(Place(topic=signal_topic(own[robot.name], path), field="data"))
+    return Mapped(Place(column=heading((robot.name, *path), "1")))
+
+
+def _refuse_unknown(setup: Setup, robot: str, signal: str, component: str, given: Mapped) -> None:
+    """Refuse a mapped signal that the scenario does not have; one that no expectation needs is left alone."""
+    name = f"leader_{signal}" if robot == LEADER else signal
+    if name in setup.signals and (not component or component in setup.signals[name].units):
+        return
+    known = sorted(one.removeprefix("leader_") for one in setup.signals if one not in DERIVED)
+    if name in setup.signals:
+        known = [one for one in setup.signals[name].units if one]
+        raise InputError(f"{signal!r} has no component {component!r}, but {', '.join(known) or 'none'}", given.where)
+    computed = "; it is computed from poses" if signal in DERIVED else ""
+    raise InputError(f"no signal {signal!r} can be mapped{computed}; those that can: {', '.join(known)}", given.where)
+
+
+# Time and units ---------------------------------------------------------------------------------------------
+
+
+def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping) -> float:
+    """Return the time in the recording at which the scenario begins."""
+    firsts: dict[str, float] = {}
+    for number, series in found:
+        if number.signal in DERIVED_FROM:
+            firsts[number.robot] = max(firsts.get(number.robot, -np.inf), series.first)
+    known = [first for first in firsts.values() if np.isfinite(first)]
+    if not known:
+        raise InputError(
+            f"the recording {path} has no pose of any robot of the scenario: write a mapping that names its topics or "
+            "columns (--map), see docs/robot_tools.md"
+        )
+    return max(known) if mapping.start is None else mapping.start
+
+
+def _moved(
+    found: Iterable[tuple[_Number, Series]], robots: Table[str, MappedRobot], start: float
+) -> Iterator[tuple[_Number, Series]]:
+    """Yield the numbers with reference points where the kind of vehicle has them."""
+    found = list(found)
+    headings = {number.robot: series for number, series in found if number.mapped.place.field == YAW}
+    for number, series in found:
+        robot, field = robots.get(number.robot), number.mapped.place.field
+        if robot is not None and field in (X, Y) and (robot.ahead or robot.left):
+            yaw = headings[number.robot].values
+            cos, sin = np.cos(yaw), np.sin(yaw)
+            move = robot.ahead * cos - robot.left * sin if field == X else robot.ahead * sin + robot.left * cos
+            series = Series(series.time, series.values + move, series.unit)
+        yield number, series
+
+
+def _sampled(
+    path: Path, number: _Number, series: Series, ticks: Floats, start: float, mapping: Mapping, setup: Setup
+) -> Sampled:
+    values = _in_unit(path, number, series)
+    entry = _pose_entry(setup, number)
+    try:
+        found = sampled(series.since(start), values, ticks, mapping.longest_gap, angle=entry is not None)
+    except ClockGoesBack as error:
+        raise InputError(
+            f"the recording {path}: the time of {number.text} goes back by {error.by:.4g} s to {error.time:.6g} s of "
+            "the scenario: it holds several drives, or a clock was set; cut it there, or record it anew"
+        ) from None
+    if entry is None:
+        return found
+    # Whole turns say nothing; the first heading is that nearest to the one at which the scenario begins.
+    there = found.values[~np.isnan(found.values)]
+    turns = np.round((there[0] - entry) / _TURN) if len(there) else 0.0
+    return replace(found, values=found.values - _TURN * turns) if turns else found
+
+
+def _pose_entry(setup: Setup, number: _Number) -> float | None:
+    """Return the initial value of an entry of a pose that is an angle; None if it is none."""
+    if number.signal not in DERIVED_FROM or number.unit != "rad":
+        return None
+    robot = (setup.leader, *setup.followers)[number.row]
+    return robot.pose[[role.name for role in robot.kind.pose].index(number.component)]
+
+
+def _in_unit(path: Path, number: _Number, series: Series) -> Floats:
+    """Return the values of a number in its unit."""
+    mapped = number.mapped
+    given = mapped.unit or ({"-": "1", "": number.unit}.get(series.unit, series.unit))
+    try:
+        own, wanted = units.parse(given), units.parse(number.unit)
+        if own.exponents != wanted.exponents:
+            known = "has no unit" if series.unit == "-" and not mapped.unit else f"is in {given}"
+            raise InputError(
+                f"{mapped.place} of {path} {known}, but {number.text} needs a unit such as {number.unit}: "
+                'state its true unit, in the first line of the table or by unit="..." in a mapping',
+                mapped.where,
+            )
+        offset = quantity(mapped.offset, number.unit) if mapped.offset else 0.0
+    except (UnitError, ValueError) as error:
+        raise InputError(f"{mapped.place} of {path}: {error}", mapped.where) from None
+    scale = mapped.factor * (own.factor / wanted.factor)
+    values = series.values if scale == 1.0 else series.values * scale
+    return values + offset if offset else values
+
+
+# The result -------------------------------------------------------------------------------------------------
+
+
+def _variables(setup: Setup, values: Table[_Number, Sampled], samples: int) -> Iterator[tuple[str, Variable]]:
+    for variable in setup.result_variables:
+        those = {number: one for number, one in values.items() if number.signal == variable.name}
+        if not those and variable.name not in DERIVED_FROM:
+            continue
+        array = np.full((samples, *variable.shape), np.nan)
+        for number, one in those.items():
+            own = array[:, number.row - 1] if "robot" in variable.dims else array
+            (own if own.ndim == 1 else own[:, number.column])[:] = one.values
+        yield variable.name, Variable(("time", *variable.dims), array, variable.attributes)
+
+
+def _driven_leader(scenario: Scenario, setup: Setup) -> Variable:
+    """Return the leader's motion in a run of the scenario."""
+    with whole_run(scenario, setup) as simulation:
+        return simulation.run_to_end()["leader_pose"]
+
+
+def _derived(setup: Setup, variables: Table[str, Variable]) -> dict[str, Variable]:
+    """Return range, bearing and errors, computed from poses as those of a run are."""
+    pose, leader = variables["pose"].values, variables["leader_pose"].values
+    samples = len(pose)
+    found = np.full((len(DERIVED), samples, len(setup.followers)), np.nan)
+    for row, robot in enumerate(setup.followers):
+        if formation_of(robot.vehicle) is None:
+            continue
+        own = pose[:, row][:, setup.columns.pose.of[robot.kind.name]]
+        there = ~(np.isnan(own).any(axis=1) | np.isnan(leader[:, :3]).any(axis=1))
+        before: NDArray[np.float64] | None = None
+        for part in _runs(there):
+            courses = formation_courses(
+                np.ascontiguousarray(own[part, np.newaxis]),
+                leader[part],
+                np.ascontiguousarray(setup.desired.q[part, [row]]),
+                robot.vehicle,
+                before,
+            )
+            found[:, part, row] = courses[:, 0]
+            before = courses[1, :, -1]
+    names = ("range", "bearing", "range_error", "bearing_error")
+    return {
+        name: Variable(("time", "robot"), course, {"units": DERIVED[name][0], "long_name": DERIVED[name][1]})
+        for name, course in zip(names, found, strict=True)
+    }
+
+
+def _runs(mask: NDArray[np.bool_]) -> Iterator[slice]:
+    """Yield the parts of a mask that are true throughout."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        yield slice(begin, end)
+
+
+def _coordinates(
+    scenario: Scenario, setup: Setup, variables: Table[str, Variable], robots: Sequence[RobotSetup]
+) -> dict[str, Variable]:
+    found = {
+        "time": Variable(("time",), scenario.clock.times, {"units": "s", "long_name": "time"}),
+        "robot": texts("robot", [robot.name for robot in setup.followers], "follower"),
+        **{along: texts(along, labels) for along, labels in setup.columns.labels.items()},
+    }
+    for name, variable in variables.items():
+        dim = variable.dims[-1]
+        if dim not in found and dim.endswith("_component"):
+            labels = list(setup.signals[name].units)
+            found[dim] = texts(dim, labels)
+            parts = list(units_by_component(labels, str(variable.attrs["units"])).values())
+            found[f"{dim}_units"] = texts(dim, parts, f"unit of each component of {name}")
+    return {**found, **who_is_who(scenario, robots, setup.fmus, ())}
+
+
+def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: float) -> dict[str, str | int | float]:
+    return {
+        "title": scenario.title,
+        "scenario_name": scenario.name,
+        "scenario": scenario.text,
+        "status": "completed",
+        "step": scenario.step,
+        "horizon": scenario.horizon,
+        "plants": "{}",
+        "controllers": "[]",
+        "plant_messages": json.dumps(list(notes)),
+        "versions": json.dumps({"formation-cosim": version("formation-cosim")}),
+        "recording": str(path),
+        "recording_start": start,
+        **provenance.attributes(scenario.path, scenario.changes, None),
+    }
+
+
+def _notes(path: Path, values: Table[_Number, Sampled]) -> Iterator[str]:
+    """Say what the recording has that is not as it should be."""
+    for number, one in values.items():
+        if one.not_numbers:
+            yield f"{path.name}: {one.not_numbers} samples of {number.text} are no numbers and are left out"
+        if one.disordered:
+            yield f"{path.name}: {one.disordered} samples of {number.text} were not in the order of time"
+
+
+def _tracked(
+    robots: Sequence[RobotSetup], values: Table[_Number, Sampled], variables: Table[str, Variable]
+) -> Iterator[Tracked]:
+    for row, robot in enumerate(robots):
+        name = "pose" if row else "leader_pose"
+        pose = variables[name].values[:, row - 1] if row else variables[name].values
+        missing = int(np.isnan(pose[:, :2]).any(axis=1).sum())
+        own = [one for number, one in values.items() if number.signal == name and number.row == row]
+        yield Tracked(
+            robot.name,
+            min((one.samples for one in own), default=0),
+            max((one.longest_gap for one in own), default=0.0),
+            max((one.bridged for one in own), default=0),
+            missing,
+        )

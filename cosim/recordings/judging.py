@@ -1,0 +1,140 @@
+"""Verdicts on a recorded drive: those of a run, but for what the recording does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from cosim.master.setup import Setup
+from cosim.recordings.series import Floats
+from cosim.results.expectations import Kind, RunOther, understood
+from cosim.results.expectations.recorded import DERIVED
+from cosim.results.expectations.subject import Subject
+from cosim.results.result import Result
+from cosim.results.verdict import Verdict
+from cosim.scenario.scenario import LEADER, Scenario
+from cosim.vehicle.kind import Kind as VehicleKind
+
+
+def judged(scenario: Scenario, setup: Setup, result: Result, run_other: RunOther) -> tuple[Verdict, ...]:
+    """Return the verdict on each expectation and follower; on an expectation about the team, one.
+
+    An expectation that needs samples that the recording does not have is not judged, and does not hold. One that holds
+    whatever the missing samples would be is judged.
+    """
+    return tuple(
+        verdict
+        for written in scenario.expectations
+        for verdict in _verdicts(understood(written), setup, result, run_other)
+    )
+
+
+def _verdicts(kind: Kind, setup: Setup, result: Result, run_other: RunOther) -> Iterator[Verdict]:
+    lacking = {robot: why for robot in _concerned(kind, setup, result) if (why := _lacking(kind, setup, result, robot))}
+    if any(name not in result for name in kind.signals(setup.signals)):
+        yield from (kind.not_judged(robot, why) for robot, why in lacking.items())
+        return
+    for verdict in kind.judge(result, run_other):
+        why = lacking.pop(verdict.robot, "") if verdict.robot else "; ".join(lacking.values())
+        if not verdict.robot:
+            lacking.clear()
+        yield verdict if not why or (verdict.passed and kind.holds_with_gaps) else kind.not_judged(verdict.robot, why)
+    yield from (kind.not_judged(robot, why) for robot, why in lacking.items())
+
+
+def _concerned(kind: Kind, setup: Setup, result: Result) -> list[str]:
+    """Return the robots whose signals it is judged by."""
+    owners = [setup.signals[name].robots for name in kind.signals(setup.signals)]
+    if all(robots == (LEADER,) for robots in owners):
+        return [LEADER]
+    return [robot for robot in kind.followers(result) if any(robot in robots for robots in owners)]
+
+
+def _lacking(kind: Kind, setup: Setup, result: Result, robot: str) -> str:
+    """Return what the recording lacks of a robot, in words; empty if nothing that is needed."""
+    samples = kind.deciding(result)
+    for name in sorted(kind.signals(setup.signals)):
+        known = setup.signals[name]
+        owner = LEADER if known.robots == (LEADER,) else robot
+        if owner not in known.robots:
+            continue
+        for whose in _whose(kind, name, owner):
+            if why := _missing(kind, setup, result, name, whose, samples):
+                return why
+    return ""
+
+
+def _whose(kind: Kind, name: str, robot: str) -> tuple[str, ...]:
+    """Return whose signal it is: the robot's, and that of another follower that is subtracted."""
+    others = [one.robot for one in _subjects(kind) if one.robot and one.signal == name]
+    return (robot, *others)
+
+
+def _missing(kind: Kind, setup: Setup, result: Result, name: str, robot: str, samples: slice) -> str:
+    if name not in result:
+        return f"the recording has no {name} of {robot}"
+    for component, course in _courses(kind, setup, result, name, robot).items():
+        absent = np.isnan(course)
+        if not absent[samples].any():
+            continue
+        about = f"{component} of the {name} of {robot}" if component else f"{name} of {robot}"
+        if name in DERIVED and absent.all():
+            return f"{about} cannot be computed: {_cause(setup, result, robot)}"
+        if absent.all():
+            return f"the recording has no {about}"
+        time = result["time"].values[samples]
+        gone = time[absent[samples]]
+        return f"the recording has no {about} at {len(gone)} of {len(time)} ticks, {gone[0]:g} to {gone[-1]:g} s"
+    return ""
+
+
+def _courses(kind: Kind, setup: Setup, result: Result, name: str, robot: str) -> Mapping[str, Floats]:
+    """Return the numbers of a signal that are needed, by the component's name."""
+    values = result[name].values if robot == LEADER else result.of_robot(name, robot)
+    if values.ndim == 1:
+        return {"": values}
+    labels = list(setup.signals[name].units)
+    own = _own_columns(setup, result[name].dims[-1], robot)
+    chosen = list(range(len(labels))) if own is None else list(own)
+    if kind.of_places:
+        chosen = chosen[:2]
+    named = [one.component for one in _subjects(kind) if one.signal == name and one.component in labels]
+    if named:
+        chosen = sorted({labels.index(component) for component in named})
+    return {labels[column]: values[:, column] for column in chosen}
+
+
+def _subjects(kind: Kind) -> Iterator[Subject]:
+    subject = getattr(kind, "subject", None)
+    while isinstance(subject, Subject):
+        yield subject
+        subject = subject.minus
+
+
+def _own_columns(setup: Setup, dim: str, robot: str) -> tuple[int, ...] | None:
+    """Return the columns that a robot's kind of vehicle has; None of a signal in which all have the same."""
+    columns = setup.columns
+    groups = {
+        "pose_component": columns.pose,
+        "velocity_component": columns.velocity,
+        f"{columns.commands}_component": columns.command,
+    }
+    return groups[dim].of[_kind(setup, robot).name] if dim in groups else None
+
+
+def _kind(setup: Setup, robot: str) -> VehicleKind:
+    return next(one.kind for one in (setup.leader, *setup.followers) if one.name == robot)
+
+
+def _cause(setup: Setup, result: Result, robot: str) -> str:
+    """Return which entry of a pose is missing, so that nothing can be computed from poses."""
+    for whose in (robot, LEADER):
+        poses = result["leader_pose"].values if whose == LEADER else result.of_robot("pose", whose)
+        roles, own = _kind(setup, whose).pose, setup.columns.pose.of[_kind(setup, whose).name]
+        needed = list(zip(roles, own, strict=True))[: 3 if whose == LEADER else None]
+        for role, column in needed:
+            if np.isnan(poses[:, column]).all():
+                hint = '; map it, or state from="scenario" for a virtual leader' if whose == LEADER else ""
+                return f"the recording has no {role.name} of the pose of {whose}{hint}"
+    return "the recording never has the poses of both robots at one tick"

@@ -1,0 +1,197 @@
+"""Where a recording has what is judged: read from a mapping, or by the names that an export gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Table
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cosim.errors import InputError, Location
+from cosim.moments import seconds_of
+from cosim.scenario.document import read_mapping_document
+from cosim.scenario.reader.element import Element, known
+from plants import UnitError, units
+
+LONGEST_GAP = 0.5
+"""Longest time [s] between samples across which values are interpolated, where nothing else is stated."""
+X, Y, YAW = "pose x", "pose y", "yaw"
+"""Fields that stand for parts of a pose, whatever the type of the message."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a recording has a number.
+
+    Attributes
+    ----------
+    column : str
+        The column of a table; empty in a bag.
+    topic, field, child_frame : str
+        The topic of a bag, the field of its messages, and the frame whose transform is meant.
+    """
+
+    column: str = ""
+    topic: str = ""
+    field: str = ""
+    child_frame: str = ""
+
+    def __str__(self) -> str:
+        """Return how a message names it."""
+        return f"the column {self.column!r}" if self.column else f"the topic {self.topic!r}"
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A number of a robot in a recording: the factor times what is there, plus the offset.
+
+    Attributes
+    ----------
+    place : Place
+        Where it is.
+    unit : str
+        The unit in which it is recorded; empty: that of the table, or the SI unit.
+    factor, offset : float, str
+        The offset is a quantity; empty: none.
+    where : Location or None
+        The place in the mapping; None if it is looked for by its usual name.
+    """
+
+    place: Place
+    unit: str = ""
+    factor: float = 1.0
+    offset: str = ""
+    where: Location | None = None
+
+
+@dataclass(frozen=True)
+class MappedRobot:
+    """A robot in a recording.
+
+    Attributes
+    ----------
+    pose : Place or None
+        Where its pose in the plane is, of which `X`, `Y` and `YAW` are fields; None if no topic gives it.
+    ahead, left : float
+        How far its reference point lies ahead and to the left of the recorded one [m].
+    from_scenario : bool
+        Whether its motion is that of a run of the scenario.
+    signals : dict
+        Its numbers, by signal and component.
+    """
+
+    where: Location
+    pose: Place | None = None
+    ahead: float = 0.0
+    left: float = 0.0
+    from_scenario: bool = False
+    signals: Table[tuple[str, str], Mapped] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """Where a recording has what is judged.
+
+    Attributes
+    ----------
+    start : float or None
+        The time in the recording at which the scenario begins [s]; None for that of the first poses.
+    longest_gap : float
+        Longest time between samples across which values are interpolated [s].
+    by_header : bool
+        Whether the time of a message is that of its header, if it has one.
+    time : str
+        The column of a table that has the time.
+    robots : dict
+        By id.
+    """
+
+    start: float | None = None
+    longest_gap: float = LONGEST_GAP
+    by_header: bool = True
+    time: str = "time"
+    robots: Table[str, MappedRobot] = field(default_factory=dict)
+
+
+def read_mapping(path: Path, robots: Table[str, object]) -> Mapping:
+    """Read a mapping of recordings of some robots.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or something in it makes no sense; with file, line and column.
+    """
+    root = Element.root(read_mapping_document(path))
+    found: dict[str, MappedRobot] = {}
+    for element in root.children("robot"):
+        robot = known_robot(element, robots)
+        if robot in found:
+            raise element.error(f"the robot {robot!r} is mapped twice")
+        found[robot] = _robot(element)
+    return Mapping(
+        start=_start(root),
+        longest_gap=root.positive("longest_gap", "s") if "longest_gap" in root else LONGEST_GAP,
+        by_header=root.get("clock", "header") == "header",
+        time=root.get("time", "time"),
+        robots=found,
+    )
+
+
+def known_robot(element: Element, robots: Table[str, object]) -> str:
+    """Return the id of a mapped robot, which is in the scenario."""
+    return known(element, "id", robots)
+
+
+def _start(root: Element) -> float | None:
+    if "start" not in root:
+        return None
+    try:
+        return seconds_of(root.get("start"))
+    except (ValueError, OverflowError):
+        raise root.error(
+            f'start="{root.get("start")}" of <mapping>: expected seconds such as "12.5 s", or a date with a time such '
+            'as "2026-05-04T09:30:00Z"'
+        ) from None
+
+
+def _robot(element: Element) -> MappedRobot:
+    signals: dict[tuple[str, str], Mapped] = {}
+    for child in element.children("signal"):
+        key = child.get("name").removeprefix("leader_"), child.get("component")
+        if key in signals:
+            raise child.error(f"{' '.join(key).strip()} is mapped twice")
+        signals[key] = _signal(child)
+    from_scenario = "from" in element
+    if from_scenario and (element.get("id") != "leader" or "topic" in element or signals):
+        raise element.error('from="scenario" is for a leader of whom nothing is recorded')
+    if "topic" not in element and any(name in element for name in ("child_frame", "ahead", "left")):
+        raise element.error("child_frame, ahead and left belong to a topic, which <robot> lacks")
+    return MappedRobot(
+        where=element.where,
+        pose=Place(topic=element.get("topic"), child_frame=element.get("child_frame")) if "topic" in element else None,
+        ahead=element.quantity("ahead", "m") if "ahead" in element else 0.0,
+        left=element.quantity("left", "m") if "left" in element else 0.0,
+        from_scenario=from_scenario,
+        signals=signals,
+    )
+
+
+def _signal(element: Element) -> Mapped:
+    if ("column" in element) == ("topic" in element):
+        raise element.error("a <signal> needs either a column of a table or a topic of a bag")
+    if "column" in element and ("field" in element or "child_frame" in element):
+        raise element.error("field and child_frame belong to a topic, and this <signal> has a column")
+    if "unit" in element:
+        try:
+            units.parse(element.get("unit"))
+        except UnitError as error:
+            raise element.error(f'unit="{element.get("unit")}" of <signal>: {error}') from None
+    factor = float(element.get("factor", "1"))
+    if factor == 0.0:
+        raise element.error("factor=0 of <signal> makes every value the same")
+    place = Place(*(element.get(name) for name in ("column", "topic", "field", "child_frame")))
+    return Mapped(place, element.get("unit"), factor, element.get("offset"), element.where)
+
+
+def unknown(what: str, place: Place, path: Path, names: str, where: Location | None) -> InputError:
+    """Return the error that a recording lacks what a mapping names."""
+    return InputError(f"the recording {path} has no {what} {place}: {names}", where)
