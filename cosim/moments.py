@@ -1,31 +1,53 @@
-"""Moments that a user states: dates, or seconds since 1970."""
+"""Moments that a user states: dates, or seconds since 1970; whole nanoseconds, as clocks of robots count them."""
 
 from __future__ import annotations
 
-import math
 from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
 
-from cosim.quantity import quantity
+from cosim.quantity import split
+from plants import UnitError, units
+
+SECOND = 1_000_000_000
+"""Nanoseconds of a second."""
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def seconds_of(text: str) -> float:
-    """Return a moment as seconds since 1970: of a date with a time, of a number, or of a duration such as ``12.5 s``.
+def nanoseconds_of(moment: float | str) -> int:
+    """Return a moment as nanoseconds since 1970.
 
-    A date without a time zone is in UTC.
+    Parameters
+    ----------
+    moment
+        Seconds, as a number, as a text, or as a duration such as ``12.5 s``; or a date with a time, in UTC unless it
+        states another time zone.
 
     Raises
     ------
     ValueError
-        The text is none of these.
+        It is none of these.
     """
+    if not isinstance(moment, str):
+        seconds, rest = divmod(moment, 1.0)
+        return int(seconds) * SECOND + round(rest * SECOND)
     try:
-        seconds = float(text)
+        date = datetime.fromisoformat(moment)
     except ValueError:
-        try:
-            moment = datetime.fromisoformat(text)
-        except ValueError:
-            return quantity(text, "s")
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    if not math.isfinite(seconds):
-        raise ValueError(text)
-    return seconds
+        return _of_duration(moment)
+    since = (date if date.tzinfo else date.replace(tzinfo=UTC)) - _EPOCH
+    return (since.days * 86_400 + since.seconds) * SECOND + since.microseconds * 1000
+
+
+def _of_duration(text: str) -> int:
+    number, _, unit = text.strip().partition(" ")
+    try:
+        seconds = Decimal(number)
+        if unit:
+            split(text)
+            factor = units.convert(1.0, unit, "s")
+            seconds *= Decimal(repr(factor))
+        if not abs(seconds) < 10**11:
+            raise ValueError(f"{text} is no time")
+        return int((seconds * SECOND).to_integral_value())
+    except (InvalidOperation, UnitError) as error:
+        raise ValueError(str(error)) from None

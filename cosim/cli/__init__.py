@@ -208,6 +208,7 @@ def _parser() -> Parser:
     )
     export.add_argument(
         "--start-time",
+        default="0",
         metavar="TIME",
         help="time of the run's start in .mcap, as in 2026-05-04T09:30:00Z or as seconds since 1970 (0)",
     )

@@ -8,7 +8,6 @@ from pathlib import Path
 from cosim.cli.console import out, safe
 from cosim.errors import InputError
 from cosim.export.formats import export_result, format_of, usable
-from cosim.moments import seconds_of
 from cosim.results.files import load_result, writable_file
 from cosim.results.result import Result
 
@@ -19,10 +18,9 @@ def export(options: argparse.Namespace) -> int:
     for path in paths:
         format_of(path)
         writable_file(path, "--out")
-    start_time = _start_time(options.start_time)
     result = _load(options.result)
     for path in paths:
-        export_result(result, path, start_time)
+        export_result(result, path, options.start_time)
         out().print(safe(f"{path}: {format_of(path).about}"), soft_wrap=True)
     return 0
 
@@ -37,18 +35,3 @@ def _load(path: Path) -> Result:
         return usable(result)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _start_time(text: str | None) -> float:
-    """Return a time as seconds since 1970."""
-    if text is None:
-        return 0.0
-    try:
-        seconds = seconds_of(text)
-    except (ValueError, OverflowError):
-        raise InputError(
-            f"--start-time {text}: expected a date with a time, such as 2026-05-04T09:30:00Z, or seconds since 1970"
-        ) from None
-    if not 0 <= seconds < 2**31:
-        raise InputError(f"--start-time {text}: ROS has times from 1970 to 2038 only")
-    return seconds

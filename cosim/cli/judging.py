@@ -10,8 +10,7 @@ from rich.console import Console
 
 from cosim.cli.console import out, safe, say, table, taking_a_while
 from cosim.cli.summary import print_summary
-from cosim.errors import InputError
-from cosim.moments import seconds_of
+from cosim.moments import SECOND
 from cosim.recordings.drive import Drive
 from cosim.recordings.judge import JudgedDrive, judge_drive
 from cosim.report.page import PAGE, save_report
@@ -32,9 +31,8 @@ def judge(options: argparse.Namespace) -> int:
         scenario = read_scenario(options.scenario)
         outcome.name = scenario.name
         folder = None if options.out is None else writable_folder(options.out / scenario.name, "--out")
-        start = _start(options.start)
         with taking_a_while(f"reading {options.recording}"):
-            judged = judge_drive(options.recording, scenario, options.map, start=start)
+            judged = judge_drive(options.recording, scenario, options.map, start=options.start)
         outcome.summary = judged.summary
         console = out()
         _print_drive(console, judged.drive, options.recording)
@@ -52,21 +50,10 @@ def judge(options: argparse.Namespace) -> int:
             write(options.junit, junit_xml([outcome]))
 
 
-def _start(text: str | None) -> float | None:
-    if text is None:
-        return None
-    try:
-        return seconds_of(text)
-    except (ValueError, OverflowError):
-        raise InputError(
-            f"--start {text}: expected the time in the recording at which the scenario begins, in seconds or as a "
-            "date such as 2026-05-04T09:30:00Z"
-        ) from None
-
-
 def _print_drive(console: Console, drive: Drive, path: Path) -> None:
     """Print what the recording has of each robot."""
-    shown = table(console, safe(f"recording {path}; the scenario begins at its {drive.start:.9g} s"))
+    say(console, safe(f"recording {path}: the scenario begins at its {drive.start / SECOND:.12g} s"))
+    shown = table(console, "")
     shown.add_column("robot", no_wrap=True)
     for heading in ("samples", "longest\ngap [s]", "ticks\nbridged", "ticks\nmissing"):
         shown.add_column(safe(heading), justify="right", no_wrap=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError
+from cosim.moments import SECOND, nanoseconds_of
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -21,11 +22,11 @@ class Options:
 
     Attributes
     ----------
-    start_time : float
-        Time of the run's start, as seconds since 1970; 0: times are those of the run.
+    start : int
+        Time of the run's start, as nanoseconds since 1970; 0: times are those of the run.
     """
 
-    start_time: float = 0.0
+    start: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ FORMATS: Mapping[str, Format] = {
 """The formats, by the ending of the file's name."""
 
 
-def export_result(result: xr.Dataset | Result, path: str | Path, start_time: float = 0.0) -> None:
+def export_result(result: xr.Dataset | Result, path: str | Path, start_time: float | str = 0.0) -> None:
     """Write a result as a file of another tool.
 
     Parameters
@@ -63,19 +64,33 @@ def export_result(result: xr.Dataset | Result, path: str | Path, start_time: flo
     path
         The file; the ending of its name, such as ``.mcap``, ``.csv`` or ``.mat``, states the format.
     start_time
-        Time of the run's start as seconds since 1970, for formats with clock time (``.mcap``); 0: times are those of
-        the run.
+        Time of the run's start for formats with clock time (``.mcap``): seconds since 1970, or a date such as
+        ``2026-05-04T09:30:00Z``; 0: times are those of the run.
 
     Raises
     ------
     InputError
-        There is no such format, it needs a package that is not installed, the result is not that of a run, or it does
-        not fit into the format.
+        There is no such format or time, a package is not installed, the result is not that of a run, or it does not fit
+        into the format.
     OutputError
         The file cannot be written.
     """
     path = Path(path)
-    import_module(format_of(path).module).write(usable(Result.of(result)), path, Options(start_time))
+    module = import_module(format_of(path).module)
+    module.write(usable(Result.of(result)), path, Options(_start(start_time)))
+
+
+def _start(moment: float | str) -> int:
+    try:
+        start = nanoseconds_of(moment)
+    except (ValueError, OverflowError):
+        raise InputError(
+            f"the start time {moment} is none: expected a date with a time, such as 2026-05-04T09:30:00Z, or seconds "
+            "since 1970"
+        ) from None
+    if not 0 <= start < 2**31 * SECOND:
+        raise InputError(f"the start time {moment} is not within those of ROS, from 1970 to 2038")
+    return start
 
 
 def format_of(path: Path) -> Format:

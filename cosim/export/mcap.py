@@ -20,12 +20,12 @@ from cosim.export.formats import Options
 from cosim.export.mcap_file import HEAD, MOST_CHANNELS, Chunk, Compress, McapFile, message_record
 from cosim.export.ros2_topics import Latched, Topic, topics_of
 from cosim.export.ros2_types import definition, full_name
+from cosim.moments import SECOND
 from cosim.results.files import replacing
 from cosim.results.result import Result
 
 _CHUNK = 2 * 1024**2
 """Bytes of a chunk at most, unless a tick has more."""
-_NANO = 1_000_000_000
 _TIMES = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 """The last bytes of a message's head."""
 _ABOUT = ("title", "scenario_name", "status", "seed", "step", "horizon", "versions", "scenario_file", "changes")
@@ -56,7 +56,7 @@ def write(result: Result, path: Path, options: Options) -> None:
     if len(topics) + len(latched) > MOST_CHANNELS:
         raise InputError(f"{path}: the run has {len(topics)} signals, but an MCAP file {MOST_CHANNELS} topics at most")
     times = _times(result, options)
-    stamps = times // _NANO | times % _NANO << np.uint64(32)
+    stamps = times // SECOND | times % SECOND << np.uint64(32)
     with replacing(path) as raw:
         file = McapFile(raw, f"formation-cosim {version('formation-cosim')}", "zstd", compress)
         row = _row([(_channel(file, topic, topic.about), topic) for topic in topics])
@@ -82,9 +82,7 @@ def _compression() -> Compress:
 
 def _times(result: Result, options: Options) -> NDArray[np.uint64]:
     """Return the times of all ticks [ns]."""
-    seconds, rest = divmod(options.start_time, 1.0)
-    start = int(seconds) * _NANO + round(rest * _NANO)
-    found: NDArray[np.uint64] = np.rint(result["time"].values * _NANO).astype(np.uint64) + np.uint64(start)
+    found: NDArray[np.uint64] = np.rint(result["time"].values * SECOND).astype(np.uint64) + np.uint64(options.start)
     return found
 
 

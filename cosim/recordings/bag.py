@@ -99,10 +99,11 @@ def _read(path: Path, reader: AnyReader, by_topic: dict[str, list[Mapped]], by_h
     connections = [connection for connection in reader.connections if connection.topic in by_topic]
     for connection in connections:
         those = by_topic[connection.topic]
-        getters[connection.id] = [(one.place, _getter(one.place)) for one in those]
-        for one in those:
-            times.setdefault(one.place, array("q"))
-            values.setdefault(one.place, array("d"))
+        places = dict.fromkeys(one.place for one in those)
+        getters[connection.id] = [(place, _getter(place)) for place in places]
+        for place in places:
+            times.setdefault(place, array("q"))
+            values.setdefault(place, array("d"))
     plain = struct.Struct("<d").unpack_from
     bare = {
         connection.id

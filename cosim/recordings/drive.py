@@ -21,6 +21,7 @@ from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.master.supervised import whole_run
 from cosim.master.who_is_who import texts, who_is_who
+from cosim.moments import SECOND
 from cosim.quantity import quantity
 from cosim.recordings.bag import SUFFIXES, read_bag
 from cosim.recordings.mapping import YAW, Mapped, MappedRobot, Mapping, Place, X, Y
@@ -68,14 +69,14 @@ class Drive:
     ----------
     result : Result
         The drive as a result of the scenario; NaN where the recording has nothing.
-    start : float
-        The time in the recording at which the scenario begins [s].
+    start : int
+        The time in the recording at which the scenario begins [ns].
     tracked : tuple of Tracked
         What there is of each robot.
     """
 
     result: Result
-    start: float
+    start: int
     tracked: tuple[Tracked, ...]
 
 
@@ -93,7 +94,8 @@ class _Number:
 
     @property
     def text(self) -> str:
-        return f"{self.signal} {self.component} of {self.robot}".replace("  ", " ")
+        signal = self.signal.removeprefix("leader_") if self.robot == LEADER else self.signal
+        return " ".join(part for part in (signal, self.component, "of", self.robot) if part)
 
 
 def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mapping) -> Drive:
@@ -114,9 +116,10 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
         series = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
     found = [(number, series[number.mapped.place]) for number in wanted if number.mapped.place in series]
     start = _start(path, found, mapping)
-    found = list(_moved(found, mapping.robots, start))
+    found = list(_moved(found, mapping.robots))
     ticks = scenario.clock.times
     values = {number: _sampled(path, number, one, ticks, start, mapping, setup) for number, one in found}
+    _refuse_outside(path, found, values, start)
     variables = dict(_variables(setup, values, scenario.ticks + 1))
     if (leader := mapping.robots.get(LEADER)) and leader.from_scenario:
         variables["leader_pose"] = _driven_leader(scenario, setup)
@@ -201,10 +204,10 @@ def _place(
 def _refuse_unknown(setup: Setup, robot: str, signal: str, component: str, given: Mapped) -> None:
     """Refuse a mapped signal that the scenario does not have; one that no expectation needs is left alone."""
     name = f"leader_{signal}" if robot == LEADER else signal
-    if name in setup.signals and (not component or component in setup.signals[name].units):
+    if signal not in DERIVED and component in (setup.signals[name].units if name in setup.signals else ()):
         return
     known = sorted(one.removeprefix("leader_") for one in setup.signals if one not in DERIVED)
-    if name in setup.signals:
+    if signal not in DERIVED and name in setup.signals:
         known = [one for one in setup.signals[name].units if one]
         raise InputError(f"{signal!r} has no component {component!r}, but {', '.join(known) or 'none'}", given.where)
     computed = "; it is computed from poses" if signal in DERIVED else ""
@@ -214,23 +217,37 @@ def _refuse_unknown(setup: Setup, robot: str, signal: str, component: str, given
 # Time and units ---------------------------------------------------------------------------------------------
 
 
-def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping) -> float:
-    """Return the time in the recording at which the scenario begins."""
-    firsts: dict[str, float] = {}
+def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping) -> int:
+    """Return the time in the recording at which the scenario begins [ns]."""
+    firsts: dict[str, int] = {}
     for number, series in found:
-        if number.signal in DERIVED_FROM:
-            firsts[number.robot] = max(firsts.get(number.robot, -np.inf), series.first)
-    known = [first for first in firsts.values() if np.isfinite(first)]
-    if not known:
+        if number.signal in DERIVED_FROM and (first := series.first) is not None:
+            firsts[number.robot] = max(firsts.get(number.robot, first), first)
+    if not firsts:
         raise InputError(
             f"the recording {path} has no pose of any robot of the scenario: write a mapping that names its topics or "
             "columns (--map), see docs/robot_tools.md"
         )
-    return max(known) if mapping.start is None else mapping.start
+    return max(firsts.values()) if mapping.start is None else mapping.start
+
+
+def _refuse_outside(
+    path: Path, found: Iterable[tuple[_Number, Series]], values: Table[_Number, Sampled], start: int
+) -> None:
+    """Refuse a recording that is over before the scenario begins, or begins after it."""
+    if any(one.samples for number, one in values.items() if number.signal in DERIVED_FROM):
+        return
+    poses = [series for number, series in found if number.signal in DERIVED_FROM]
+    first = min(one for series in poses if (one := series.first) is not None)
+    last = max(one for series in poses if (one := series.last) is not None)
+    raise InputError(
+        f"the recording {path} has poses from {first / SECOND:.12g} s to {last / SECOND:.12g} s, and the scenario "
+        f"would begin at its {start / SECOND:.12g} s: state another start"
+    )
 
 
 def _moved(
-    found: Iterable[tuple[_Number, Series]], robots: Table[str, MappedRobot], start: float
+    found: Iterable[tuple[_Number, Series]], robots: Table[str, MappedRobot]
 ) -> Iterator[tuple[_Number, Series]]:
     """Yield the numbers with reference points where the kind of vehicle has them."""
     found = list(found)
@@ -246,7 +263,7 @@ def _moved(
 
 
 def _sampled(
-    path: Path, number: _Number, series: Series, ticks: Floats, start: float, mapping: Mapping, setup: Setup
+    path: Path, number: _Number, series: Series, ticks: Floats, start: int, mapping: Mapping, setup: Setup
 ) -> Sampled:
     values = _in_unit(path, number, series)
     entry = _pose_entry(setup, number)
@@ -368,7 +385,7 @@ def _coordinates(
     return {**found, **who_is_who(scenario, robots, setup.fmus, ())}
 
 
-def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: float) -> dict[str, str | int | float]:
+def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: int) -> dict[str, str | int | float]:
     return {
         "title": scenario.title,
         "scenario_name": scenario.name,
@@ -381,7 +398,7 @@ def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: flo
         "plant_messages": json.dumps(list(notes)),
         "versions": json.dumps({"formation-cosim": version("formation-cosim")}),
         "recording": str(path),
-        "recording_start": start,
+        "recording_start": start / SECOND,
         **provenance.attributes(scenario.path, scenario.changes, None),
     }
 

@@ -13,6 +13,7 @@ from cosim.errors import InputError
 from cosim.master.other_runs import run_other
 from cosim.master.setup import set_up
 from cosim.missing_file import absent
+from cosim.moments import nanoseconds_of
 from cosim.recordings.drive import Drive, recorded_drive
 from cosim.recordings.judging import judged
 from cosim.recordings.mapping import Mapping, read_mapping
@@ -46,7 +47,7 @@ def judge_recording(
     scenario: str | Path | Scenario,
     mapping: str | Path | None = None,
     *,
-    start: float | None = None,
+    start: float | str | None = None,
 ) -> xr.Dataset:
     """Judge a recorded drive by the expectations of a scenario.
 
@@ -60,7 +61,7 @@ def judge_recording(
         The file that says where the recording has the poses; without it, they are looked for by the names that
         `cosim.export_result` gives.
     start
-        The time in the recording at which the scenario begins [s], in place of the mapping's.
+        The time in the recording at which the scenario begins, in place of the mapping's: in seconds, or as a date.
 
     Returns
     -------
@@ -81,7 +82,7 @@ def judge_drive(
     scenario: str | Path | Scenario,
     mapping: str | Path | None = None,
     *,
-    start: float | None = None,
+    start: float | str | None = None,
 ) -> JudgedDrive:
     """Judge a recorded drive as `judge_recording` does."""
     path = Path(recording)
@@ -91,7 +92,7 @@ def judge_drive(
     robots = {LEADER: None, **{follower.id: None for follower in read.followers}}
     mapped = Mapping() if mapping is None else read_mapping(Path(mapping), robots)
     if start is not None:
-        mapped = replace(mapped, start=start)
+        mapped = replace(mapped, start=_moment(start))
     with ExitStack() as ending:
         setup = set_up(read, ending, {})
         drive = recorded_drive(path, read, setup, mapped)
@@ -99,3 +100,13 @@ def judge_drive(
     told = json.dumps(without_nan([asdict(verdict) for verdict in verdicts]))
     result = replace(drive.result, attrs={**drive.result.attrs, "verdicts": told})
     return JudgedDrive(replace(drive, result=result), summary_of(result))
+
+
+def _moment(start: float | str) -> int:
+    try:
+        return nanoseconds_of(start)
+    except (ValueError, OverflowError):
+        raise InputError(
+            f"the start {start} is none: expected the time in the recording at which the scenario begins, in seconds "
+            "or as a date such as 2026-05-04T09:30:00Z"
+        ) from None

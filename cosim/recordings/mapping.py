@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cosim.errors import InputError, Location
-from cosim.moments import seconds_of
+from cosim.moments import nanoseconds_of
 from cosim.scenario.document import read_mapping_document
 from cosim.scenario.reader.element import Element, known
 from plants import UnitError, units
@@ -93,8 +93,8 @@ class Mapping:
 
     Attributes
     ----------
-    start : float or None
-        The time in the recording at which the scenario begins [s]; None for that of the first poses.
+    start : int or None
+        The time in the recording at which the scenario begins [ns]; None for that of the first poses.
     longest_gap : float
         Longest time between samples across which values are interpolated [s].
     by_header : bool
@@ -105,7 +105,7 @@ class Mapping:
         By id.
     """
 
-    start: float | None = None
+    start: int | None = None
     longest_gap: float = LONGEST_GAP
     by_header: bool = True
     time: str = "time"
@@ -141,11 +141,11 @@ def known_robot(element: Element, robots: Table[str, object]) -> str:
     return known(element, "id", robots)
 
 
-def _start(root: Element) -> float | None:
+def _start(root: Element) -> int | None:
     if "start" not in root:
         return None
     try:
-        return seconds_of(root.get("start"))
+        return nanoseconds_of(root.get("start"))
     except (ValueError, OverflowError):
         raise root.error(
             f'start="{root.get("start")}" of <mapping>: expected seconds such as "12.5 s", or a date with a time such '

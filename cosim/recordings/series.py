@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import ROUNDING
+from cosim.moments import SECOND, nanoseconds_of
 
 Floats: TypeAlias = NDArray[np.float64]
 _LONGER = 1.5
@@ -34,27 +36,26 @@ class Series:
     unit: str = ""
 
     @property
-    def first(self) -> float:
-        """The first time [s] with a value; infinite if there is none."""
+    def first(self) -> int | None:
+        """The first time with a value [ns]; None if there is none."""
+        return self._nanoseconds(np.min)
+
+    @property
+    def last(self) -> int | None:
+        """The last time with a value [ns]; None if there is none."""
+        return self._nanoseconds(np.max)
+
+    def _nanoseconds(self, extreme: Callable[[NDArray[Any]], Any]) -> int | None:
         given = self.time[~np.isnan(self.values)]
-        return float(given.min()) / self._per_second if len(given) else np.inf
+        if not len(given):
+            return None
+        return int(extreme(given)) if given.dtype.kind == "i" else nanoseconds_of(float(extreme(given)))
 
-    @property
-    def last(self) -> float:
-        """The last time [s]; minus infinity if there is none."""
-        return float(self.time.max()) / self._per_second if len(self.time) else -np.inf
-
-    @property
-    def _per_second(self) -> float:
-        return 1e9 if self.time.dtype.kind == "i" else 1.0
-
-    def since(self, start: float) -> Floats:
-        """Return the times as seconds since one [s]."""
+    def since(self, start: int) -> Floats:
+        """Return the times as seconds since one [ns]."""
         if self.time.dtype.kind == "i":
-            seconds, rest = divmod(start, 1.0)
-            nanoseconds: Floats = (self.time - (int(seconds) * 10**9 + round(rest * 1e9))) / 1e9
-            return nanoseconds
-        return np.asarray(self.time - start, dtype=np.float64)
+            return np.asarray((self.time - start) / SECOND)
+        return np.asarray(self.time - start / SECOND)
 
 
 @dataclass(frozen=True, eq=False)

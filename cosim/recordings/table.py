@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.export.courses import courses_of
 from cosim.export.csv import heading
-from cosim.missing_file import absent
 from cosim.recordings.mapping import Mapped, Place
 from cosim.recordings.series import Floats, Series
 from cosim.results.files import load_result
 from cosim.results.result import Result
 from plants import UnitError, units
 
+if TYPE_CHECKING:
+    from _csv import Reader
+
 _CELL = re.compile(r"\s*(.*?)\s*(?:\[\s*([^\[\]\s]*)\s*\])?\s*", re.DOTALL)
-_LONGEST_LINE = 16 * 1024**2
-MOST_NUMBERS = 500_000_000
-"""Numbers that are read of a table."""
 
 
 def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> dict[Place, Series]:
@@ -42,39 +45,26 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> dict[Place, S
     InputError
         The file cannot be read or is no table, a cell is no number, or a column is missing that a mapping names.
     """
-    import pandas
-
-    heads, whole = _heads(path)
-    names = [name for name, _ in heads]
-    if time not in names:
-        raise InputError(
-            f"the first line of the table {path} names no column {time!r}: {_known(time, names)}; the attribute time "
-            "of a <mapping> names the column with the time"
-        )
-    columns = {one.place: _column(one, path, names) for one in wanted}
-    used = sorted({names.index(time), *(at for at in columns.values() if at is not None)})
-    try:
-        frame = pandas.read_csv(
-            path,
-            header=0,
-            names=range(len(names)),
-            usecols=used,
-            skipfooter=0,
-            float_precision="round_trip",
-            encoding="utf-8-sig",
-            index_col=False,
-            low_memory=False,
-            skipinitialspace=True,
-        )
-    except (ValueError, OSError) as error:  # of pandas' reader, too
-        raise InputError(f"the recording {path} cannot be read as a table: {_line(error)}") from None
-    if not whole:
-        frame = frame.iloc[:-1]  # the last line is cut off, maybe within a number
-    if not len(frame):
-        raise InputError(f"the table {path} has no rows below its first line")
-    numbers = {at: _numbers(frame[at], heads[at][0], path) for at in used}
+    with _opened(path) as (file, whole):
+        rows = csv.reader(file)
+        try:
+            heads = _heads(next(rows, []), path)
+            names = [name for name, _ in heads]
+            if time not in names:
+                raise InputError(
+                    f"the first line of the table {path} names no column {time!r}: {_known(time, names)}; the "
+                    "attribute time of a <mapping> names the column with the time"
+                )
+            columns = {one.place: at for one in wanted if (at := _column(one, path, names)) is not None}
+            used = sorted({names.index(time), *columns.values()})
+            numbers = dict(zip(used, _numbers(rows, used, heads, whole, path), strict=True))
+        except csv.Error as error:
+            raise InputError(f"is no table: {error}", Location(str(path), max(rows.line_num, 1))) from None
+        except UnicodeDecodeError:
+            raise InputError(f"the recording {path} is not text in UTF-8") from None
     seconds = _seconds(numbers[names.index(time)], heads[names.index(time)][1], time, path)
-    return {place: Series(seconds, numbers[at], heads[at][1] or "-") for place, at in columns.items() if at is not None}
+    there = ~np.isnan(seconds)
+    return {place: Series(seconds[there], numbers[at][there], heads[at][1] or "-") for place, at in columns.items()}
 
 
 def read_result(path: Path, wanted: Iterable[Mapped]) -> dict[Place, Series]:
@@ -100,26 +90,26 @@ def read_result(path: Path, wanted: Iterable[Mapped]) -> dict[Place, Series]:
     return found
 
 
-def _heads(path: Path) -> tuple[list[tuple[str, str]], bool]:
-    """Return name and unit of each column, and whether the last line is whole."""
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[TextIO, bool]]:
+    """Open a table; also return whether its last line is whole."""
+    if path.is_dir():
+        raise InputError(f"the recording {path} is a folder without metadata.yaml, which a bag of ROS 2 has")
+    if not path.is_file():  # a pipe may never end
+        raise InputError(f"the recording {path} is not a regular file")
     try:
         with path.open("rb") as file:
-            first = file.readline(_LONGEST_LINE)
-            file.seek(0, 2)
-            file.seek(max(0, file.tell() - 1))
+            file.seek(max(0, file.seek(0, 2) - 1))
             whole = file.read(1) in (b"\n", b"\r")
+        with path.open(encoding="utf-8-sig", newline="") as text:
+            yield text, whole
     except OSError as error:
-        said = absent(path) if isinstance(error, FileNotFoundError) else f"it cannot be read: {error.strerror}"
-        raise InputError(f"the recording {path}: {said}") from None
-    try:
-        text = first.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"the recording {path} is not text in UTF-8") from None
-    try:
-        cells = next(csv.reader([text]), [])
-    except csv.Error as error:
-        raise InputError(f"the first line of {path} is not that of a table: {error}") from None
-    if len(cells) < 2 or "\0" in text:
+        raise InputError(f"the recording {path} cannot be read: {error.strerror}") from None
+
+
+def _heads(cells: Sequence[str], path: Path) -> list[tuple[str, str]]:
+    """Return name and unit of each column."""
+    if len(cells) < 2 or any("\0" in cell for cell in cells):
         raise InputError(
             f"the recording {path} is no table: its first line must name columns, separated by commas, as in "
             "'time [s],follower_1.pose.x [m]'"
@@ -128,7 +118,7 @@ def _heads(path: Path) -> tuple[list[tuple[str, str]], bool]:
     names = [name for name, _ in heads if name]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"the table {path} has two columns named {printable(twice)!r}")
-    return heads, whole
+    return heads
 
 
 def _column(one: Mapped, path: Path, names: Sequence[str]) -> int | None:
@@ -151,23 +141,40 @@ def _known(name: str, names: Sequence[str]) -> str:
     return printable(nearest(name, [known for known in names if known]))
 
 
-def _numbers(column: object, name: str, path: Path) -> Floats:
-    import pandas
+def _numbers(
+    rows: Reader, used: Sequence[int], heads: Sequence[tuple[str, str]], whole: bool, path: Path
+) -> list[Floats]:
+    """Return some columns of the rows that follow; a last line that is cut off, maybe within a number, is left out."""
+    columns = [array("d") for _ in used]
+    waiting: list[str] = []  # of the line before, as the last one may be cut off
+    line = 0
+    for row in rows:
+        if waiting:
+            _append(waiting, columns, used, heads, Location(str(path), line))
+        waiting, line = row, rows.line_num
+    if waiting and whole:
+        _append(waiting, columns, used, heads, Location(str(path), line))
+    if not len(columns[0]):
+        raise InputError(f"the table {path} has no rows below its first line")
+    return [np.frombuffer(column).copy() for column in columns]
 
-    series = pandas.Series(column)
-    if series.dtype.kind not in "fiu":
-        numbers = pandas.to_numeric(series, errors="coerce")
-        if (wrong := series.notna() & numbers.isna()).any():
-            at = int(np.argmax(wrong.to_numpy()))
-            cell = printable(str(series.iloc[at]))[:80]
-            raise InputError(
-                f"{cell!r} in the column {printable(name)!r} is not a number",
-                Location(str(path), int(series.index[at]) + 2),
-            )
-        series = numbers
-    found: Floats = series.to_numpy(dtype=np.float64, na_value=np.nan).copy()
-    found[np.isinf(found)] = np.nan
-    return found
+
+def _append(
+    row: Sequence[str],
+    columns: Sequence[array[float]],
+    used: Sequence[int],
+    heads: Sequence[tuple[str, str]],
+    where: Location,
+) -> None:
+    if len(row) != len(heads):
+        raise InputError(f"the row has {len(row)} cells, but the first line names {len(heads)}", where)
+    for at, column in zip(used, columns, strict=True):
+        try:
+            number = float(row[at] or "nan")
+        except ValueError:
+            cell, name = printable(row[at])[:80], printable(heads[at][0])
+            raise InputError(f"{cell!r} in the column {name!r} is not a number", where) from None
+        column.append(number if math.isfinite(number) else math.nan)
 
 
 def _seconds(values: Floats, unit: str, name: str, path: Path) -> Floats:
@@ -178,7 +185,3 @@ def _seconds(values: Floats, unit: str, name: str, path: Path) -> Floats:
     if own.exponents != units.parse("s").exponents:
         raise InputError(f"the column {name!r} of {path} is in {unit}, which is no time")
     return values if own.factor == 1.0 else values * own.factor
-
-
-def _line(error: Exception) -> str:
-    return printable(str(error)).partition("\n")[0][:300]

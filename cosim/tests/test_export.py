@@ -344,7 +344,10 @@ def test_the_command(run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFix
         (["--out=a.xlsx"], r"a\.xlsx: the ending of the name states the format, one of these: \.mcap: ROS 2"),
         (["--out=a"], "the ending of the name states the format"),
         (["--out=/proc/x/a.csv"], "cannot be written"),
-        (["--start-time=noon"], "--start-time noon: expected a date with a time, such as 2026-05-04T09:30:00Z"),
+        (
+            ["--start-time=noon"],
+            "the start time noon is none: expected a date with a time, such as 2026-05",
+        ),
         (["--start-time=nan"], "expected a date"),
         (["--start-time=-1"], "from 1970 to 2038"),
         (["--start-time=1e300"], "from 1970 to 2038"),

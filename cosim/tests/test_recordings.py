@@ -1,0 +1,553 @@
+"""Recorded drives, judged by the expectations of a scenario."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+import cosim
+from cosim.cli import main
+from cosim.errors import InputError
+from cosim.recordings.judge import judge_drive
+from cosim.recordings.series import ClockGoesBack, sampled
+from cosim.results.result import Result
+from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
+from cosim.tests.driving import IN_A_SECOND
+
+EPOCH = 1_777_887_000 * 10**9
+STEP = 20_000_000
+TYPES = get_typestore(Stores.ROS2_HUMBLE)
+
+
+@pytest.fixture(scope="module")
+def line(scenarios: Path) -> Scenario:
+    """The first second of clmr_line, with expectations of it."""
+    return read_scenario(scenarios / "clmr_line.xml").edited([*IN_A_SECOND], horizon=1.0)
+
+
+@pytest.fixture(scope="module")
+def run(line: Scenario) -> Result:
+    return Result.of(cosim.run(line))
+
+
+def verdicts(result: Any) -> list[tuple[object, ...]]:
+    """Return what can be compared of verdicts; a NaN equals itself as a text."""
+    return [
+        (one.expectation, one.robot, repr(one.figure), repr(one.margin), one.passed, one.known_failure, one.detail)
+        for one in cosim.summary_of(result).verdicts
+    ]
+
+
+# The same verdicts as the run -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["clmr_line", "tractor_trailer_circle", "mixed_team", "differential_drive"])
+def test_an_exported_run_is_judged_as_the_run_was(scenarios: Path, tmp_path: Path, name: str) -> None:
+    path = scenarios / f"{name}.xml"
+    result = cosim.run(path)
+    expected = verdicts(result)
+    assert len(expected) > 3
+    cosim.export_result(result, tmp_path / "a.mcap")
+    judged = cosim.judge_recording(tmp_path / "a.mcap", path)
+    assert verdicts(judged) == expected
+    for signal in ("pose", "leader_pose", "range_error", "bearing_error"):
+        assert judged[signal].values.tobytes() == result[signal].values.tobytes()
+    if name == "mixed_team":
+        cosim.export_result(result, tmp_path / "a.csv")
+        assert verdicts(cosim.judge_recording(tmp_path / "a.csv", path)) == expected
+        from cosim.results.files import save
+
+        save(result, tmp_path / "result.nc")
+        assert verdicts(cosim.judge_recording(tmp_path, path)) == expected
+        cosim.save_report([judged], tmp_path / "page.html")
+
+
+# Bags of others ---------------------------------------------------------------------------------------------
+
+
+def stamp(time: int) -> Any:
+    return TYPES.types["builtin_interfaces/msg/Time"](time // 10**9, time % 10**9)
+
+
+def header(time: int, frame: str = "map") -> Any:
+    return TYPES.types["std_msgs/msg/Header"](stamp(time), frame)
+
+
+def pose(x: float, y: float, yaw: float) -> Any:
+    types = TYPES.types
+    return types["geometry_msgs/msg/Pose"](
+        types["geometry_msgs/msg/Point"](x, y, 0.0),
+        types["geometry_msgs/msg/Quaternion"](0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
+    )
+
+
+def odometry(time: int, place: tuple[float, float, float], rest: float) -> tuple[str, Any]:
+    types, zero = TYPES.types, TYPES.types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    message = types["nav_msgs/msg/Odometry"](
+        header(time),
+        "base",
+        types["geometry_msgs/msg/PoseWithCovariance"](pose(*place), np.zeros(36)),
+        types["geometry_msgs/msg/TwistWithCovariance"](types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36)),
+    )
+    return "nav_msgs/msg/Odometry", message
+
+
+def stamped(time: int, place: tuple[float, float, float], rest: float) -> tuple[str, Any]:
+    return "geometry_msgs/msg/PoseStamped", TYPES.types["geometry_msgs/msg/PoseStamped"](header(time), pose(*place))
+
+
+def transform(time: int, place: tuple[float, float, float], rest: float) -> tuple[str, Any]:
+    types = TYPES.types
+    own = pose(*place)
+    moved = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](*place[:2], 0.0), own.orientation)
+    one = types["geometry_msgs/msg/TransformStamped"](header(time), "robot/base", moved)
+    other = types["geometry_msgs/msg/TransformStamped"](header(time), "other", moved)
+    return "tf2_msgs/msg/TFMessage", types["tf2_msgs/msg/TFMessage"]([other, one])
+
+
+def joints(time: int, place: tuple[float, float, float], rest: float) -> tuple[str, Any]:
+    message = TYPES.types["sensor_msgs/msg/JointState"](
+        header(time), ["wheel", "steer"], np.array([0.0, -math.degrees(rest)]), np.zeros(0), np.zeros(0)
+    )
+    return "sensor_msgs/msg/JointState", message
+
+
+Make = Callable[[int, tuple[float, float, float], float], tuple[str, Any]]
+
+
+def bag(
+    folder: Path,
+    run: Result,
+    make: Make = odometry,
+    storage: StoragePlugin = StoragePlugin.SQLITE3,
+    ticks: Iterable[int] = range(51),
+    late: int = 0,
+    turns: float = 0.0,
+) -> Path:
+    """Write a bag of the robots of a run, with other names, another clock and its own messages."""
+    with Writer(folder, version=9, storage_plugin=storage) as writer:
+        topics: dict[str, Any] = {}
+
+        def put(topic: str, kind: str, message: Any, time: int) -> None:
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            writer.write(topics[topic], time, TYPES.serialize_cdr(message, kind))
+
+        for k in ticks:
+            time = EPOCH + k * STEP
+            for row in range(1 + len(run.robots)):
+                values = run["pose"].values[k, row - 1] if row else run["leader_pose"].values[k]
+                place = (float(values[0]), float(values[1]), float(values[2]) + turns)
+                put(f"/r{row}/where", *make(time, place, values[3]), time + late)
+                put(f"/r{row}/joints", *joints(time, place, values[3]), time + late)
+    return folder
+
+
+def mapping(path: Path, robots: Iterable[str], more: str = "", robot: str = "") -> Path:
+    """Write a mapping of such a bag."""
+    steering = '<signal name="pose" component="gamma" topic="/r{}/joints" field="position[1]" unit="deg" factor="-1"/>'
+    inside = "".join(
+        f'<robot id="{name}" topic="/r{row}/where" {robot}>{steering.format(row)}</robot>'
+        for row, name in enumerate(["leader", *robots])
+    )
+    path.write_text(f'<mapping xmlns="{NAMESPACE}" {more}>{inside}</mapping>', encoding="utf-8")
+    return path
+
+
+def close(judged: Any, run: Result) -> None:
+    """Demand the motion of a run, but for rounding."""
+    for signal in ("pose", "leader_pose", "range_error", "bearing_error"):
+        np.testing.assert_allclose(judged[signal].values, run[signal].values, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "robot"),
+    [(odometry, ""), (stamped, ""), (transform, 'child_frame="robot/base"')],
+)
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_a_bag_of_real_robots(
+    run: Result, line: Scenario, tmp_path: Path, make: Make, robot: str, storage: StoragePlugin
+) -> None:
+    recording = bag(tmp_path / "bag", run, make, storage, late=3_000_000, turns=4 * math.pi)
+    drive = judge_drive(recording, line, mapping(tmp_path / "map.xml", run.robots, robot=robot))
+    close(drive.drive.result, run)
+    assert drive.drive.start == EPOCH
+    by_run = {(one.expectation, one.robot): one for one in cosim.summary_of(run).verdicts}
+    for verdict in drive.summary.verdicts:
+        assert verdict.judged == (not verdict.expectation.startswith("regular"))
+        if verdict.judged:
+            expected = by_run[verdict.expectation, verdict.robot]
+            assert verdict.passed == expected.passed
+            assert repr(round(verdict.figure, 9)) == repr(round(expected.figure, 9))
+    assert not drive.summary.passed
+
+
+def test_a_single_file_of_a_bag(run: Result, line: Scenario, tmp_path: Path) -> None:
+    for storage, suffix in ((StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")):
+        (file,) = bag(tmp_path / suffix[1:], run, storage=storage).glob(f"*{suffix}")
+        alone = shutil.copy(file, tmp_path / f"alone{suffix}")
+        close(cosim.judge_recording(alone, line, mapping(tmp_path / "map.xml", run.robots)), run)
+
+
+def test_the_log_clock(run: Result, line: Scenario, tmp_path: Path) -> None:
+    recording = bag(tmp_path / "bag", run, late=7_000_000)
+    drive = judge_drive(recording, line, mapping(tmp_path / "map.xml", run.robots, 'clock="log"'))
+    assert drive.drive.start == EPOCH + 7_000_000
+    close(drive.drive.result, run)
+
+
+def test_a_stated_start(run: Result, line: Scenario, tmp_path: Path) -> None:
+    recording = bag(tmp_path / "bag", run)
+    map_file = mapping(tmp_path / "map.xml", run.robots, f'start="{EPOCH // 10**9 + 0.2:.1f} s"')
+    drive = judge_drive(recording, line, map_file)
+    np.testing.assert_allclose(drive.drive.result["pose"].values[:41], run["pose"].values[10:], atol=1e-9)
+    assert np.isnan(drive.drive.result["pose"].values[41:]).all()
+    assert [one.missing for one in drive.drive.tracked] == [10] * 5
+    again = judge_drive(recording, line, map_file, start=EPOCH / 1e9)
+    close(again.drive.result, run)
+
+
+def test_another_reference_point(run: Result, line: Scenario, tmp_path: Path) -> None:
+    recording = bag(tmp_path / "bag", run)
+    map_file = mapping(tmp_path / "map.xml", run.robots, robot='ahead="20 cm" left="-10 cm"')
+    found = cosim.judge_recording(recording, line, map_file)["pose"].values
+    x, y, psi, _ = np.moveaxis(run["pose"].values, -1, 0)
+    np.testing.assert_allclose(found[..., 0], x + 0.2 * np.cos(psi) + 0.1 * np.sin(psi), atol=1e-12)
+    np.testing.assert_allclose(found[..., 1], y + 0.2 * np.sin(psi) - 0.1 * np.cos(psi), atol=1e-12)
+
+
+def test_a_virtual_leader(run: Result, line: Scenario, tmp_path: Path) -> None:
+    recording = bag(tmp_path / "bag", run)
+    text = mapping(tmp_path / "map.xml", run.robots).read_text()
+    without = re.sub(r'<robot id="leader".*?</robot>', "", text)
+    (tmp_path / "map.xml").write_text(without)
+    drive = judge_drive(recording, line, tmp_path / "map.xml")
+    details = {one.detail for one in drive.summary.verdicts if one.expectation.startswith("rms")}
+    assert any("the recording has no x of the pose of leader; map it, or state from=" in one for one in details)
+    assert not any(one.judged for one in drive.summary.verdicts)
+    (tmp_path / "map.xml").write_text(without.replace("</mapping>", '<robot id="leader" from="scenario"/></mapping>'))
+    close(cosim.judge_recording(recording, line, tmp_path / "map.xml"), run)
+
+
+# Gaps and faults --------------------------------------------------------------------------------------------
+
+
+def test_a_gap_is_bridged_or_missing(run: Result, line: Scenario, tmp_path: Path) -> None:
+    there = [k for k in range(51) if not 5 < k < 10 and not 30 < k < 36]
+    recording = bag(tmp_path / "bag", run, ticks=there)
+    drive = judge_drive(recording, line, mapping(tmp_path / "map.xml", run.robots, 'longest_gap="0.1 s"'))
+    missing = np.isnan(drive.drive.result["range_error"].values).all(axis=1)
+    assert np.flatnonzero(missing).tolist() == list(range(31, 36))
+    follower = drive.drive.tracked[1]
+    assert (follower.missing, follower.bridged, follower.samples) == (5, 4, 42)
+    assert follower.longest_gap == pytest.approx(0.12)
+    between = drive.drive.result["pose"].values[6:10]
+    line_between = np.linspace(run["pose"].values[5], run["pose"].values[10], 6)[1:5]
+    np.testing.assert_allclose(between, line_between, atol=1e-12)
+    assert np.isfinite(drive.drive.result["bearing_error"].values[36:]).all()
+    rms = next(one for one in drive.summary.verdicts if one.expectation.startswith("rms range_error"))
+    assert not rms.judged
+    assert not rms.passed
+    assert rms.outcome == "not judged"
+    assert rms.detail == "the recording has no range_error of follower_1 at 5 of 26 ticks, 0.62 to 0.7 s"
+
+
+def test_what_is_not_judged_never_counts_as_known_to_fail(run: Result, line: Scenario, tmp_path: Path) -> None:
+    text = line.text.replace("<regular", '<regular fails="the law is singular"')
+    (tmp_path / "marked.xml").write_text(text, encoding="utf-8")
+    marked = read_scenario(tmp_path / "marked.xml")
+    drive = judge_drive(bag(tmp_path / "bag", run), marked, mapping(tmp_path / "map.xml", run.robots))
+    unjudged = [one for one in drive.summary.verdicts if not one.judged]
+    assert {one.robot for one in unjudged} == set(run.robots)
+    assert all(one.detail == "the recording has no cos_bearing of " + one.robot for one in unjudged)
+    assert not any(one.passed or one.as_marked for one in unjudged)
+
+
+@pytest.mark.parametrize("fault", [math.nan, math.inf])
+def test_samples_that_are_no_numbers(run: Result, line: Scenario, tmp_path: Path, fault: float) -> None:
+    cosim.export_result(run, tmp_path / "a.csv")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    at = lines[0].split(",").index("follower_1.pose.x [m]")
+    for k in (10, 11):
+        cells = lines[k].split(",")
+        cells[at] = str(fault)
+        lines[k] = ",".join(cells)
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    drive = judge_drive(tmp_path / "a.csv", line)
+    assert np.isfinite(drive.drive.result["pose"].values).all()
+    assert drive.summary.notes[-1] == "a.csv: 2 samples of pose x of follower_1 are no numbers and are left out"
+    assert drive.drive.tracked[1].bridged == 2
+
+
+def changed(path: Path, change: Callable[[list[str]], list[str]], end: str = "\n") -> Path:
+    path.write_text("\n".join(change(path.read_text().splitlines())) + end)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "end", "said"),
+    [
+        (lambda lines: [*lines[:20], *lines[30:40], *lines[20:30], *lines[40:]], "\n", None),
+        (lambda lines: [*lines, *lines[1:]], "\n", r"the time of pose x of leader goes back by 1 s to 0 s"),
+        (lambda lines: [*lines[:10], "0.3,abc" + "," * 500, *lines[10:]], "\n", "the row has"),
+        (lambda lines: [*lines[:10], re.sub(r",[^,]*", ",abc", lines[10], count=1), *lines[11:]], "\n", "a.csv:11"),
+        (lambda lines: [lines[0].replace("follower_1.pose.x [m]", "follower_1.pose.x [deg]"), *lines[1:]], "\n",
+         r"the column 'follower_1.pose.x' of .*a.csv is in deg, but pose x of follower_1 needs a unit such as m"),
+        (lambda lines: [lines[0].replace("follower_1.pose.x [m]", "follower_1.pose.x"), *lines[1:]], "\n",
+         "has no unit, but pose x of follower_1 needs a unit such as m"),
+        (lambda lines: [lines[0].replace("follower_1.pose.x [m]", "follower_1.pose.x [furlong]"), *lines[1:]], "\n",
+         "furlong"),
+        (lambda lines: [lines[0].replace("time [s]", "t [s]"), *lines[1:]], "\n", "names no column 'time'"),
+        (lambda lines: [lines[0].replace("time [s]", "time [m]"), *lines[1:]], "\n", "is in m, which is no time"),
+        (lambda lines: [lines[0].replace("leader.pose.y", "leader.pose.x"), *lines[1:]], "\n", "two columns named"),
+        (lambda lines: lines[:1], "\n", "has no rows"),
+        (lambda lines: [lines[0].replace("pose", "place"), *lines[1:]], "\n", "no pose of any robot"),
+        (lambda lines: ["hello"], "\n", "is no table"),
+    ],
+)  # fmt: skip
+def test_tables_with_faults(
+    run: Result,
+    line: Scenario,
+    tmp_path: Path,
+    change: Callable[[list[str]], list[str]],
+    end: str,
+    said: str | None,
+) -> None:
+    cosim.export_result(run, tmp_path / "a.csv")
+    changed(tmp_path / "a.csv", change, end)
+    if said is None:
+        drive = judge_drive(tmp_path / "a.csv", line)
+        close(drive.drive.result, run)
+        assert any("were not in the order of time" in note for note in drive.summary.notes)
+        return
+    with pytest.raises(InputError, match=said):
+        judge_drive(tmp_path / "a.csv", line)
+
+
+def test_a_table_that_is_cut_off(run: Result, line: Scenario, tmp_path: Path) -> None:
+    cosim.export_result(run, tmp_path / "a.csv")
+    data = (tmp_path / "a.csv").read_bytes()
+    (tmp_path / "a.csv").write_bytes(data[: data.rindex(b"\n", 0, -1) + 30])
+    drive = judge_drive(tmp_path / "a.csv", line)
+    assert [one.missing for one in drive.drive.tracked] == [1] * 5
+
+
+def test_a_table_of_others(run: Result, line: Scenario, tmp_path: Path) -> None:
+    text = "stamp [ms],bx [cm],by [mm],bh\n" + "".join(
+        f"{1e6 + 20 * k},{100 * x},{1000 * y},{90 - math.degrees(psi)}\n"
+        for k, (x, y, psi, _) in enumerate(run.of_robot("pose", "follower_1"))
+    )
+    (tmp_path / "a.csv").write_text(text)
+    (tmp_path / "map.xml").write_text(
+        f'<mapping xmlns="{NAMESPACE}" time="stamp"><robot id="follower_1">'
+        '<signal name="pose" component="x" column="bx"/><signal name="pose" component="y" column="by"/>'
+        '<signal name="pose" component="psi" column="bh" unit="deg" factor="-1" offset="90 deg"/></robot></mapping>'
+    )
+    drive = judge_drive(tmp_path / "a.csv", line, tmp_path / "map.xml")
+    assert drive.drive.start == 1000 * 10**9
+    np.testing.assert_allclose(
+        drive.drive.result["pose"].values[:, 0, :3], run.of_robot("pose", "follower_1")[:, :3], atol=1e-9
+    )
+    assert [one.missing for one in drive.drive.tracked] == [51, 0, 51, 51, 51]
+    assert not any(one.judged for one in drive.summary.verdicts)
+
+
+@pytest.mark.parametrize(
+    ("mapped", "said"),
+    [
+        ('<robot id="robot_9" topic="/r1/where"/>', "map.xml:1:.*robot_9"),
+        ('<robot id="leader" topic="/r1/wher"/>', "has no topic '/r1/wher': did you mean '/r1/where'"),
+        ('<robot id="leader" topic="/r1/joints"/>', "have no pose in the plane; their fields: header, name, position"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/r1/where" field="pose.x"/></robot>',
+         "messages of type nav_msgs/msg/Odometry, which have no number 'pose.x'; their fields: header, child_frame_id"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/r1/where"/></robot>', "no number 'data'"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/r1/where" field="a..b"/></robot>', "'a..b'"),
+        ('<robot id="leader"><signal name="pose" component="x" column="x"/></robot>', "has topics and no columns"),
+        ('<robot id="leader"><signal name="pose" component="x"/></robot>', "either a column of a table or a topic"),
+        ('<robot id="leader"><signal name="pose" component="z" topic="/r1/where"/></robot>',
+         "'pose' has no component 'z', but x, y, psi, gamma"),
+        ('<robot id="follower_1"><signal name="range_error" topic="/r1/where"/></robot>',
+         "no signal 'range_error' can be mapped; it is computed from poses; those that can: "),
+        ('<robot id="leader" from="scenario" topic="/r1/where"/>', 'from="scenario" is for a leader'),
+        ('<robot id="follower_1" from="scenario"/>', 'from="scenario" is for a leader'),
+        ('<robot id="leader" ahead="1 m"/>', "belong to a topic"),
+        ('<robot id="leader" topic="/r1/where"/><robot id="leader" topic="/r2/where"/>', "mapped twice"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/r1/joints" field="position[0]" unit="deg"/>'
+         "</robot>",
+         "is in deg, but pose x of leader needs a unit such as m"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/a" unit="furlong"/></robot>', "furlong"),
+        ('<robot id="leader"><signal name="pose" component="x" topic="/a" factor="0"/></robot>', "makes every value"),
+    ],
+)  # fmt: skip
+def test_mappings_with_faults(
+    run: Result, line: Scenario, tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, mapped: str, said: str
+) -> None:
+    shared = tmp_path_factory.getbasetemp() / "bag_of_faults"
+    if not shared.exists():
+        bag(shared, run)
+    (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}">{mapped}</mapping>')
+    with pytest.raises(InputError, match=said):
+        judge_drive(shared, line, tmp_path / "map.xml")
+
+
+@pytest.mark.parametrize("start", ["noon", "nan", "1 m"])
+def test_a_start_that_is_no_time(line: Scenario, tmp_path: Path, start: str) -> None:
+    (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}" start="{start}"/>')
+    (tmp_path / "a.csv").write_text("time,x\n0,0\n")
+    with pytest.raises(InputError, match="expected seconds such as"):
+        judge_drive(tmp_path / "a.csv", line, tmp_path / "map.xml")
+
+
+def test_a_start_outside_of_the_recording(run: Result, line: Scenario, tmp_path: Path) -> None:
+    cosim.export_result(run, tmp_path / "a.csv")
+    with pytest.raises(InputError, match=r"from 0 s to 1 s, and the scenario would begin at its 1777887000 s"):
+        judge_drive(tmp_path / "a.csv", line, start=1_777_887_000.0)
+
+
+def test_bags_with_faults(run: Result, line: Scenario, tmp_path: Path) -> None:
+    cosim.export_result(run, tmp_path / "whole.mcap")
+    data = (tmp_path / "whole.mcap").read_bytes()
+    broken = bytearray(data)
+    at = data.index(b"\x28\xb5\x2f\xfd") + 1000  # in a compressed chunk
+    broken[at : at + 20] = bytes(20)
+    no_messages = tmp_path / "empty"
+    with Writer(no_messages, version=9):
+        pass
+    cases = {
+        "cut.mcap": data[: len(data) // 2],
+        "head.mcap": data[:20],
+        "empty.mcap": b"",
+        "other.mcap": b"PK\x03\x04" + bytes(100),
+        "broken.mcap": bytes(broken),
+        "other.db3": b"SQLite format 3\0" + bytes(100),
+        "ros1.bag": b"#ROSBAG V2.0\n",
+    }
+    for name, content in cases.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=f"{name} cannot be read as a bag: "):
+            judge_drive(tmp_path / name, line)
+    with pytest.raises(InputError, match="no pose of any robot"):
+        judge_drive(no_messages, line)
+    for text in ("", "a: [", "rosbag2_bagfile_information: 3", "!!python/object/apply:os.system [ls]"):
+        (no_messages / "metadata.yaml").write_text(text)
+        with pytest.raises(InputError, match="cannot be read as a bag: "):
+            judge_drive(no_messages, line)
+
+
+def test_other_files(line: Scenario, tmp_path: Path) -> None:
+    for name, content, said in (
+        ("a.csv", b"\xff\xfe\x00a", "not text in UTF-8"),
+        ("a.csv", b"\x89PNG\r\n\x1a\n" + bytes(50), "not text in UTF-8"),
+        ("a.csv", b"a,b\0\n1,2\n", "is no table"),
+        ("a.nc", b"CDF", "no netCDF file"),
+        ("a.txt", b"\n", "is no table"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=said):
+            judge_drive(tmp_path / name, line)
+    with pytest.raises(InputError, match=r"there is no such file: did you mean .*a\.csv"):
+        judge_drive(tmp_path / "A.csv", line)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=r"is a folder without metadata\.yaml"):
+        judge_drive(tmp_path / "folder", line)
+
+
+def test_a_missing_package(line: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"")
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(InputError, match=r"rosbags; install it: python -m pip install 'formation-cosim\[export\]'"):
+        judge_drive(tmp_path / "a.mcap", line)
+
+
+# At the ticks -----------------------------------------------------------------------------------------------
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 10), st.floats(-5, 5)), min_size=2, max_size=15, unique_by=lambda pair: pair[0]),
+    st.floats(0.05, 3.0),
+)
+def test_between_samples_there_is_a_straight_line(pairs: list[tuple[float, float]], longest: float) -> None:
+    time, values = np.array(sorted(pairs)).T
+    ticks = np.linspace(0.0, 10.0, 41)
+    found = sampled(time, values, ticks, longest).values
+    expected = np.interp(ticks, time, values)
+    for tick, value, straight in zip(ticks, found, expected, strict=True):
+        after = int(np.searchsorted(time, tick - 1e-9))
+        outside = after == len(time) or (after == 0 and time[0] > tick + 1e-9)
+        on = not outside and abs(time[after] - tick) <= 1e-9
+        gap = not outside and not on and time[after] - time[after - 1] > longest + 1e-9
+        assert math.isnan(value) == (outside or gap)
+        if not math.isnan(value):
+            assert value == (values[after] if on else pytest.approx(straight, abs=1e-6))
+
+
+def test_angles_turn_the_shortest_way() -> None:
+    time, ticks = np.arange(5.0), np.arange(0.0, 4.5, 0.5)
+    found = sampled(time, np.array([3.0, -3.0, 3.0, -2.0, -1.0]), ticks, 2.0, angle=True).values
+    turn = 2 * np.pi
+    np.testing.assert_allclose(found[[0, 2, 4, 6, 8]], [3.0, turn - 3.0, 3.0, turn - 2.0, turn - 1.0])
+    np.testing.assert_allclose(found[1], np.pi)
+
+
+def test_a_clock_that_goes_back() -> None:
+    values = np.zeros(4)
+    with pytest.raises(ClockGoesBack) as caught:
+        sampled(np.array([0.0, 5.0, 1.0, 6.0]), values, np.arange(3.0), 0.5)
+    assert (caught.value.time, caught.value.by) == (1.0, 4.0)
+    assert sampled(np.array([0.0, 0.3, 0.2, 0.2]), np.arange(4.0), np.array([0.0, 0.2]), 0.5).values[1] == 3.0
+
+
+# The command ------------------------------------------------------------------------------------------------
+
+
+def test_the_command(
+    run: Result, line: Scenario, scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "line.xml"
+    own.write_text(line.text, encoding="utf-8")
+    recording = bag(tmp_path / "bag", run)
+    map_file = mapping(tmp_path / "map.xml", run.robots)
+    options = ["--scenario", str(own), "--map", str(map_file), "--junit", str(tmp_path / "j.xml")]
+    assert main(["judge", str(recording), *options, "--out", str(tmp_path / "out")]) == 1
+    printed = capsys.readouterr().out
+    assert "the scenario begins at its 1777887000 s" in printed
+    assert re.search(r"follower_4 +51 +0\.02 +0 +0 *\n", printed)
+    assert "not judged  regular, 0 to 1 s: no figure (follower_1; the recording has no cos_bearing" in printed
+    assert "FAILS  settled by 0.5 s" in printed
+    folder = tmp_path / "out" / line.name
+    assert sorted(path.name for path in folder.iterdir()) == ["report.html", "result.nc", "summary.json"]
+    summary = json.loads((folder / "summary.json").read_text())
+    assert not summary["passed"]
+    assert [one["judged"] for one in summary["verdicts"] if one["expectation"].startswith("regular")] == [False] * 4
+    suite = etree.parse(tmp_path / "j.xml").getroot()[0]
+    assert suite.get("errors") == "4"
+    assert len(suite.findall(".//error[@type='not judged']")) == 4
+    assert main(["show", str(folder)]) == 1
+    assert main(["judge", str(recording), "--scenario", str(tmp_path / "none.xml")]) == 2
+    assert main(["judge", str(recording), "--scenario", str(own), "--start", "noon"]) == 2
+    assert "the start noon is none: expected the time in the recording" in capsys.readouterr().err
+
+
+def test_a_drive_that_holds(run: Result, line: Scenario, tmp_path: Path) -> None:
+    own = tmp_path / "line.xml"
+    text = re.sub(r"(?s)<expect>.*</expect>", '<expect><peak signal="range_error" below="90 m"/></expect>', line.text)
+    own.write_text(text, encoding="utf-8")
+    map_file = mapping(tmp_path / "map.xml", run.robots)
+    recording = bag(tmp_path / "bag", run)
+    assert main(["judge", str(recording), "--scenario", str(own), "--map", str(map_file)]) == 0
