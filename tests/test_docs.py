@@ -33,6 +33,8 @@ ROOT = Path(__file__).parents[1]
 SCENARIOS_PAGE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
 STUDIES_PAGE = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", SCENARIOS_PAGE, re.MULTILINE | re.DOTALL)
+ROBOTS_PAGE = (ROOT / "docs" / "robot_tools.md").read_text(encoding="utf-8")
+ROBOT_EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", ROBOTS_PAGE, re.MULTILINE | re.DOTALL)
 STUDY_EXAMPLES = re.findall(r"^```xml\n(.*?)^```$", STUDIES_PAGE, re.MULTILINE | re.DOTALL)
 SCENARIO_EXAMPLES = [example for example in EXAMPLES if not example.startswith("<binding")]
 XS = "{http://www.w3.org/2001/XMLSchema}"
@@ -162,7 +164,7 @@ def completed(example: str) -> str:
 
 def used() -> Iterator[etree._Element]:
     """Return every element of every example."""
-    for example in EXAMPLES + STUDY_EXAMPLES:
+    for example in EXAMPLES + STUDY_EXAMPLES + ROBOT_EXAMPLES:
         content = re.sub(r"<\?xml.*?\?>", "", example)
         yield from etree.fromstring(f'<pieces xmlns="{NAMESPACE}">{content}</pieces>').iterdescendants("*")
 
@@ -196,7 +198,7 @@ def test_the_page_has_an_example_of_every_element_and_names_every_attribute() ->
     tags = {element.get("name") for element in schema.iter(XS + "element")}
     assert {local_name(element) for element in elements} == tags
     shown = {(local_name(element), name) for element in elements for name in element.attrib}
-    prose = re.sub(r"^```.*?^```$", "", SCENARIOS_PAGE + STUDIES_PAGE, flags=re.MULTILINE | re.DOTALL)
+    prose = re.sub(r"^```.*?^```$", "", SCENARIOS_PAGE + STUDIES_PAGE + ROBOTS_PAGE, flags=re.MULTILINE | re.DOTALL)
     for tag in tags:
         for name in attributes_of(tag):
             assert (tag, name) in shown or re.search(rf"`[^`]*\b{name}\b[^`]*`", prose), f"{name} of <{tag}>"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from formation_controllers.geometry import formation_courses
-from formation_controllers.vehicles import formation_of
+from formation_controllers.vehicles import Vehicle, formation_of
 from numpy.typing import NDArray
 
 from cosim.control.team import Team
@@ -90,6 +90,29 @@ def _courses(
                 if not in_place:
                     found[:, team.place, block] = courses
     return dict(zip(("range", "bearing", "range_error", "bearing_error"), found.transpose(0, 2, 1), strict=True))
+
+
+def courses_of_follower(
+    pose: Floats, leader_pose: Floats, desired: Floats, vehicle: Vehicle, before: Floats | None = None
+) -> Floats | None:
+    """Return range, bearing and their errors of one follower (4, T), as those of a run are computed.
+
+    Parameters
+    ----------
+    pose, leader_pose
+        Poses (T, entries), without NaN.
+    desired
+        Desired range and bearing (T, 2).
+    vehicle
+        The follower's vehicle; if it states no formation, there are none.
+    before
+        The bearing (1,) at the sample before, for a later part of a course.
+    """
+    if formation_of(vehicle) is None:
+        return None
+    own, wanted = np.ascontiguousarray(pose[:, np.newaxis]), np.ascontiguousarray(desired[:, np.newaxis])
+    found: Floats = formation_courses(own, leader_pose, wanted, vehicle, before)[:, 0]
+    return found
 
 
 def _in_columns(arrays: dict[str, Floats], setup: Setup) -> dict[str, Floats]:

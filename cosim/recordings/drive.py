@@ -10,13 +10,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from formation_controllers.geometry import formation_courses
-from formation_controllers.vehicles import formation_of
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.export.csv import heading
 from cosim.export.ros2_names import signal_topic, tokens
+from cosim.master.recorded_signals import courses_of_follower
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
 from cosim.master.supervised import whole_run
@@ -338,21 +337,14 @@ def _derived(setup: Setup, variables: Table[str, Variable]) -> dict[str, Variabl
     samples = len(pose)
     found = np.full((len(DERIVED), samples, len(setup.followers)), np.nan)
     for row, robot in enumerate(setup.followers):
-        if formation_of(robot.vehicle) is None:
-            continue
         own = pose[:, row][:, setup.columns.pose.of[robot.kind.name]]
         there = ~(np.isnan(own).any(axis=1) | np.isnan(leader[:, :3]).any(axis=1))
-        before: NDArray[np.float64] | None = None
+        before: Floats | None = None
         for part in _runs(there):
-            courses = formation_courses(
-                np.ascontiguousarray(own[part, np.newaxis]),
-                leader[part],
-                np.ascontiguousarray(setup.desired.q[part, [row]]),
-                robot.vehicle,
-                before,
-            )
-            found[:, part, row] = courses[:, 0]
-            before = courses[1, :, -1]
+            courses = courses_of_follower(own[part], leader[part], setup.desired.q[part, row], robot.vehicle, before)
+            if courses is not None:
+                found[:, part, row] = courses
+                before = courses[1, -1:]
     names = ("range", "bearing", "range_error", "bearing_error")
     return {
         name: Variable(("time", "robot"), course, {"units": DERIVED[name][0], "long_name": DERIVED[name][1]})
