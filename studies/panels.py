@@ -1,4 +1,4 @@
-"""The panels of the paper's Figures 6, 7, 9 and 10, drawn from the scenarios: python studies/panels.py."""
+"""The panels of the paper's Figures 6, 7, 9 and 10, and the whole figure of a run: python studies/panels.py."""
 
 from pages import SCENARIOS, save
 
@@ -12,4 +12,5 @@ FILES = (
 
 if __name__ == "__main__":
     for file in FILES:
-        save(draw(cosim.run(SCENARIOS / f"{file}.xml")), file, dpi=75)
+        save(draw(cosim.run(SCENARIOS / f"{file}.xml"), "paper"), file, dpi=75)
+    save(draw(cosim.run(SCENARIOS / "convoy.xml")), "figure", dpi=75)

@@ -23,8 +23,9 @@ from cosim.errors import InputError
 from cosim.master.mock_fleet import MockFleet
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
-from cosim.results import metrics, panels, passes
+from cosim.results import metrics, passes, representative
 from cosim.results.files import load, save
+from cosim.results.panels import panels_by_sample
 from cosim.results.result import Result
 from cosim.results.summary import summarise
 from cosim.scenario.reader import read_scenario
@@ -122,7 +123,7 @@ def moving(time: float, inputs: np.ndarray) -> np.ndarray:
 def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cosim.storage, "_AT_ONCE", 64)
     monkeypatch.setattr(cosim.storage, "_FEWEST", 16)
-    monkeypatch.setattr(panels, "MOST", 100)
+    monkeypatch.setattr(representative, "MOST", 100)
 
     def peak(horizon: str) -> int:
         scenario = mock_scenario(tmp_path / horizon, horizon=horizon)
@@ -132,7 +133,7 @@ def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monke
             result = simulation.run_to_end()
         save(result, tmp_path / "result.nc")
         summarise(scenario, result)
-        panels.representative(result)
+        representative.representative(result)
         peaked = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peaked
@@ -144,16 +145,14 @@ def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monke
 
 def test_a_long_result_is_drawn_by_its_extremes(monkeypatch: pytest.MonkeyPatch) -> None:
     result = Result.of(cosim.run(SCENARIOS / "clmr_line.xml", horizon=2.0, expectations=False))
-    assert panels.representative(result) is result
-    monkeypatch.setattr(panels, "MOST", 60)
-    monkeypatch.setattr(panels, "_FEWEST", 2)
-    few = panels.representative(result)
+    assert representative.representative(result) is result
+    monkeypatch.setattr(representative, "MOST", 60)
+    monkeypatch.setattr(representative, "_FEWEST", 2)
+    few = representative.representative(result)
     assert few.sizes["time"] < result.sizes["time"]
-    for (_, shown), (_, all_of_it) in zip(panels.panels(few), panels.panels(result), strict=True):
-        for label, signal in all_of_it.items():
-            if signal is not None:
-                assert np.array_equal(np.nanmin(shown[label], axis=0), np.nanmin(signal, axis=0)), label
-                assert np.array_equal(np.nanmax(shown[label], axis=0), np.nanmax(signal, axis=0)), label
+    for shown, whole in zip(panels_by_sample(few), panels_by_sample(result), strict=True):
+        assert np.array_equal(np.nanmin(shown.courses, axis=0), np.nanmin(whole.courses, axis=0)), whole.title
+        assert np.array_equal(np.nanmax(shown.courses, axis=0), np.nanmax(whole.courses, axis=0)), whole.title
     assert few["time"].values[[0, -1]].tolist() == result["time"].values[[0, -1]].tolist()
 
 

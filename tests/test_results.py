@@ -17,9 +17,13 @@ from cosim.cli import main
 from cosim.cli.console import out
 from cosim.cli.summary import print_summary
 from cosim.master.simulation import Simulation
+from cosim.results.drawable_part import drawable
 from cosim.results.figure import draw
+from cosim.results.figure_panels import view
 from cosim.results.files import load, save
 from cosim.results.follower_figures import FollowerFigures
+from cosim.results.panels import panels
+from cosim.results.result import Result
 from cosim.results.summary import Summary
 from cosim.scenario.edits import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
 
@@ -242,7 +246,8 @@ def test_a_figure_of_numbers_that_ran_away(ran: Path, runaway: float, samples: i
     for variable in result.data_vars.values():
         variable[-2:] = runaway
     limits = [limit for axes in drawn(result).axes for limit in (*axes.get_xlim(), *axes.get_ylim())]
-    assert max(map(abs, limits)) < 100
+    limits += [limit for panel in panels(drawable(Result.of(result))) for limit in view(panel, ())]
+    assert max(map(abs, limits)) < 200
 
 
 def test_axes_of_a_run_that_ended_early_show_what_led_there(ran: Path) -> None:
@@ -252,7 +257,7 @@ def test_axes_of_a_run_that_ended_early_show_what_led_there(ran: Path) -> None:
     widths = {}
     for status in ("incomplete", "completed"):
         result.attrs["status"] = status
-        paths = next(axes for axes in drawn(result).axes if axes.get_title() == "(a) paths")
+        paths = next(axes for axes in drawn(result).axes if axes.get_title("left") == "paths")
         widths[status] = float(np.ptp(paths.get_xlim()))
     assert widths["incomplete"] < 100
     assert widths["completed"] > 1e4, "of a completed run, all that can be drawn is"

@@ -70,7 +70,7 @@ def test_a_title_in_any_letters_can_be_drawn(line: str, tmp_path: Path, capsys: 
     ("fault", "sentence"),
     [
         ("import os; os._exit(7)", "its process ended with status 7"),
-        ("import sys; sys.modules['matplotlib'] = None", "ModuleNotFoundError: import of matplotlib halted"),
+        ("import sys; sys.modules['matplotlib'] = None", "ModuleNotFoundError: "),
         (
             "import matplotlib.figure; matplotlib.figure.Figure.savefig = lambda *_, **__: 1 / 0",
             "ZeroDivisionError: division by zero",

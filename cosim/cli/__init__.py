@@ -185,6 +185,12 @@ def _parser() -> Parser:
     show = command("show", "show the summary of a finished run, with its exit status")
     show.add_argument("results", nargs="+", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
     show.add_argument("--figure", type=Path, metavar="FILE.png", help="also draw the figure")
+    show.add_argument(
+        "--panels",
+        choices=("all", "paper"),
+        default="all",
+        help="panels of the figure: of all that the run has (all), or those of the paper's Figure 6 (paper)",
+    )
 
     report = command("report", "write the page that shows a finished run or study in a browser, or compares runs")
     report.add_argument(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
@@ -12,6 +13,9 @@ from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
 from cosim.results.files import load_result
 from cosim.results.summary import Summary, summary_of
+
+if TYPE_CHECKING:
+    from cosim.results.figure import Choice
 
 EXPECTATION_FAILED, NOT_TO_THE_END, INTERRUPTED = 1, SimulationError.exit_status, 130
 
@@ -24,10 +28,10 @@ def show(options: argparse.Namespace) -> int:
     """
     if options.figure is not None and len(options.results) > 1:
         raise InputError(f"--figure {options.figure}: it draws one result: name one, not {len(options.results)}")
-    return max(_shown(path, options.figure) for path in options.results)
+    return max(_shown(path, options.figure, options.panels) for path in options.results)
 
 
-def _shown(path: Path, figure: Path | None) -> int:
+def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
     try:
         result = load_result(path)
         summary = _summary(path, result)
@@ -35,7 +39,7 @@ def _shown(path: Path, figure: Path | None) -> int:
         if figure is not None:
             from cosim.results.figure import save_figure
 
-            save_figure(result, figure)
+            save_figure(result, figure, panels)
             out().print(safe(f"figure in {figure}"), soft_wrap=True)
     except FormationError as error:
         report(error)

@@ -14,11 +14,11 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, Rows, extremes, samples_in_bucket
-from cosim.report.groups import group_of
 from cosim.results.drawable_part import drawable
 from cosim.results.expectations import Kind, understood
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
+from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
 from cosim.results.result import Result, Variable
@@ -193,7 +193,7 @@ def _signals(result: Result, columns: Columns | Rows, most: int) -> Json:
 def _signal(result: Result, name: str, signal: Variable, size: int, columns: Columns | Rows) -> Json:
     of_robots = "robot" in signal.dims
     robots = result.robots if of_robots else (LEADER,)
-    labels = _components(result, signal)
+    labels = result.components(name)
     units = units_by_component(labels, str(signal.attrs.get("units", "")))
     shape = (len(signal.values), len(robots), len(labels))
     values = signal.values.reshape(shape)
@@ -211,15 +211,6 @@ def _signal(result: Result, name: str, signal: Variable, size: int, columns: Col
 
 def _column(values: Floats, size: int, columns: Columns | Rows) -> Reference:
     return columns.add(extremes(values, size))
-
-
-def _components(result: Result, signal: Variable) -> list[str]:
-    dims = [dim for dim in signal.dims if dim not in ("time", "robot")]
-    if not dims:
-        return [""]
-    if len(dims) == 1 and dims[0] in result:
-        return [str(label) for label in result[dims[0]].values]
-    return [str(number) for number in range(math.prod(result.sizes[dim] for dim in dims))]
 
 
 # Verdicts ---------------------------------------------------------------------------------------------------

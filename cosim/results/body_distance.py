@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -50,7 +50,7 @@ def smallest_body_distance(result: Result, robots: Collection[str] = ()) -> Near
     if not followers or not result.sizes["time"]:
         return None
     names, time = list(followers), result["time"].values
-    owner = np.array([number for number, own in enumerate(followers.values()) for part in own.outline if part.collides])
+    owner = _owners(followers)
     one, other = np.triu_indices(len(owner), k=1)
     counts = owner[one] != owner[other]
     if robots:
@@ -73,6 +73,44 @@ def smallest_body_distance(result: Result, robots: Collection[str] = ()) -> Near
     return Nearest(distance, (names[owner[i]], names[owner[j]]), float(time[sample]))
 
 
+def nearest_bodies(followers: Mapping[str, Outlined]) -> Floats:
+    """Return the distance (T, N) from the bodies of each follower to the nearest other follower's; NaN without a place.
+
+    Parameters
+    ----------
+    followers
+        At least two, at the same samples.
+    """
+    owner = _owners(followers)
+    with np.errstate(invalid="ignore"):
+        bodies = _bodies(followers.values())
+    found: list[Floats] = []
+    for block in blocks(len(bodies.cos), len(owner) ** 2):
+        found.append(_nearest_of_each(bodies, owner, block))
+    return np.concatenate(found)
+
+
+def _nearest_of_each(bodies: _Bodies, owner: Indices, block: slice) -> Floats:
+    x, y = bodies.middle[:, block]
+    apart = np.sqrt((x[:, :, np.newaxis] - x[:, np.newaxis]) ** 2 + (y[:, :, np.newaxis] - y[:, np.newaxis]) ** 2)
+    apart[:, owner[:, np.newaxis] == owner] = np.inf
+    apart[np.isnan(apart)] = np.inf
+    # A middle lies within its body, so the nearest middle is not nearer than the nearest body.
+    within = apart - (bodies.radius[:, np.newaxis] + bodies.radius) <= apart.min(axis=2, keepdims=True)
+    within &= np.isfinite(apart)
+    pairs = _Pairs(*np.nonzero(within))
+    of_bodies = np.full(apart.shape[:2], np.inf)
+    np.fmin.at(
+        of_bodies,
+        (pairs.sample, pairs.one),
+        bodies.distances(pairs._replace(sample=pairs.sample + block.start), np.inf),
+    )
+    nearest = np.full((len(x), owner[-1] + 1), np.inf)
+    for body, follower in enumerate(owner.tolist()):
+        np.minimum(nearest[:, follower], of_bodies[:, body], out=nearest[:, follower])
+    return np.where(np.isinf(nearest), np.nan, nearest)
+
+
 class _Pairs(NamedTuple):
     """Pairs of bodies at some samples: the sample and the numbers of both bodies, each (pairs,)."""
 
@@ -82,6 +120,11 @@ class _Pairs(NamedTuple):
 
     def chosen(self, which: NDArray[np.bool_] | Indices) -> _Pairs:
         return _Pairs(self.sample[which], self.one[which], self.other[which])
+
+
+def _owners(followers: Mapping[str, Outlined]) -> Indices:
+    """Return the number of the follower that has each body."""
+    return np.array([number for number, own in enumerate(followers.values()) for part in own.outline if part.collides])
 
 
 @dataclass(frozen=True)

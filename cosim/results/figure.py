@@ -1,50 +1,75 @@
-"""The panels of the paper's Figure 6, drawn from a result."""
+"""A result as a picture: the paths, the robots to scale, and each quantity of the run over time."""
 
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
-from matplotlib.transforms import ScaledTranslation
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, printable
+from cosim.results.bands import bands_of
 from cosim.results.drawable_part import drawable
+from cosim.results.expectations.shown import Band
+from cosim.results.figure_panels import MANY, MOST_LINES, Place, draw_panels
+from cosim.results.figure_paths import draw_formation, draw_paths
+from cosim.results.figure_style import BAD, GOOD, LEADER, Colour, colours_of
 from cosim.results.files import write
-from cosim.results.panels import panels, representative
+from cosim.results.panels import Panel, panels, paper_panels
 from cosim.results.provenance import Provenance
+from cosim.results.representative import representative
 from cosim.results.result import Result
-from cosim.results.thinned import thinned
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Colour = NDArray[np.float64]
-"""Red, green, blue and opacity."""
+Choice = Literal["all", "paper"]
+"""Panels of all that a run has, or those of the paper's Figure 6."""
 
-_SNAPSHOTS = 5
-_LEADER = "black"
-_WIDTH, _HEIGHT = 13.0, 16.0
-_LEFT, _RIGHT, _BETWEEN = 0.95, 0.2, 0.95
-"""Margins beside the panels and the gap between them [in]: a layout that is computed takes as long as the drawing."""
-_BOTTOM, _TOP, _LINE = 0.75, 0.62, 0.24
-"""Margins below the panels, above them, and for each further line of the title [in]."""
-_LEFT_OF, _BELOW = 0.66, 0.31
-"""Distances of the labels from their axes [in], with room for the numbers between."""
+_MOST_PANELS = 30
+_MOST_NAMES, _LONGEST_NAME, _LETTERS = 12, 24, 165
+"""Followers in the legend, letters of a name there, and of a line."""
+_WIDTH, _LEFT, _RIGHT = 13.0, 0.55, 0.12
+"""The figure, room for the numbers beside a panel, and the margin [in]: a computed layout takes as long as drawing."""
+_PATHS, _TITLE, _GAP, _BOTTOM = 4.6, 0.27, 0.45, 0.72
+"""Height of the paths, of a panel's title, of the numbers below the paths, and of all below the last panel [in]."""
+_LINE, _NOTE = 0.24, 0.15
+"""Height of a line above the panels and below them [in]."""
+_LEGEND: Mapping[str, Any] = {
+    "loc": "upper center",
+    "frameon": False,
+    "fontsize": 9,
+    "handlelength": 1.6,
+    "columnspacing": 1.2,
+    "borderaxespad": 0,
+    "borderpad": 0.1,
+}
 
 
-def save_figure(result: xr.Dataset | Result, path: str | Path) -> None:
+def save_figure(result: xr.Dataset | Result, path: str | Path, panels: Choice = "all") -> None:
     """Draw a result and write it as PNG.
+
+    Parameters
+    ----------
+    result
+        Of a run, complete or not.
+    path
+        The file.
+    panels
+        ``all``: what the run has, of any law and kind of vehicle; ``paper``: the panels of the paper's Figure 6.
 
     Raises
     ------
@@ -59,49 +84,76 @@ def save_figure(result: xr.Dataset | Result, path: str | Path) -> None:
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a title in letters that the font lacks
-        draw(result).savefig(buffer, format="png", dpi=120, pil_kwargs={"compress_level": 1})  # others take longer
+        draw(result, panels).savefig(
+            buffer, format="png", dpi=120, pil_kwargs={"compress_level": 1}
+        )  # others take longer
     write(Path(path), buffer.getbuffer())
 
 
-def draw(result: xr.Dataset | Result) -> Figure:
-    """Return the figure: panels (a) to (h) as in the paper; a panel without a recorded signal states that.
+def draw(result: xr.Dataset | Result, choice: Choice = "all") -> Figure:
+    """Return the figure of a result: the paths, the formation at some instants, and panels over time.
 
     Above them stand the changes of the scenario and the reason of an early end, below them seed and versions.
     """
     whole = Result.of(result)
     drawn = drawable(whole)
-    figure = Figure(figsize=(_WIDTH, _HEIGHT))
-    title = _title(drawn)
-    figure.suptitle(title, fontsize=13, y=1 - 0.1 / _HEIGHT, parse_math=False)
-    basis = Provenance.of(whole.attrs).basis
-    if any(_missing(drawn[name].values) > _missing(whole[name].values) for name in whole.data_vars):
-        basis += "; diverged values are not drawn"
-    figure.supxlabel(basis, fontsize=8, color="grey", parse_math=False)
-    grid = figure.add_gridspec(
-        4,
-        2,
-        height_ratios=(1.5, 1.2, 1.2, 0.8),
-        left=_LEFT / _WIDTH,
-        right=1 - _RIGHT / _WIDTH,
-        bottom=_BOTTOM / _HEIGHT,
-        top=1 - (_TOP + _LINE * title.count("\n")) / _HEIGHT,
-        wspace=2 * _BETWEEN / (_WIDTH - _LEFT - _RIGHT - _BETWEEN),
-        hspace=0.27,
-    )
-    colours = dict(zip(drawn.robots, _colours(len(drawn.robots)), strict=True))
+    sheet = _SHEETS[choice]
+    shown, notes = sheet.panels(drawn)
+    if _has_gaps(whole, drawn):
+        notes.insert(0, "diverged values are not drawn")
+    notes = [line for note in notes for line in textwrap.wrap(note, 220, max_lines=2, placeholder=" ...")]
+    above = _title(drawn)
+    colours = colours_of(len(drawn.robots))
+    bands = [band for band in bands_of(drawn) if band.signal in {panel.signal for panel in shown}]
+    legend = _legend(drawn.robots, colours, bands)
 
-    paths = _panel(figure, grid[0, 0], "(a) paths")
-    _draw_paths(paths, drawn, colours)
-    paths.legend(fontsize="small", loc="best")
-    enlarged = _panel(figure, grid[0, 1], "(b) formation at five instants, enlarged")
-    _draw_formation(enlarged, drawn, colours)
+    top = 0.2 + _LINE * (len(above) + len(legend))
+    across = (_WIDTH - _RIGHT) / sheet.columns
+    first = top + _PATHS + _GAP
+    last = first + math.ceil(len(shown) / sheet.columns) * (_TITLE + sheet.height)
+    height = last + _BOTTOM + _NOTE * len(notes)
+    figure = Figure(figsize=(_WIDTH, height))
 
-    for at, (heading, signals) in enumerate(panels(drawn), 2):
-        _draw_signals(figure, grid[at // 2, at % 2], heading, drawn, colours, signals)
+    def axes(left: float) -> Axes:
+        """Return axes for paths, from a place [in] on."""
+        made = figure.add_axes(
+            (
+                (left + _LEFT) / _WIDTH,
+                1 - (top + _PATHS) / height,
+                ((_WIDTH - _RIGHT) / 2 - _LEFT) / _WIDTH,
+                (_PATHS - _TITLE) / height,
+            )
+        )
+        made.tick_params(labelsize=8, pad=2)
+        made.spines[["top", "right"]].set_visible(False)
+        return made
+
+    figure.suptitle("\n".join(above), fontsize=12, y=1 - 0.1 / height, parse_math=False)
+    below = "\n".join([Provenance.of(whole.attrs).basis, *notes])
+    figure.supxlabel(below, fontsize=8, y=0.08 / height, color="dimgrey", parse_math=False)
+    for number, line in enumerate(legend):
+        y = 1 - (0.16 + _LINE * (len(above) + number)) / height
+        for text in figure.legend(handles=line, bbox_to_anchor=(0.5, y), ncols=len(line), **_LEGEND).get_texts():
+            text.set_parse_math(False)
+    draw_paths(axes(0.0), sheet.titles[0], drawn, colours)
+    draw_formation(axes((_WIDTH - _RIGHT) / 2), sheet.titles[1], drawn, colours)
+
+    places = []
+    for number in range(len(shown)):
+        row, column = divmod(number, sheet.columns)
+        upper = first + row * (_TITLE + sheet.height) + _TITLE
+        last_in_column = number + sheet.columns >= len(shown)
+        places.append(Place(column * across + _LEFT, upper, across - _LEFT, sheet.height - 0.0, last_in_column))
+    canvas = figure.add_axes((0, 0, 1, 1), xlim=(0, _WIDTH), ylim=(height, 0), frameon=False, zorder=-1)
+    canvas.set_axis_off()
+    failure = Provenance.of(whole.attrs).failure
+    failed = None if failure is None else failure.time
+    draw_panels(canvas, list(zip(shown, places, strict=True)), _span(drawn, failed), colours, bands, failed)
     return figure
 
 
-def _title(result: Result) -> str:
+def _title(result: Result) -> list[str]:
+    """Return the lines above the panels."""
     provenance = Provenance.of(result.attrs)
     title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
     if result.attrs["status"] != "completed":
@@ -110,112 +162,78 @@ def _title(result: Result) -> str:
     if provenance.failure:
         further.append(printable(str(provenance.failure)))
     wrapped = (part for line in further for part in textwrap.wrap(line, 120, max_lines=3, placeholder=" ..."))
-    return "\n".join([title, *wrapped])
+    return [title, *wrapped]
 
 
-# Panels -----------------------------------------------------------------------------------------------------
+def _legend(robots: Sequence[str], colours: Sequence[Colour], bands: Sequence[Band]) -> list[list[Artist]]:
+    """Return the lines that name the leader, the followers, of many followers some, and what is shaded."""
+    entries: list[Artist] = [Line2D([], [], color=LEADER, linestyle="--", label="leader")]
+    chosen = np.unique(np.linspace(0, len(robots) - 1, min(len(robots), _MOST_NAMES)).round().astype(int))
+    for row in chosen.tolist():
+        name = printable(robots[row])
+        shown = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 3]}..."
+        entries.append(Line2D([], [], color=colours[row], label=shown))
+    if len(robots) > MOST_LINES:
+        entries.append(Patch(color=MANY, alpha=0.5, label=f"{len(robots)} followers: all, 80 %, median"))
+    limits = [band.inside for band in bands if math.isfinite(band.lower) or math.isfinite(band.upper)]
+    for inside, colour, label in ((True, GOOD, "expected"), (False, BAD, "singular")):
+        if inside in limits:
+            entries.append(Patch(facecolor=to_rgba(colour, 0.13), edgecolor=colour, label=label))
+    letters = [len(str(entry.get_label())) + 6 for entry in entries]
+    lines: list[list[Artist]] = [[]]
+    length = 0
+    for entry, own in zip(entries, letters, strict=True):
+        if length + own > _LETTERS:
+            lines.append([])
+            length = 0
+        lines[-1].append(entry)
+        length += own
+    return lines
 
 
-def _panel(figure: Figure, place: SubplotSpec, title: str, first: Axes | None = None) -> Axes:
-    """Return empty axes whose title and labels stand where they are put, not where the numbers end."""
-    axes = figure.add_subplot(place, sharex=first)
-    axes.set_title(title, y=1.0)
-    left = ScaledTranslation(-_LEFT_OF, 0, figure.dpi_scale_trans)
-    below = ScaledTranslation(0, -_BELOW, figure.dpi_scale_trans)
-    axes.yaxis.set_label_coords(0.0, 0.5, axes.transAxes + left)
-    axes.xaxis.set_label_coords(0.5, 0.0, axes.transAxes + below)
-    return axes
+def _all(result: Result) -> tuple[Sequence[Panel], list[str]]:
+    """Return the panels of what changes in a run, and what to say about others: constants, and too many."""
+    found = panels(result)
+    constant = [panel.title for panel in found if panel.constant]
+    changing = [panel for panel in found if not panel.constant]
+    notes = [f"constant: {', '.join(constant)}"] if constant else []
+    if further := changing[_MOST_PANELS:]:
+        notes.append(f"in the result, but not here: {', '.join(panel.title for panel in further)}")
+    return changing[:_MOST_PANELS], notes
 
 
-def _draw_paths(axes: Axes, result: Result, colours: Mapping[str, Colour]) -> None:
-    leader = result["leader_pose"].values
-    axes.plot(leader[:, 0], leader[:, 1], color=_LEADER, linestyle="--", linewidth=1.2, label="leader")
-    for robot, colour in colours.items():
-        pose = result.of_robot("pose", robot)
-        axes.plot(pose[:, 0], pose[:, 1], color=colour, linewidth=1.2, label=robot)
-        axes.plot(*pose[0, :2], marker="o", markersize=4, color=colour)
-    axes.plot(*leader[0, :2], marker="o", markersize=4, color=_LEADER)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.grid(alpha=0.3)
+def _paper(result: Result) -> tuple[Sequence[Panel], list[str]]:
+    return paper_panels(result), []
 
 
-def _draw_formation(axes: Axes, result: Result, colours: Mapping[str, Colour]) -> None:
-    """Draw the last part of the paths, and the robots and their lines of sight at a few instants."""
-    places = [np.isfinite(result[name].values[..., :3]).all(axis=-1) for name in ("pose", "leader_pose")]
-    drawn = places[0].all(axis=1) & places[1]
-    samples = int(np.flatnonzero(drawn)[-1]) + 1 if drawn.any() else 0
-    if not samples:
-        return
-    shown = np.unique(np.linspace(0.6 * (samples - 1), samples - 1, _SNAPSHOTS).round().astype(int))
-    _draw_paths(axes, result, colours)
-    leader, poses = result["leader_pose"].values[shown, :2], result["pose"].values[shown]
-    sight = np.stack([poses[..., :2], np.broadcast_to(leader[:, np.newaxis], poses[..., :2].shape)], axis=-2)
-    axes.add_collection(LineCollection(list(sight.reshape(-1, 2, 2)), colors="grey", linewidths=0.6), autolim=False)
-    x, y, heading = poses[..., 0].ravel(), poses[..., 1].ravel(), poses[..., 2].ravel()
-    colour = [*colours.values()] * len(shown)
-    axes.quiver(x, y, np.cos(heading), np.sin(heading), color=colour, scale=28, width=0.006, zorder=3)
-    axes.plot(*leader.T, linestyle="", marker="D", markersize=4, color=_LEADER)
-    for sample, place in zip(shown, leader, strict=True):
-        axes.annotate(
-            f"{result['time'].values[sample]:.0f} s",
-            place,
-            textcoords="offset points",
-            xytext=(0, 6),
-            fontsize=8,
-            ha="center",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.5},
-        )
-    points = np.concatenate([leader, poses[..., :2].reshape(-1, 2)])
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.05 * float(np.max(high - low)) + 0.5
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
+@dataclass(frozen=True)
+class _Sheet:
+    """A choice of panels: the titles of the paths, the panels below, how many stand in a row, and their height [in]."""
+
+    titles: tuple[str, str]
+    panels: Callable[[Result], tuple[Sequence[Panel], list[str]]]
+    columns: int
+    height: float
 
 
-def _draw_signals(
-    figure: Figure,
-    place: SubplotSpec,
-    title: str,
-    result: Result,
-    colours: Mapping[str, Colour],
-    signals: Mapping[str, NDArray[np.float64] | None],
-) -> None:
-    """Draw signals (T, N) above each other over the same time."""
-    grid = place.subgridspec(len(signals), 1, hspace=0.15)
-    first: Axes | None = None
-    for row, (label, signal) in enumerate(signals.items()):
-        axes = _panel(figure, grid[row, 0], "" if first else title, first)
-        _draw_lines(axes, result, colours, label, signal)
-        first = first or axes
-        if row < len(signals) - 1:
-            axes.tick_params(labelbottom=False)
-        else:
-            axes.set_xlabel("time [s]")
+_SHEETS: Mapping[Choice, _Sheet] = {
+    "all": _Sheet(("paths", "formation, enlarged"), _all, 3, 1.1),
+    "paper": _Sheet(("(a) paths", "(b) formation, enlarged"), _paper, 2, 1.35),
+}
 
 
-def _draw_lines(
-    axes: Axes, result: Result, colours: Mapping[str, Colour], label: str, signal: NDArray[np.float64] | None
-) -> None:
-    axes.set_ylabel(label)
-    axes.grid(alpha=0.3)
-    if signal is None:
-        axes.text(0.5, 0.5, "not recorded by this controller", transform=axes.transAxes, ha="center", va="center")
-        return
-    time = result["time"].values
-    marker = "." if len(time) == 1 else ""
-    for course, colour in zip(signal.T, colours.values(), strict=True):
-        shown = thinned(course)
-        axes.plot(time[shown], course[shown], color=colour, linewidth=0.9, marker=marker)
+def _span(result: Result, failed: float | None) -> tuple[float, float]:
+    """Return the times [s] at the ends of all panels; when the run failed is between them."""
+    start, stop = (float(result["time"].values[end]) for end in (0, -1))
+    stop = stop if failed is None else max(stop, failed)
+    margin = 0.01 * (stop - start) or 0.5
+    return start - margin, stop + margin
+
+
+def _has_gaps(whole: Result, drawn: Result) -> bool:
+    """Return whether numbers of a result are not drawn."""
+    return any(_missing(drawn[name].values) > _missing(whole[name].values) for name in whole.data_vars)
 
 
 def _missing(values: NDArray[np.float64]) -> int:
     return int(np.isnan(values).sum())
-
-
-def _colours(number: int) -> Iterable[Colour]:
-    if number <= 10:
-        return mpl.colormaps["tab10"](np.arange(number))
-    return mpl.colormaps["viridis"](np.linspace(0, 1, number))

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
-from cosim.results.panels import representative
+from cosim.results.representative import representative
 from cosim.results.result import Result
 
 PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from cosim.results.figure_process import serve; serve()"

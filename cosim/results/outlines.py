@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.results.result import Result, Variable
 from cosim.vehicle.outline import Floats, Outline, Part
@@ -71,7 +72,7 @@ def coordinates_of(outlines: Mapping[str, Outline | None]) -> Coordinates:
 
 @dataclass(frozen=True)
 class Outlined:
-    """A follower that has an outline, in a result.
+    """A vehicle that has an outline, in a result.
 
     Attributes
     ----------
@@ -84,7 +85,7 @@ class Outlined:
     outline: Outline
     pose: Mapping[str, Floats]
 
-    def within(self, block: slice) -> Outlined:
+    def within(self, block: slice | NDArray[np.int_]) -> Outlined:
         """Return it at some of the samples."""
         return Outlined(self.outline, {name: course[block] for name, course in self.pose.items()})
 
@@ -102,18 +103,23 @@ def outlines_of(result: Result) -> dict[str, Outline]:
     return found
 
 
+def outlined_vehicles(result: Result) -> dict[str, Outlined]:
+    """Return the vehicles of a result that have an outline, the leader among them."""
+    outlines = outlines_of(result)
+    found = {}
+    for row, vehicle in enumerate(map(str, result["vehicle"].values) if outlines else ()):
+        if vehicle in outlines:
+            course = result.of_robot("pose", vehicle) if vehicle in result.robots else result["leader_pose"].values
+            names = result["pose_name"].values[row]
+            pose = {str(name): course[:, k] for k, name in enumerate(names) if name}
+            found[vehicle] = Outlined(outlines[vehicle], pose)
+    return found
+
+
 def outlined_followers(result: Result) -> dict[str, Outlined] | None:
     """Return the followers of a result with their outlines; None if any has none, as in files of earlier versions."""
-    outlines = outlines_of(result)
-    if not outlines.keys() >= set(result.robots):
-        return None
-    rows = {str(vehicle): row for row, vehicle in enumerate(result["vehicle"].values)}
-    found = {}
-    for column, robot in enumerate(result.robots):
-        course = result["pose"].values[:, column]
-        names = result["pose_name"].values[rows[robot]]
-        found[robot] = Outlined(outlines[robot], {str(name): course[:, k] for k, name in enumerate(names) if name})
-    return found
+    found = outlined_vehicles(result)
+    return {robot: found[robot] for robot in result.robots} if found.keys() >= set(result.robots) else None
 
 
 def _part(about: Mapping[str, Any], j: int) -> Part:

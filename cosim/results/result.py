@@ -5,6 +5,7 @@ The attributes have the names that they have in xarray: whatever only reads a re
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -117,6 +118,15 @@ class Result:
     def of_robots(self, name: str) -> NDArray[Any]:
         """Return a variable (time, robots, ...) that all followers have."""
         return by_robot(self[name])
+
+    def components(self, name: str) -> list[str]:
+        """Return the names of a signal's components; one without a name of a signal that has none."""
+        dims = [dim for dim in self[name].dims if dim not in ("time", "robot")]
+        if not dims:
+            return [""]
+        if len(dims) == 1 and dims[0] in self:
+            return [str(label) for label in self[dims[0]].values]
+        return [str(number) for number in range(math.prod(self.sizes[dim] for dim in dims))]
 
     def row(self, robot: str) -> int:
         """Return the place of a follower along the dimension ``robot``."""

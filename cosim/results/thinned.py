@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-COLUMNS = 1000
+COLUMNS = 500
 """Columns of a picture that a line can be told apart in; a panel is a little narrower."""
 
 

@@ -8,11 +8,15 @@ from collections.abc import Collection, Mapping
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.shown import Band
 from cosim.results.metrics import Nearest, smallest_distance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import Expectation
 from plants import units
+
+REFERENCE_POINTS, BODIES = "distance of reference points", "distance of bodies"
+"""What an expectation is about, in place of a recorded signal: the distance to the nearest other follower."""
 
 
 class Distance(Kind):
@@ -63,6 +67,11 @@ class Distance(Kind):
         how = f"{one} and {other} overlap first" if self.of_bodies and found.distance == 0 else f"{one} and {other}"
         detail = f"{how} at t = {found.time:.2f} s"
         return [self.above(units.convert(found.distance, "m", self.unit), "", detail)]
+
+    def bands(self, result: Result) -> tuple[Band, ...]:
+        """Return the distance with its bound."""
+        lower = units.convert(self.bound, self.unit, "m")
+        return (Band(BODIES if self.of_bodies else REFERENCE_POINTS, "", self.written.start, self.written.stop, lower),)
 
     def moments(self, result: Result) -> dict[str, float]:
         """Return when the two were nearest."""
