@@ -61,7 +61,7 @@ def _print_drive(console: Console, drive: Drive, path: Path) -> None:
         missing = f"[yellow]{one.missing}[/]" if one.missing else "0"
         shown.add_row(safe(one.robot), str(one.samples), f"{one.longest_gap:.4g}", str(one.bridged), missing)
     console.print(shown)
-    say(console, "bridged: interpolated across an interval that is longer than usual", "dim")
+    say(console, "bridged: interpolated across an interval that is longer than usual, or held at either end", "dim")
 
 
 def _write(judged: JudgedDrive, folder: Path) -> None:

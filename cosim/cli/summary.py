@@ -55,7 +55,7 @@ def print_summary(console: Console, summary: Summary) -> None:
             ("reference points", summary.smallest_distance, summary.smallest_distance_between),
             ("bodies", summary.smallest_distance_of_bodies, summary.smallest_distance_of_bodies_between),
         )
-        if distance is not None and between
+        if distance is not None and between and not math.isnan(distance)
     ]
     if distances:
         say(console, safe(f"smallest distance between followers: {', '.join(distances)}"))

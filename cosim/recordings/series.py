@@ -75,7 +75,7 @@ class Sampled:
     longest_gap : float
         The longest time between samples [s] within the scenario's.
     bridged : int
-        At how many ticks it is interpolated across an interval that is longer than usual.
+        At how many ticks it is interpolated across an interval that is longer than usual, or held at either end.
     """
 
     values: Floats = field(repr=False)
@@ -97,7 +97,8 @@ class ClockGoesBack(ValueError):
 def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, angle: bool = False) -> Sampled:
     """Return a number at the ticks of a scenario, by straight lines between its samples.
 
-    A sample that falls on a tick, to a nanosecond, is taken as it is.
+    A sample that falls on a tick, to a nanosecond, is taken as it is. Before the first sample and after the last, their
+    values are held for one usual interval at most, as no recording begins and ends on a tick.
 
     Parameters
     ----------
@@ -146,11 +147,16 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     found[between] = np.where(bridged, values[left] + part * (values[right] - values[left]), np.nan)
     intervals = np.diff(time[within])
     usual = float(np.median(intervals)) if len(intervals) else 0.0
+    held = np.zeros(len(ticks), bool)
+    for end, late in ((0, time[0] - ticks), (-1, ticks - time[-1])):
+        near = (late > ROUNDING) & (late <= min(usual, longest_gap) + ROUNDING)
+        found[near] = values[end]
+        held |= near
     return Sampled(
         values=found,
         samples=int(within.sum()),
         not_numbers=not_numbers,
         disordered=disordered,
         longest_gap=float(intervals.max()) if len(intervals) else 0.0,
-        bridged=int((bridged & (width > _LONGER * usual)).sum()),
+        bridged=int((bridged & (width > _LONGER * usual)).sum() + held.sum()),
     )
