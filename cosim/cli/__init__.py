@@ -239,6 +239,7 @@ def _parser() -> Parser:
     judge.add_argument(
         "--out", type=Path, metavar="DIR", help="write result, summary and page of the drive to DIR/NAME/"
     )
+    _add_changes(judge)
 
     check = command("check", "check scenarios and show their content, without running them")
     _add_scenarios(check)
@@ -339,6 +340,10 @@ def _add_strict(command: argparse.ArgumentParser, otherwise: str = " (default: a
 
 def _add_scenarios(command: argparse.ArgumentParser) -> None:
     command.add_argument("scenarios", nargs="+", type=Path, metavar="SCENARIO.xml")
+    _add_changes(command)
+
+
+def _add_changes(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--set",
         action="append",

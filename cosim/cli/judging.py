@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cosim.cli.console import out, safe, say, table, taking_a_while
+from cosim.cli.named_scenarios import read
 from cosim.cli.summary import print_summary
 from cosim.moments import SECOND
 from cosim.recordings.drive import Drive
@@ -16,7 +17,6 @@ from cosim.recordings.judge import JudgedDrive, judge_drive
 from cosim.report.page import PAGE, save_report
 from cosim.results.files import save, writable_file, writable_folder, write
 from cosim.results.junit import Outcome, junit_xml
-from cosim.scenario.reader import read_scenario
 
 EXPECTATION_FAILED = 1
 
@@ -28,7 +28,7 @@ def judge(options: argparse.Namespace) -> int:
     began = time.perf_counter()
     outcome = Outcome(name=options.scenario.stem, path=options.scenario)
     try:
-        scenario = read_scenario(options.scenario)
+        scenario = read(options.scenario, options)
         outcome.name = scenario.name
         folder = None if options.out is None else writable_folder(options.out / scenario.name, "--out")
         with taking_a_while(f"reading {options.recording}"):

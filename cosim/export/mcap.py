@@ -25,7 +25,9 @@ from cosim.results.files import replacing
 from cosim.results.result import Result
 
 _CHUNK = 2 * 1024**2
-"""Bytes of a chunk at most, unless a tick has more."""
+"""Bytes of a chunk at most."""
+_FEWEST = 16
+"""Ticks of a chunk, even if they have more: a chunk takes a while for each topic."""
 _TIMES = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 """The last bytes of a message's head."""
 _ABOUT = ("title", "scenario_name", "status", "seed", "step", "horizon", "versions", "scenario_file", "changes")
@@ -128,7 +130,7 @@ def _chunks(
 ) -> Iterator[Chunk]:
     width = len(row.data)
     samples = len(times)
-    count = min(max(1, _CHUNK // width), samples)
+    count = min(max(_FEWEST, _CHUNK // width), samples)
     rows = np.empty((count, width), np.uint8)
     rows[:] = np.frombuffer(row.data, np.uint8)
 

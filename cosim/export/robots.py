@@ -12,7 +12,7 @@ from cosim.export.courses import own_names
 from cosim.results.outlines import outlines_of
 from cosim.results.result import Result
 from cosim.scenario.scenario import LEADER
-from cosim.vehicle.outline import Point
+from cosim.vehicle.outline import Outline, Point
 
 Floats = NDArray[np.float64]
 
@@ -82,12 +82,13 @@ class Robot:
 
 def robots_of(result: Result) -> list[Robot]:
     """Return the leader and the followers of a result."""
-    return [_robot(result, robot, row) for row, robot in enumerate((LEADER, *result.robots))]
+    outlines = outlines_of(result)
+    robots = enumerate((LEADER, *result.robots))
+    return [_robot(result, robot, row, outlines.get(robot, ())) for row, robot in robots]
 
 
-def _robot(result: Result, robot: str, row: int) -> Robot:
+def _robot(result: Result, robot: str, row: int, outline: Outline) -> Robot:
     pose = _entries(result, "pose", row)
-    outline = outlines_of(result).get(robot, ())
     names = list(pose)
     turned_by = outline[0].turned_by if outline else tuple(names[2:3])
     x, y, heading = pose[names[0]], pose[names[1]], _sum(pose, turned_by)

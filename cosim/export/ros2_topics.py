@@ -146,12 +146,13 @@ def _pose(topic: str, x: Floats, y: Floats, heading: Floats) -> Topic:
 
 def _markers(robots: Sequence[Robot], own: dict[str, str], stamps: Stamps) -> bytearray:
     """Return the outlines of all robots: each part lies in its own frame, with which it moves."""
-    drawn = [(robot, shape) for robot in robots for shape in robot.shapes]
+    drawn = [(place, shape) for place, robot in enumerate(robots) for shape in robot.shapes]
     message = Message().put("I", len(drawn) + len(robots))
     colours = _colours(len(robots) - 1)
-    for number, (robot, shape) in enumerate(drawn):
+    for number, (place, shape) in enumerate(drawn):
+        robot = robots[place]
         frame = _frames(robot, own[robot.id])[shape.frame]
-        colour, opaque = (_TYRE, 1.0) if shape.wheel else (colours[robots.index(robot)], _OPAQUE)
+        colour, opaque = (_TYRE, 1.0) if shape.wheel else (colours[place], _OPAQUE)
         _marker(message, frame, f"{own[robot.id]}/outline", number, 11, shape, (1.0, 1.0, 1.0), (*colour, opaque))
     for number, robot in enumerate(robots):
         name = own[robot.id]

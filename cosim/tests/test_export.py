@@ -29,6 +29,7 @@ from cosim.export.courses import courses_of
 from cosim.export.formats import FORMATS
 from cosim.export.mat import matlab_name
 from cosim.export.ros2_names import token, tokens
+from cosim.results.files import save
 from cosim.results.outlines import outlined_followers
 from cosim.results.result import Result, Variable
 from cosim.scenario.csv_table import read_table
@@ -221,6 +222,7 @@ def test_what_a_player_offers(exported: Path) -> None:
 
 def test_many_chunks(mixed: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, recording: Recording) -> None:
     monkeypatch.setattr("cosim.export.mcap._CHUNK", 1)
+    monkeypatch.setattr("cosim.export.mcap._FEWEST", 1)
     monkeypatch.setattr("cosim.export.ros2_topics.MOST_POSES_OF_PATH", 20)
     cosim.export_result(mixed, tmp_path / "a.mcap", start_time=1_700_000_000.25)
     with AnyReader([tmp_path / "a.mcap"]) as reader:
@@ -319,8 +321,6 @@ def test_names_that_matlab_does_not_take() -> None:
 
 @pytest.fixture(scope="module")
 def run_folder(mixed: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from cosim.results.files import save
-
     folder = tmp_path_factory.mktemp("run")
     save(mixed, folder / "result.nc")
     return folder
@@ -390,6 +390,18 @@ def test_a_run_without_a_sample(mixed: Result, tmp_path: Path) -> None:
 def test_a_run_that_failed_at_its_start(mixed: Result, tmp_path: Path, suffix: str) -> None:
     cosim.export_result(mixed.within(slice(1)), tmp_path / f"a{suffix}")
     assert (tmp_path / f"a{suffix}").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".mcap"])
+def test_a_result_of_an_earlier_version(mixed: Result, tmp_path: Path, suffix: str) -> None:
+    """It has no outlines, and no names of its own for the entries of each vehicle."""
+    described = re.compile("vehicle.*|outline.*|.*_(name|meaning|units)|plant.*|message.*")
+    earlier = replace(mixed, coords={name: one for name, one in mixed.coords.items() if not described.fullmatch(name)})
+    cosim.export_result(earlier, tmp_path / f"a{suffix}")
+    if suffix == ".mcap":
+        with AnyReader([tmp_path / "a.mcap"]) as reader:
+            topics = {connection.topic for connection in reader.connections}
+        assert {"/truck_1/odom", "/truck_1/signals/pose/psi_theta_1"} <= topics
 
 
 @pytest.mark.parametrize("suffix", FORMATS)

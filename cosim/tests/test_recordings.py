@@ -24,6 +24,7 @@ from cosim.cli import main
 from cosim.errors import InputError
 from cosim.recordings.judge import judge_drive
 from cosim.recordings.series import ClockGoesBack, sampled
+from cosim.results.files import save
 from cosim.results.result import Result
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_scenario
@@ -71,8 +72,6 @@ def test_an_exported_run_is_judged_as_the_run_was(scenarios: Path, tmp_path: Pat
     if name == "mixed_team":
         cosim.export_result(result, tmp_path / "a.csv")
         assert verdicts(cosim.judge_recording(tmp_path / "a.csv", path)) == expected
-        from cosim.results.files import save
-
         save(result, tmp_path / "result.nc")
         assert verdicts(cosim.judge_recording(tmp_path, path)) == expected
         cosim.save_report([judged], tmp_path / "page.html")
@@ -244,6 +243,13 @@ def test_a_virtual_leader(run: Result, line: Scenario, tmp_path: Path) -> None:
     assert not any(one.judged for one in drive.summary.verdicts)
     (tmp_path / "map.xml").write_text(without.replace("</mapping>", '<robot id="leader" from="scenario"/></mapping>'))
     close(cosim.judge_recording(recording, line, tmp_path / "map.xml"), run)
+
+
+def test_the_result_of_a_run_that_did_not_reach_its_end(run: Result, line: Scenario, tmp_path: Path) -> None:
+    save(run.within(slice(30)), tmp_path / "result.nc")
+    drive = judge_drive(tmp_path, line)
+    assert [one.missing for one in drive.drive.tracked] == [20] * 5
+    assert not any(one.judged for one in drive.summary.verdicts)
 
 
 # Gaps and faults --------------------------------------------------------------------------------------------
@@ -544,6 +550,9 @@ def test_the_command(
     assert suite.get("errors") == "4"
     assert len(suite.findall(".//error[@type='not judged']")) == 4
     assert main(["show", str(folder)]) == 1
+    shorter = ["--horizon", "0.8 s"]
+    assert main(["judge", str(recording), *options, *shorter]) == 1
+    assert re.search(r"follower_4 +41 +0\.02 +0 +0 *\n", capsys.readouterr().out)
     assert main(["judge", str(recording), "--scenario", str(tmp_path / "none.xml")]) == 2
     assert main(["judge", str(recording), "--scenario", str(own), "--start", "noon"]) == 2
     assert "the start noon is none: expected the time in the recording" in capsys.readouterr().err

@@ -29,11 +29,13 @@ function inUnit(value, unit) {
   return value === null ? "" : `${figure(value)} ${unit}`.trim();
 }
 
-const OUTCOMES = { true: ["good", "✓\u00A0holds"], false: ["bad", "✗\u00A0fails"], known: ["known", "✗\u00A0fails as known"] };
+const OUTCOMES = { true: ["good", "✓\u00A0holds"], false: ["bad", "✗\u00A0fails"], known: ["known", "✗\u00A0fails as known"],
+  unjudged: ["bad", "?\u00A0not judged"] };
 
 const MOST_ONES = 12;
 
 function outcomeOf(verdict) {
+  if (verdict.judged === false) return OUTCOMES.unjudged;
   return OUTCOMES[!verdict.passed && verdict.known_failure ? "known" : verdict.passed];
 }
 
