@@ -15,6 +15,8 @@ html_css_files = ["gallery.css"]
 html_static_path = ["_static"]
 html_copy_source = False
 html_show_sphinx = False
+html_show_search_summary = False  # a page from a file cannot read the others
+html_use_index = html_domain_indices = False
 
 myst_heading_anchors = 4  # as GitHub makes them
 
