@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.recordings.mapping import YAW, Mapped, Place, X, Y
-from cosim.recordings.series import Series
+from cosim.recordings.series import Numbers, Series
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -28,7 +28,7 @@ _FLOAT64 = "std_msgs/msg/Float64"
 """A type whose messages need no library, which a recording has most of."""
 
 
-def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> dict[Place, Series]:
+def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> Numbers[Place]:
     """Return the numbers of a bag that are wanted; those that are only looked for may be missing.
 
     Parameters
@@ -57,7 +57,7 @@ def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> dict[Plac
             if topic not in topics and named is not None:
                 known = printable(nearest(topic, list(topics)))
                 raise InputError(f"the recording {path} has no topic {topic!r}: {known}", named.where)
-        return _read(path, reader, by_topic, by_header)
+        return Numbers(_read(path, reader, by_topic, by_header), sorted(topics))
 
 
 class _opened:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import InputError
+from cosim.errors import MAX_NAMES, InputError, printable
 from cosim.export.csv import heading
 from cosim.export.ros2_names import signal_topic, tokens
 from cosim.master.recorded_signals import courses_of_follower
@@ -110,11 +110,12 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     wanted = list(_wanted(scenario, setup, mapping, bag))
     given = [number.mapped for number in wanted]
     if bag:
-        series = read_bag(path, given, mapping.by_header)
+        numbers = read_bag(path, given, mapping.by_header)
     else:
-        series = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
+        numbers = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
+    series = numbers.series
     found = [(number, series[number.mapped.place]) for number in wanted if number.mapped.place in series]
-    start = _start(path, found, mapping)
+    start = _start(path, found, mapping, numbers.names)
     found = list(_moved(found, mapping.robots))
     ticks = scenario.clock.times
     values = {number: _sampled(path, number, one, ticks, start, mapping, setup) for number, one in found}
@@ -216,16 +217,17 @@ def _refuse_unknown(setup: Setup, robot: str, signal: str, component: str, given
 # Time and units ---------------------------------------------------------------------------------------------
 
 
-def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping) -> int:
-    """Return the time in the recording at which the scenario begins [ns]."""
+def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping, names: Sequence[str]) -> int:
+    """Return the time in the recording at which the scenario begins [ns]; its names are those of the recording."""
     firsts: dict[str, int] = {}
     for number, series in found:
         if number.signal in DERIVED_FROM and (first := series.first) is not None:
             firsts[number.robot] = max(firsts.get(number.robot, first), first)
-    if not firsts:
+    if not firsts.keys() - {LEADER}:
+        shown = ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
         raise InputError(
-            f"the recording {path} has no pose of any robot of the scenario: write a mapping that names its topics or "
-            "columns (--map), see docs/robot_tools.md"
+            f"the recording {path} has no pose of any follower of the scenario, but {printable(shown) or 'nothing'}: "
+            "write a mapping that names its topics or columns (--map), see docs/robot_tools.md"
         )
     return max(firsts.values()) if mapping.start is None else mapping.start
 

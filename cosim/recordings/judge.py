@@ -88,6 +88,8 @@ def judge_drive(
     path = Path(recording)
     if not path.exists():
         raise InputError(f"the recording {path}: {absent(path)}")
+    if not (path.is_file() or path.is_dir()):  # a pipe may never end
+        raise InputError(f"the recording {path} is not a regular file")
     read = scenario if isinstance(scenario, Scenario) else read_scenario(scenario)
     robots = {LEADER: None, **{follower.id: None for follower in read.followers}}
     mapped = Mapping() if mapping is None else read_mapping(Path(mapping), robots)

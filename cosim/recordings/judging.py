@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.vehicle.kind import Kind as VehicleKind
+
+_SHOWN = 3
+"""How many robots are named for which something is missing, where the team is judged."""
 
 
 def judged(scenario: Scenario, setup: Setup, result: Result, run_other: RunOther) -> tuple[Verdict, ...]:
@@ -36,11 +39,16 @@ def _verdicts(kind: Kind, setup: Setup, result: Result, run_other: RunOther) -> 
         yield from (kind.not_judged(robot, why) for robot, why in lacking.items())
         return
     for verdict in kind.judge(result, run_other):
-        why = lacking.pop(verdict.robot, "") if verdict.robot else "; ".join(lacking.values())
+        why = lacking.pop(verdict.robot, "") if verdict.robot else _together(list(lacking.values()))
         if not verdict.robot:
             lacking.clear()
         yield verdict if not why or (verdict.passed and kind.holds_with_gaps) else kind.not_judged(verdict.robot, why)
     yield from (kind.not_judged(robot, why) for robot, why in lacking.items())
+
+
+def _together(reasons: Sequence[str]) -> str:
+    more = [f"and {len(reasons) - _SHOWN} more"] if len(reasons) > _SHOWN else []
+    return "; ".join([*reasons[:_SHOWN], *more])
 
 
 def _concerned(kind: Kind, setup: Setup, result: Result) -> list[str]:

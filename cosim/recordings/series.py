@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from cosim.clock import ROUNDING
 from cosim.moments import SECOND, nanoseconds_of
 
 Floats: TypeAlias = NDArray[np.float64]
+_Place = TypeVar("_Place")
 _LONGER = 1.5
 """How many times as long as the usual one an interval is that counts as a gap."""
 
@@ -84,6 +85,22 @@ class Sampled:
     disordered: int = 0
     longest_gap: float = 0.0
     bridged: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers(Generic[_Place]):
+    """What was found in a recording.
+
+    Attributes
+    ----------
+    series : dict
+        The numbers that are there, by their places.
+    names : list of str
+        Everything that the recording has: topics, or columns.
+    """
+
+    series: Mapping[_Place, Series]
+    names: Sequence[str]
 
 
 class ClockGoesBack(ValueError):

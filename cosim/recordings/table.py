@@ -17,7 +17,7 @@ from cosim.errors import InputError, Location, nearest, printable
 from cosim.export.courses import courses_of
 from cosim.export.csv import heading
 from cosim.recordings.mapping import Mapped, Place
-from cosim.recordings.series import Floats, Series
+from cosim.recordings.series import Floats, Numbers, Series
 from cosim.results.files import load_result
 from cosim.results.result import Result
 from plants import UnitError, units
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _CELL = re.compile(r"\s*(.*?)\s*(?:\[\s*([^\[\]\s]*)\s*\])?\s*", re.DOTALL)
 
 
-def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> dict[Place, Series]:
+def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers[Place]:
     """Return the columns of a table that are wanted; those that are only looked for may be missing.
 
     Parameters
@@ -64,10 +64,11 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> dict[Place, S
             raise InputError(f"the recording {path} is not text in UTF-8") from None
     seconds = _seconds(numbers[names.index(time)], heads[names.index(time)][1], time, path)
     there = ~np.isnan(seconds)
-    return {place: Series(seconds[there], numbers[at][there], heads[at][1] or "-") for place, at in columns.items()}
+    series = {place: Series(seconds[there], numbers[at][there], heads[at][1] or "-") for place, at in columns.items()}
+    return Numbers(series, names)
 
 
-def read_result(path: Path, wanted: Iterable[Mapped]) -> dict[Place, Series]:
+def read_result(path: Path, wanted: Iterable[Mapped]) -> Numbers[Place]:
     """Return the numbers of the result of a run that are wanted, named as in an exported table.
 
     Raises
@@ -87,7 +88,7 @@ def read_result(path: Path, wanted: Iterable[Mapped]) -> dict[Place, Series]:
             found[one.place] = Series(time, courses[name].values, courses[name].unit)
         else:
             _refuse_if_named(one, path, list(courses))
-    return found
+    return Numbers(found, list(courses))
 
 
 @contextmanager
@@ -95,8 +96,6 @@ def _opened(path: Path) -> Iterator[tuple[TextIO, bool]]:
     """Open a table; also return whether its last line is whole."""
     if path.is_dir():
         raise InputError(f"the recording {path} is a folder without metadata.yaml, which a bag of ROS 2 has")
-    if not path.is_file():  # a pipe may never end
-        raise InputError(f"the recording {path} is not a regular file")
     try:
         with path.open("rb") as file:
             file.seek(max(0, file.seek(0, 2) - 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shutil
 import sys
@@ -197,6 +198,11 @@ def test_a_bag_of_real_robots(
     assert not drive.summary.passed
 
 
+def test_a_bag_without_a_mapping_tells_its_topics(run: Result, line: Scenario, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no pose of any follower of the scenario, but /r0/joints, /r0/where, /r1/"):
+        judge_drive(bag(tmp_path / "bag", run), line)
+
+
 def test_a_single_file_of_a_bag(run: Result, line: Scenario, tmp_path: Path) -> None:
     for storage, suffix in ((StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")):
         (file,) = bag(tmp_path / suffix[1:], run, storage=storage).glob(f"*{suffix}")
@@ -324,7 +330,7 @@ def changed(path: Path, change: Callable[[list[str]], list[str]], end: str = "\n
         (lambda lines: [lines[0].replace("time [s]", "time [m]"), *lines[1:]], "\n", "is in m, which is no time"),
         (lambda lines: [lines[0].replace("leader.pose.y", "leader.pose.x"), *lines[1:]], "\n", "two columns named"),
         (lambda lines: lines[:1], "\n", "has no rows"),
-        (lambda lines: [lines[0].replace("pose", "place"), *lines[1:]], "\n", "no pose of any robot"),
+        (lambda lines: [lines[0].replace("pose", "place"), *lines[1:]], "\n", "no pose of any follower"),
         (lambda lines: ["hello"], "\n", "is no table"),
     ],
 )  # fmt: skip
@@ -395,9 +401,9 @@ def test_a_table_of_others(run: Result, line: Scenario, tmp_path: Path) -> None:
         ('<robot id="follower_1" from="scenario"/>', 'from="scenario" is for a leader'),
         ('<robot id="leader" ahead="1 m"/>', "belong to a topic"),
         ('<robot id="leader" topic="/r1/where"/><robot id="leader" topic="/r2/where"/>', "mapped twice"),
-        ('<robot id="leader"><signal name="pose" component="x" topic="/r1/joints" field="position[0]" unit="deg"/>'
+        ('<robot id="follower_1"><signal name="pose" component="x" topic="/r1/joints" field="position[0]" unit="deg"/>'
          "</robot>",
-         "is in deg, but pose x of leader needs a unit such as m"),
+         "is in deg, but pose x of follower_1 needs a unit such as m"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" unit="furlong"/></robot>', "furlong"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" factor="0"/></robot>', "makes every value"),
     ],
@@ -449,7 +455,7 @@ def test_bags_with_faults(run: Result, line: Scenario, tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=f"{name} cannot be read as a bag: "):
             judge_drive(tmp_path / name, line)
-    with pytest.raises(InputError, match="no pose of any robot"):
+    with pytest.raises(InputError, match="no pose of any follower"):
         judge_drive(no_messages, line)
     for text in ("", "a: [", "rosbag2_bagfile_information: 3", "!!python/object/apply:os.system [ls]"):
         (no_messages / "metadata.yaml").write_text(text)
@@ -470,6 +476,9 @@ def test_other_files(line: Scenario, tmp_path: Path) -> None:
             judge_drive(tmp_path / name, line)
     with pytest.raises(InputError, match=r"there is no such file: did you mean .*a\.csv"):
         judge_drive(tmp_path / "A.csv", line)
+    os.mkfifo(tmp_path / "pipe.mcap")
+    with pytest.raises(InputError, match=r"pipe\.mcap is not a regular file"):
+        judge_drive(tmp_path / "pipe.mcap", line)
     (tmp_path / "folder").mkdir()
     with pytest.raises(InputError, match=r"is a folder without metadata\.yaml"):
         judge_drive(tmp_path / "folder", line)
