@@ -28,7 +28,7 @@ _FLOAT64 = "std_msgs/msg/Float64"
 """A type whose messages need no library, which a recording has most of."""
 
 
-def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> Numbers[Place]:
+def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> Numbers:
     """Return the numbers of a bag that are wanted; those that are only looked for may be missing.
 
     Parameters

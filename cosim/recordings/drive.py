@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import MAX_NAMES, InputError, printable
-from cosim.export.csv import heading
-from cosim.export.ros2_names import signal_topic, tokens
 from cosim.master.recorded_signals import courses_of_follower
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -23,14 +21,13 @@ from cosim.master.who_is_who import texts, who_is_who
 from cosim.moments import SECOND
 from cosim.quantity import quantity
 from cosim.recordings.bag import SUFFIXES, read_bag
-from cosim.recordings.mapping import YAW, Mapped, MappedRobot, Mapping, Place, X, Y
-from cosim.recordings.series import ClockGoesBack, Floats, Sampled, Series, sampled
+from cosim.recordings.mapping import YAW, MappedRobot, Mapping, X, Y
+from cosim.recordings.series import NO_UNIT, ClockGoesBack, Floats, Sampled, Series, sampled
 from cosim.recordings.table import read_result, read_table
+from cosim.recordings.wanted import Number, wanted_numbers
 from cosim.results import provenance
-from cosim.results.expectations import needed
 from cosim.results.expectations.recorded import DERIVED, DERIVED_FROM, units_by_component
 from cosim.results.result import Result, Variable
-from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import LEADER, Scenario
 from plants import UnitError, units
 
@@ -79,24 +76,6 @@ class Drive:
     tracked: tuple[Tracked, ...]
 
 
-@dataclass(frozen=True)
-class _Number:
-    """A number that is wanted: an entry of a signal of a robot, by the column that it has in the result."""
-
-    robot: str
-    row: int
-    signal: str
-    column: int
-    component: str
-    unit: str
-    mapped: Mapped
-
-    @property
-    def text(self) -> str:
-        signal = self.signal.removeprefix("leader_") if self.robot == LEADER else self.signal
-        return " ".join(part for part in (signal, self.component, "of", self.robot) if part)
-
-
 def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mapping) -> Drive:
     """Return a recorded drive as a result of a scenario.
 
@@ -107,7 +86,7 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     """
     robots = (setup.leader, *setup.followers)
     bag, netcdf = _is_bag(path), path.suffix == ".nc" or (path / "result.nc").is_file()
-    wanted = list(_wanted(scenario, setup, mapping, bag))
+    wanted = list(wanted_numbers(scenario, setup, mapping, bag))
     given = [number.mapped for number in wanted]
     if bag:
         numbers = read_bag(path, given, mapping.by_header)
@@ -134,90 +113,10 @@ def _is_bag(path: Path) -> bool:
     return path.suffix in SUFFIXES or (path / "metadata.yaml").exists()
 
 
-# What is wanted ---------------------------------------------------------------------------------------------
-
-
-def _wanted(scenario: Scenario, setup: Setup, mapping: Mapping, bag: bool) -> Iterator[_Number]:
-    """Yield the numbers that expectations need, poses and torques, each with its place in the recording."""
-    called = setup.columns.commands
-    names = needed(scenario.expectations, setup.signals) | {"pose", "leader_pose", called}
-    robots = [setup.leader, *setup.followers]
-    own = tokens([robot.name for robot in robots])
-    taken: set[tuple[str, str, str]] = set()
-    for variable in setup.result_variables:
-        if variable.name not in names:
-            continue
-        for row, robot in enumerate(robots):
-            if ("robot" in variable.dims) == (robot is setup.leader):
-                continue
-            signal = variable.name.removeprefix("leader_").replace("measured_leader_", "measured_")
-            mapped = mapping.robots.get(robot.name)
-            if mapped is not None and mapped.from_scenario:
-                continue
-            for column, component, unit in _components(setup, variable, robot):
-                taken.add((robot.name, signal, component))
-                place = _place(robot, own, signal, component, column, mapped, bag)
-                yield _Number(robot.name, row, variable.name, column, component, unit, place)
-    for robot_id, one in mapping.robots.items():
-        for (signal, component), given in one.signals.items():
-            if (robot_id, signal, component) not in taken and given.where is not None:
-                _refuse_unknown(setup, robot_id, signal, component, given)
-
-
-def _components(setup: Setup, variable: ResultVariable, robot: RobotSetup) -> Iterator[tuple[int, str, str]]:
-    """Yield the components that a robot has of a signal: column in the result, name and unit."""
-    shared, roles = {
-        "pose_component": (setup.columns.pose, robot.kind.pose),
-        "velocity_component": (setup.columns.velocity, robot.kind.velocity),
-        f"{setup.columns.commands}_component": (setup.columns.command, robot.kind.command),
-    }.get(variable.dims[-1] if variable.dims else "", (None, ()))
-    if shared is not None:
-        for column, role in zip(shared.of[robot.kind.name], roles, strict=True):
-            yield column, role.name, role.unit
-    elif robot.name in setup.signals[variable.name].robots:
-        by_component = setup.signals[variable.name].units
-        yield from ((column, name, unit) for column, (name, unit) in enumerate(by_component.items()))
-
-
-def _place(
-    robot: RobotSetup,
-    own: Table[str, str],
-    signal: str,
-    component: str,
-    column: int,
-    mapped: MappedRobot | None,
-    bag: bool,
-) -> Mapped:
-    """Return where a number is: as mapped, in the robot's pose, or by its usual name."""
-    if mapped is not None:
-        if (signal, component) in mapped.signals:
-            return mapped.signals[signal, component]
-        if mapped.pose is not None and signal == "pose" and component in [role.name for role in robot.kind.pose[:3]]:
-            at = [role.name for role in robot.kind.pose].index(component)
-            return Mapped(replace(mapped.pose, field=(X, Y, YAW)[at]), where=mapped.where)
-    path = tuple(part for part in (signal, component) if part)
-    if bag:
-        return Mapped(Place(topic=signal_topic(own[robot.name], path), field="data"))
-    return Mapped(Place(column=heading((robot.name, *path), "1")))
-
-
-def _refuse_unknown(setup: Setup, robot: str, signal: str, component: str, given: Mapped) -> None:
-    """Refuse a mapped signal that the scenario does not have; one that no expectation needs is left alone."""
-    name = f"leader_{signal}" if robot == LEADER else signal
-    if signal not in DERIVED and component in (setup.signals[name].units if name in setup.signals else ()):
-        return
-    known = sorted(one.removeprefix("leader_") for one in setup.signals if one not in DERIVED)
-    if signal not in DERIVED and name in setup.signals:
-        known = [one for one in setup.signals[name].units if one]
-        raise InputError(f"{signal!r} has no component {component!r}, but {', '.join(known) or 'none'}", given.where)
-    computed = "; it is computed from poses" if signal in DERIVED else ""
-    raise InputError(f"no signal {signal!r} can be mapped{computed}; those that can: {', '.join(known)}", given.where)
-
-
 # Time and units ---------------------------------------------------------------------------------------------
 
 
-def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping, names: Sequence[str]) -> int:
+def _start(path: Path, found: Sequence[tuple[Number, Series]], mapping: Mapping, names: Sequence[str]) -> int:
     """Return the time in the recording at which the scenario begins [ns]; its names are those of the recording."""
     firsts: dict[str, int] = {}
     for number, series in found:
@@ -233,7 +132,7 @@ def _start(path: Path, found: Sequence[tuple[_Number, Series]], mapping: Mapping
 
 
 def _refuse_outside(
-    path: Path, found: Iterable[tuple[_Number, Series]], values: Table[_Number, Sampled], start: int
+    path: Path, found: Iterable[tuple[Number, Series]], values: Table[Number, Sampled], start: int
 ) -> None:
     """Refuse a recording that is over before the scenario begins, or begins after it."""
     if any(one.samples for number, one in values.items() if number.signal in DERIVED_FROM):
@@ -247,9 +146,7 @@ def _refuse_outside(
     )
 
 
-def _moved(
-    found: Iterable[tuple[_Number, Series]], robots: Table[str, MappedRobot]
-) -> Iterator[tuple[_Number, Series]]:
+def _moved(found: Iterable[tuple[Number, Series]], robots: Table[str, MappedRobot]) -> Iterator[tuple[Number, Series]]:
     """Yield the numbers with reference points where the kind of vehicle has them."""
     found = list(found)
     headings = {number.robot: series for number, series in found if number.mapped.place.field == YAW}
@@ -264,7 +161,7 @@ def _moved(
 
 
 def _sampled(
-    path: Path, number: _Number, series: Series, ticks: Floats, start: int, mapping: Mapping, setup: Setup
+    path: Path, number: Number, series: Series, ticks: Floats, start: int, mapping: Mapping, setup: Setup
 ) -> Sampled:
     values = _in_unit(path, number, series)
     entry = _pose_entry(setup, number)
@@ -283,7 +180,7 @@ def _sampled(
     return replace(found, values=found.values - _TURN * turns) if turns else found
 
 
-def _pose_entry(setup: Setup, number: _Number) -> float | None:
+def _pose_entry(setup: Setup, number: Number) -> float | None:
     """Return the initial value of an entry of a pose that is an angle; None if it is none."""
     if number.signal not in DERIVED_FROM or number.unit != "rad":
         return None
@@ -291,14 +188,14 @@ def _pose_entry(setup: Setup, number: _Number) -> float | None:
     return robot.pose[[role.name for role in robot.kind.pose].index(number.component)]
 
 
-def _in_unit(path: Path, number: _Number, series: Series) -> Floats:
+def _in_unit(path: Path, number: Number, series: Series) -> Floats:
     """Return the values of a number in its unit."""
     mapped = number.mapped
-    given = mapped.unit or ({"-": "1", "": number.unit}.get(series.unit, series.unit))
+    given = mapped.unit or ({NO_UNIT: "1", "": number.unit}.get(series.unit, series.unit))
     try:
         own, wanted = units.parse(given), units.parse(number.unit)
         if own.exponents != wanted.exponents:
-            known = "has no unit" if series.unit == "-" and not mapped.unit else f"is in {given}"
+            known = "has no unit" if series.unit == NO_UNIT and not mapped.unit else f"is in {given}"
             raise InputError(
                 f"{mapped.place} of {path} {known}, but {number.text} needs a unit such as {number.unit}: "
                 'state its true unit, in the first line of the table or by unit="..." in a mapping',
@@ -315,7 +212,7 @@ def _in_unit(path: Path, number: _Number, series: Series) -> Floats:
 # The result -------------------------------------------------------------------------------------------------
 
 
-def _variables(setup: Setup, values: Table[_Number, Sampled], samples: int) -> Iterator[tuple[str, Variable]]:
+def _variables(setup: Setup, values: Table[Number, Sampled], samples: int) -> Iterator[tuple[str, Variable]]:
     for variable in setup.result_variables:
         those = {number: one for number, one in values.items() if number.signal == variable.name}
         if not those and variable.name not in DERIVED_FROM:
@@ -397,7 +294,7 @@ def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: int
     }
 
 
-def _notes(path: Path, values: Table[_Number, Sampled]) -> Iterator[str]:
+def _notes(path: Path, values: Table[Number, Sampled]) -> Iterator[str]:
     """Say what the recording has that is not as it should be."""
     for number, one in values.items():
         if one.not_numbers:
@@ -407,7 +304,7 @@ def _notes(path: Path, values: Table[_Number, Sampled]) -> Iterator[str]:
 
 
 def _tracked(
-    robots: Sequence[RobotSetup], values: Table[_Number, Sampled], variables: Table[str, Variable]
+    robots: Sequence[RobotSetup], values: Table[Number, Sampled], variables: Table[str, Variable]
 ) -> Iterator[Tracked]:
     for row, robot in enumerate(robots):
         name = "pose" if row else "leader_pose"

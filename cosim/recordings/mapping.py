@@ -6,7 +6,7 @@ from collections.abc import Mapping as Table
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cosim.errors import InputError, Location
+from cosim.errors import Location
 from cosim.moments import nanoseconds_of
 from cosim.scenario.document import read_mapping_document
 from cosim.scenario.reader.element import Element, known
@@ -123,7 +123,7 @@ def read_mapping(path: Path, robots: Table[str, object]) -> Mapping:
     root = Element.root(read_mapping_document(path))
     found: dict[str, MappedRobot] = {}
     for element in root.children("robot"):
-        robot = known_robot(element, robots)
+        robot = known(element, "id", robots)
         if robot in found:
             raise element.error(f"the robot {robot!r} is mapped twice")
         found[robot] = _robot(element)
@@ -134,11 +134,6 @@ def read_mapping(path: Path, robots: Table[str, object]) -> Mapping:
         time=root.get("time", "time"),
         robots=found,
     )
-
-
-def known_robot(element: Element, robots: Table[str, object]) -> str:
-    """Return the id of a mapped robot, which is in the scenario."""
-    return known(element, "id", robots)
 
 
 def _start(root: Element) -> int | None:
@@ -156,7 +151,7 @@ def _start(root: Element) -> int | None:
 def _robot(element: Element) -> MappedRobot:
     signals: dict[tuple[str, str], Mapped] = {}
     for child in element.children("signal"):
-        key = child.get("name").removeprefix("leader_"), child.get("component")
+        key = child.get("name"), child.get("component")
         if key in signals:
             raise child.error(f"{' '.join(key).strip()} is mapped twice")
         signals[key] = _signal(child)
@@ -190,8 +185,3 @@ def _signal(element: Element) -> Mapped:
         raise element.error("factor=0 of <signal> makes every value the same")
     place = Place(*(element.get(name) for name in ("column", "topic", "field", "child_frame")))
     return Mapped(place, element.get("unit"), factor, element.get("offset"), element.where)
-
-
-def unknown(what: str, place: Place, path: Path, names: str, where: Location | None) -> InputError:
-    """Return the error that a recording lacks what a mapping names."""
-    return InputError(f"the recording {path} has no {what} {place}: {names}", where)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import ROUNDING
 from cosim.moments import SECOND, nanoseconds_of
+from cosim.recordings.mapping import Place
 
 Floats: TypeAlias = NDArray[np.float64]
-_Place = TypeVar("_Place")
+NO_UNIT = "-"
 _LONGER = 1.5
 """How many times as long as the usual one an interval is that counts as a gap."""
 
@@ -29,7 +30,7 @@ class Series:
     values : ndarray (T,)
         Its values.
     unit : str
-        The unit in which it is recorded, as far as the recording tells; empty if not.
+        The unit in which it is recorded; `NO_UNIT` of a column without one; empty of messages, which state none.
     """
 
     time: NDArray[np.int64] | Floats = field(repr=False)
@@ -88,7 +89,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers(Generic[_Place]):
+class Numbers:
     """What was found in a recording.
 
     Attributes
@@ -99,7 +100,7 @@ class Numbers(Generic[_Place]):
         Everything that the recording has: topics, or columns.
     """
 
-    series: Mapping[_Place, Series]
+    series: Mapping[Place, Series]
     names: Sequence[str]
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.export.courses import courses_of
 from cosim.export.csv import heading
-from cosim.recordings.mapping import Mapped, Place
-from cosim.recordings.series import Floats, Numbers, Series
+from cosim.recordings.mapping import Mapped
+from cosim.recordings.series import NO_UNIT, Floats, Numbers, Series
 from cosim.results.files import load_result
 from cosim.results.result import Result
 from plants import UnitError, units
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _CELL = re.compile(r"\s*(.*?)\s*(?:\[\s*([^\[\]\s]*)\s*\])?\s*", re.DOTALL)
 
 
-def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers[Place]:
+def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers:
     """Return the columns of a table that are wanted; those that are only looked for may be missing.
 
     Parameters
@@ -64,11 +64,13 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers[Place
             raise InputError(f"the recording {path} is not text in UTF-8") from None
     seconds = _seconds(numbers[names.index(time)], heads[names.index(time)][1], time, path)
     there = ~np.isnan(seconds)
-    series = {place: Series(seconds[there], numbers[at][there], heads[at][1] or "-") for place, at in columns.items()}
+    series = {
+        place: Series(seconds[there], numbers[at][there], heads[at][1] or NO_UNIT) for place, at in columns.items()
+    }
     return Numbers(series, names)
 
 
-def read_result(path: Path, wanted: Iterable[Mapped]) -> Numbers[Place]:
+def read_result(path: Path, wanted: Iterable[Mapped]) -> Numbers:
     """Return the numbers of the result of a run that are wanted, named as in an exported table.
 
     Raises
