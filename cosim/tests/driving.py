@@ -147,6 +147,7 @@ def watch(monkeypatch: pytest.MonkeyPatch, observer: Observer, chosen: Callable[
     original = Simulation.__init__
 
     def watched(self: Simulation, scenario: Scenario, *arguments: Any, **options: Any) -> None:
-        original(self, scenario, *arguments, **options, observers=[observer] if chosen(scenario) else ())
+        observers = [*options.pop("observers", ()), *([observer] if chosen(scenario) else [])]
+        original(self, scenario, *arguments, **options, observers=observers)
 
     monkeypatch.setattr(Simulation, "__init__", watched)
