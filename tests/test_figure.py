@@ -16,10 +16,10 @@ from matplotlib.transforms import Bbox
 import cosim
 from cosim.cli import main
 from cosim.results.body_distance import nearest_bodies, smallest_body_distance
+from cosim.results.colours import GOOD
 from cosim.results.expectations.shown import Band
 from cosim.results.figure import draw, save_figure
 from cosim.results.figure_panels import view
-from cosim.results.figure_style import GOOD
 from cosim.results.files import save
 from cosim.results.metrics import smallest_distance
 from cosim.results.outlines import outlined_followers

@@ -28,7 +28,7 @@ LIBRARY = {
     *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "pow", "power", "sinh", "cosh", "tanh", "cbrt"),
     *("einsum", "dot", "matmul", "inner"),
 }
-DRAWN = {"figure.py", "figure_paths.py", "drawable_part.py"}
+DRAWN = {"figure.py", "figure_paths.py", "drawable_part.py", "sight.py"}
 """What only draws."""
 AS_NUMPY = {"normal.py"}
 """What gives the numbers of NumPy, which asks the C library in one draw of thousands: see docs/same_bits.md."""

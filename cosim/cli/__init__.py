@@ -203,14 +203,15 @@ def _parser() -> Parser:
         help="file of the page (report.html beside the result; of several, here)",
     )
 
-    export = command("export", "write a finished run as a file of other tools: MCAP for ROS 2, CSV, MATLAB")
+    export = command("export", "write a finished run for other tools: MCAP of ROS 2, CSV, MATLAB, moving pictures")
     export.add_argument("result", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
     export.add_argument(
         "--out",
         action="append",
         type=Path,
         metavar="FILE",
-        help="the file, whose ending states the format: .mcap, .csv or .mat (result.mcap beside the result)",
+        help="the file, whose ending states the format: .mcap, .csv, .mat, .gif, .png or .mp4 (result.mcap beside the "
+        "result)",
     )
     export.add_argument(
         "--start-time",
@@ -218,6 +219,12 @@ def _parser() -> Parser:
         metavar="TIME",
         help="time of the run's start in .mcap, as in 2026-05-04T09:30:00Z or as seconds since 1970 (0)",
     )
+    film = export.add_argument_group("moving pictures (.gif, .png, .mp4)")
+    film.add_argument("--from", dest="begin", metavar="TIME", help="time in the run at which it begins, such as '20 s'")
+    film.add_argument("--to", dest="end", metavar="TIME", help="time in the run at which it ends")
+    film.add_argument("--speed", type=float, metavar="FACTOR", help="times real time (it lasts about 12 s)")
+    film.add_argument("--fps", type=float, default=20.0, metavar="NUMBER", help="frames per second (20)")
+    film.add_argument("--size", default="800x450", metavar="WxH", help="width and height in pixels (800x450)")
 
     judge = command("judge", "judge a recorded drive by the expectations of a scenario")
     judge.add_argument(

@@ -24,9 +24,22 @@ class Options:
     ----------
     start : int
         Time of the run's start, as nanoseconds since 1970; 0: times are those of the run.
+    begin, end : float or None
+        The part of the run that a moving picture shows [s]; None: from the start, to the end.
+    speed : float or None
+        Seconds of the run in a second of the picture; None: as many as let it last about 12 s.
+    fps : float
+        Frames in a second of the picture.
+    size : tuple of int
+        Width and height of the picture [px].
     """
 
     start: int = 0
+    begin: float | None = None
+    end: float | None = None
+    speed: float | None = None
+    fps: float = 20.0
+    size: tuple[int, int] = (800, 450)
 
 
 @dataclass(frozen=True)
@@ -50,11 +63,24 @@ FORMATS: Mapping[str, Format] = {
     ".mcap": Format("ROS 2 messages, for Foxglove, PlotJuggler, RViz and ros2 bag", "cosim.export.mcap"),
     ".csv": Format("a wide table with units, for spreadsheets and pandas", "cosim.export.csv"),
     ".mat": Format("structs, for MATLAB, Octave and SciPy", "cosim.export.mat"),
+    ".gif": Format("a moving picture, for pages and slides", "cosim.export.animated"),
+    ".png": Format("a moving picture (APNG), for browsers", "cosim.export.animated"),
+    ".mp4": Format("a film, made by ffmpeg", "cosim.export.mp4"),
 }
 """The formats, by the ending of the file's name."""
 
 
-def export_result(result: xr.Dataset | Result, path: str | Path, start_time: float | str = 0.0) -> None:
+def export_result(
+    result: xr.Dataset | Result,
+    path: str | Path,
+    start_time: float | str = 0.0,
+    *,
+    begin: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    fps: float = 20.0,
+    size: tuple[int, int] = (800, 450),
+) -> None:
     """Write a result as a file of another tool.
 
     Parameters
@@ -62,10 +88,16 @@ def export_result(result: xr.Dataset | Result, path: str | Path, start_time: flo
     result
         The result of a run.
     path
-        The file; the ending of its name, such as ``.mcap``, ``.csv`` or ``.mat``, states the format.
+        The file; the ending of its name, such as ``.mcap``, ``.csv`` or ``.gif``, states the format.
     start_time
         Time of the run's start for formats with clock time (``.mcap``): seconds since 1970, or a date such as
         ``2026-05-04T09:30:00Z``; 0: times are those of the run.
+    begin, end
+        The part of the run that a moving picture (``.gif``, ``.png``, ``.mp4``) shows [s]; by default all of it.
+    speed
+        Seconds of the run in a second of the picture; by default as many as let it last about 12 s.
+    fps, size
+        Frames in a second of the picture, and its width and height [px].
 
     Raises
     ------
@@ -77,7 +109,8 @@ def export_result(result: xr.Dataset | Result, path: str | Path, start_time: flo
     """
     path = Path(path)
     module = import_module(format_of(path).module)
-    module.write(usable(Result.of(result)), path, Options(_start(start_time)))
+    options = Options(_start(start_time), begin, end, speed, fps, size)
+    module.write(usable(Result.of(result)), path, options)
 
 
 def _start(moment: float | str) -> int:

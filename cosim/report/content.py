@@ -22,11 +22,11 @@ from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
 from cosim.results.result import Result, Variable
+from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
 from cosim.scenario.reader import read_events, read_expectations
 from cosim.scenario.scenario import LEADER, Event, Expectation
-from cosim.vehicle.kinds import kind_named
 
 Json: TypeAlias = dict[str, Any]
 
@@ -123,7 +123,7 @@ def _vehicles(result: Result) -> list[Json]:
             "id": robot,
             "kind": _text(result, "vehicle_kind", row),
             "pose": _pose_entries(result, row),
-            "ahead": _ahead(result, row),
+            "ahead": sight_ahead(result, row),
             "parts": [asdict(part) for part in outlines.get(robot, ())],
         }
         for row, robot in enumerate((LEADER, *result.robots))
@@ -138,23 +138,6 @@ def _pose_entries(result: Result, row: int) -> list[str]:
     """Return the names of a vehicle's pose entries, empty for columns that it does not have."""
     names = result["pose_name"].values[row] if "pose_name" in result else result["pose_component"].values
     return [str(name) for name in names]
-
-
-def _ahead(result: Result, row: int) -> float:
-    """Return how far ahead of the reference point range and bearing are measured from [m]: (7), (54)."""
-    try:
-        kind = kind_named(_text(result, "vehicle_kind", row))
-        vehicle = kind.vehicle(**{field: _geometry(result, kind.name, field, row) for field in kind.geometry})
-    except (InputError, KeyError, ValueError):  # of an earlier version, or of a package that is not here
-        return 0.0
-    formation = getattr(vehicle, "formation", None)
-    return 0.0 if formation is None or formation.steering == "none" else float(formation.length)
-
-
-def _geometry(result: Result, kind: str, field: str, row: int) -> Any:
-    name = f"vehicle_{field}_of_{kind}"
-    value = result[name if name in result else f"vehicle_{field}"].values[row]
-    return str(value) if isinstance(value, str) else float(value)
 
 
 def _motion(result: Result, columns: Columns | Rows, most: int) -> Json:

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError, printable
 from cosim.results.bands import bands_of
+from cosim.results.colours import BAD, GOOD
 from cosim.results.drawable_part import drawable
 from cosim.results.expectations.shown import Band
 from cosim.results.figure_panels import MANY, MOST_LINES, Place, draw_panels
 from cosim.results.figure_paths import draw_formation, draw_paths
-from cosim.results.figure_style import BAD, GOOD, LEADER, Colour, colours_of
+from cosim.results.figure_style import LEADER, Colour, colours_of
 from cosim.results.files import write
 from cosim.results.panels import Panel, panels, paper_panels
 from cosim.results.provenance import Provenance

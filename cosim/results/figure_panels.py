@@ -19,8 +19,9 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
+from cosim.results.colours import BAD, GOOD
 from cosim.results.expectations.shown import Band
-from cosim.results.figure_style import BAD, GOOD, LEADER, Colour
+from cosim.results.figure_style import LEADER, Colour
 from cosim.results.panels import Panel
 from cosim.results.thinned import COLUMNS, thinned
 

@@ -404,7 +404,7 @@ def test_a_result_of_an_earlier_version(mixed: Result, tmp_path: Path, suffix: s
         assert {"/truck_1/odom", "/truck_1/signals/pose/psi_theta_1"} <= topics
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", sorted(FORMATS.keys() - {".mp4"}))
 def test_a_file_that_cannot_be_written_leaves_the_one_before(mixed: Result, tmp_path: Path, suffix: str) -> None:
     (tmp_path / f"a{suffix}").mkdir()
     with pytest.raises(OutputError, match="cannot be written"):
