@@ -66,6 +66,10 @@ class AfterTheEnd(InputError):
         )
 
 
+class OtherStructure(InputError):
+    """A scenario that was to be run as a variation of a prepared one has another structure."""
+
+
 class UnboundVelocities(InputError):
     """A robot's FMU lacks velocities that are needed; no variable is bound to them.
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 import random
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -155,12 +157,16 @@ def test_quantiles_means_and_worst_values(tmp_path: Path) -> None:
     quantile = '<quantile of="last" at="0.9" below="97 mm" confidence="0.95"/>'
     assert verdict(tmp_path, quantile, good)[:2] == (True, 96.0)
     assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', good)[:2] == (True, 100.0)
-    assert "number 100" in verdict(tmp_path, '<worst of="last" below="101 mm"/>', good)[2]
+    assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', good)[2] == "run 100 of 100 runs"
     assert verdict(tmp_path, '<worst of="last" above="1 mm"/>', good)[:2] == (False, 1.0)
     passed, figure, _ = verdict(tmp_path, '<mean of="last" below="60 mm" confidence="0.9"/>', good)
     assert (passed, 50.5 < figure < 60.0) == (True, True)
-    broken = [*good[:-1], rows_of([BROKEN])[0]]
-    assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', broken)[0] is False
+    broken = [*good[:-1], *(replace(row, number=100, draw=100) for row in rows_of([BROKEN]))]
+    assert verdict(tmp_path, '<worst of="last" below="101 mm"/>', broken) == (
+        False,
+        math.inf,
+        "run 100 of 100 runs, 1 run broken",
+    )
     few = verdict(tmp_path, quantile, rows_of([PASSED] * 5, figures))
     assert (few[0], "too few" in few[2]) == (False, True)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from cosim.cli.console import out, safe, say, table, verbatim, warn
+from cosim.cli.console import out, safe, say, verbatim, warn
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
 from cosim.cli.named_scenarios import read
@@ -76,17 +76,19 @@ def _print_tune(path: Path, study: Study, tune: Tune) -> None:
         ),
         soft_wrap=True,
     )
-    shown = table(out(), safe(f"{study.name}: {study.title}"))
-    for heading in ("value", "case", "own", "from", "to"):
-        shown.add_column(heading, justify="left" if heading in ("value", "case") else "right")
+    rows, ends = [], []
     for cases_of in study.bases:
         for index in tuned_in(study, tune, cases_of):
             values = study.vary[index].values
             assert isinstance(values, Random)
-            ends = (written(end, values.unit) for end in (values.least, values.greatest))
-            told = (study.vary[index].name, case_name(study, cases_of), own_text(study, cases_of, index), *ends)
-            shown.add_row(*map(safe, told))
-    out().print(shown)
+            limits = (written(end, values.unit) for end in (values.least, values.greatest))
+            rows.append((study.vary[index].name, case_name(study, cases_of), own_text(study, cases_of, index), *limits))
+        ends.append(len(rows) - 1)
+    names, of_cases, *others = zip(*rows, strict=True)
+    kept = [WideColumn("value", names, is_name=True)]
+    kept += [WideColumn("case", of_cases, is_name=True)] * (len(study.bases) > 1)
+    columns = [WideColumn(heading, cells) for heading, cells in zip(("own", "from", "to"), others, strict=True)]
+    print_wide(out(), safe(f"{study.name}: {study.title}"), kept, columns, ends)
 
 
 def check(options: argparse.Namespace) -> int:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from cosim.cli.console import safe, table
+from cosim.cli.console import safe
+from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.studies.sensitivity import CONFIDENCE, Sensitivity
 
 _MOST = 30
@@ -35,21 +36,24 @@ def print_sensitivities(console: Console, method: str, found: Sequence[Sensitivi
 
 
 def _print_table(console: Console, method: str, told: Sequence[Sensitivity]) -> None:
-    shown = table(console, f"{_TITLES[method]}, ± {100 * CONFIDENCE:g} % confidence")
     figures = [name for name in told[0].figures if not name.endswith("plus_minus")]
-    shown.add_column("measure")
-    shown.add_column("value")
-    for name in figures:
-        shown.add_column(_HEADINGS[name], justify="right", no_wrap=True)
+    rows: list[tuple[str, ...]] = []
+    ends = []
     for one in told:
         unit = f" [{one.unit}]" if one.unit and method == "morris" else ""
-        rows = [(one.names[place], *(_figure(one, name, place) for name in figures)) for place in one.order()]
+        own = [(one.names[place], *(_figure(one, name, place) for name in figures)) for place in one.order()]
         pairs = sorted(one.pairs.items(), key=lambda pair: -pair[1][0])[:_MOST]
-        rows += [(" with ".join(names), f"{index:z.2f} ± {spread:.2f}") for names, (index, spread) in pairs]
-        for number, row in enumerate(rows):
-            shown.add_row(safe("" if number else f"{_name(one)}{unit}"), *map(safe, row))
-        shown.add_section()
-    console.print(shown)
+        own += [(" with ".join(names), f"{index:z.2f} ± {spread:.2f}", "") for names, (index, spread) in pairs]
+        rows += [("" if number else f"{_name(one)}{unit}", *row) for number, row in enumerate(own)]
+        ends.append(len(rows) - 1)
+    names, values, *cells = zip(*rows, strict=True)
+    print_wide(
+        console,
+        f"{_TITLES[method]}, ± {100 * CONFIDENCE:g} % confidence",
+        [WideColumn("measure", names, is_name=True), WideColumn("value", values, is_name=True)],
+        [WideColumn(_HEADINGS[name], column) for name, column in zip(figures, cells, strict=True)],
+        ends,
+    )
 
 
 def _name(one: Sensitivity) -> str:

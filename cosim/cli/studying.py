@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.console import err, out, safe, say, table, taking_a_while, warn
+from cosim.cli.console import err, out, safe, say, taking_a_while, warn
 from cosim.cli.indices import print_sensitivities
 from cosim.cli.summary import print_verdict
 from cosim.cli.wide_table import WideColumn, print_wide
@@ -165,8 +165,8 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
     of = outcome.study
     ends = counts(outcome)
     console.print(f"[bold]{safe(of.name)}: {safe(of.title)}[/]")
-    kept = len(outcome.rows) - outcome.made
-    parts = [f"{len(outcome.rows)} runs", *([f"{kept} of them from before"] if kept else [])]
+    before = [f"{outcome.before} of them from before"] if outcome.before else []
+    parts = [f"{len(outcome.rows)} runs", *before]
     if outcome.early:
         why = "the verdict is certain enough" if of.search is None else "a run fails"
         parts.append(f"ended early, of {outcome.planned}: {why}")
@@ -191,15 +191,16 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
 def _print_tuned(console: Console, of: Study, tune: Tune, found: Sequence[Tuned]) -> None:
     """Show the best values of each case beside the scenario's own, and the costs of both in training."""
     for one in found:
-        shown = table(console, safe(f"tuned: {one.name}" if one.name else "tuned"))
-        for heading in ("value", "own", "tuned"):
-            shown.add_column(heading, justify="left" if heading == "value" else "right", no_wrap=True)
-        for index in one.best.values:
-            value = best_values(of, one)[of.vary[index].name]
-            shown.add_row(safe(of.vary[index].name), safe(own_text(of, one.cases, index)), safe(value))
-        costs = [mean_cost(tune, trial.rows.values()) for trial in (one.trials[0], one.best)]
-        shown.add_row("cost in training", *map(_number, costs))
-        console.print(shown)
+        own = [own_text(of, one.cases, index) for index in one.best.values]
+        best = best_values(of, one)
+        names = [of.vary[index].name for index in one.best.values]
+        costs = [_number(mean_cost(tune, trial.rows.values())) for trial in (one.trials[0], one.best)]
+        print_wide(
+            console,
+            safe(f"tuned: {one.name}" if one.name else "tuned"),
+            [WideColumn("value", [*names, "cost in training"], is_name=True)],
+            [WideColumn("own", [*own, costs[0]]), WideColumn("tuned", [*(best[name] for name in names), costs[1]])],
+        )
         console.print(f"{best_trial(one)}, in restart {one.best.restart} of {tune.restarts}")
         for sentence in one.at_bounds:
             say(console, f"[yellow]at a bound:[/] {safe(sentence)}")

@@ -5,7 +5,7 @@ The columns that say what a row is about are in each of them, and nothing is lef
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
@@ -41,29 +41,38 @@ class WideColumn:
         return max(cell_len(line) for text in (self.heading, *self.cells) for line in text.split("\n"))
 
 
-def print_wide(console: Console, title: str, kept: Sequence[WideColumn], others: Sequence[WideColumn]) -> None:
+def print_wide(
+    console: Console,
+    title: str,
+    kept: Sequence[WideColumn],
+    others: Sequence[WideColumn],
+    ends: Collection[int] = (),
+) -> None:
     """Print a table, of which some columns are kept side by side with as many of the others as there is room for.
 
     Parameters
     ----------
     title
         Its title, as markup.
+    ends
+        The rows that end a section.
     """
+    if title:
+        console.print(f"[bold]{title}[/]")
     if not _fits([*kept, *others], console.width):
         kept = _narrowed(kept, int(_SHARE * console.width))
     for part in _parts(kept, others, console.width):
         columns = [*kept, *part]
-        shown = table(console, title)
+        shown = table(console, "")
         for column in columns:
             heading = _safe(column.heading)
             if column.is_name:
                 shown.add_column(heading, overflow="fold")
             else:
                 shown.add_column(heading, justify="right", no_wrap=True)
-        for cells in zip(*(column.cells for column in columns), strict=True):
-            shown.add_row(*map(_safe, cells))
+        for number, cells in enumerate(zip(*(column.cells for column in columns), strict=True)):
+            shown.add_row(*map(_safe, cells), end_section=number in ends)
         console.print(shown)
-        title = ""
 
 
 def _narrowed(columns: Sequence[WideColumn], room: int) -> list[WideColumn]:

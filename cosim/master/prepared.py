@@ -12,7 +12,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import Failure, InputError, Location, SimulationError, nearest
+from cosim.errors import Failure, InputError, Location, OtherStructure, SimulationError, nearest
 from cosim.known import Known
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.foreign import contained
@@ -113,7 +113,8 @@ class Prepared:
         Raises
         ------
         InputError
-            A change does not apply, a value makes no sense or is refused by an FMU, or the structure differs.
+            A change does not apply, a value makes no sense or is refused by an FMU; or the structure differs,
+            `OtherStructure`.
         RunInterrupted
             The user pressed Ctrl-C.
         """
@@ -133,10 +134,6 @@ class Prepared:
                 self.resets = outcome.failure == anew.failure and _equal(recorder.arrays(), expected.arrays())
                 return anew
             return outcome
-
-    def accepts(self, scenario: Scenario) -> bool:
-        """Return whether a scenario has the structure that is prepared, so that `run` takes it."""
-        return _structure(self._placed(scenario)) == self._structure
 
     def close(self) -> None:
         """End all plants and remove unpacked files."""
@@ -240,7 +237,7 @@ class Prepared:
         asked = _structure(scenario)
         for what, prepared in self._structure.items():
             if asked.get(what) != prepared:
-                raise InputError(
+                raise OtherStructure(
                     f"{scenario.name!r} cannot be run as a variation of {self.scenario.name!r}, as {what} differs: "
                     "prepare it on its own"
                 )

@@ -68,7 +68,7 @@ class Verdict:
     def finding(self) -> str:
         """Robot, figure and margin in words."""
         told = "; ".join(text for text in (self.robot, self.detail) if text)
-        if math.isnan(self.figure):
+        if not math.isfinite(self.figure):
             numbers = "no figure"
         elif math.isnan(self.margin):
             numbers = f"{self.figure:.4g} {self.unit}".strip()

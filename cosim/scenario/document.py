@@ -273,7 +273,7 @@ def _varied(
 def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Path, ...]) -> Document:
     """Return the valid scenario that a variant is of."""
     of = variant.get("of", "")
-    base, chain = path.parent / of, (*chain, path)
+    base, chain = _without_detours(path.parent / of), (*chain, path)
     shown = " -> ".join(str(file) for file in (*chain, base))
     if os.path.realpath(base) in map(os.path.realpath, chain):
         raise InputError(f"the variant refers back to itself: {shown}", place)
@@ -287,6 +287,12 @@ def _base(path: Path, variant: etree._Element, place: Location, chain: tuple[Pat
         raise
     _validate(document.root, document._places)
     return document
+
+
+def _without_detours(path: Path) -> Path:
+    """Return a path without ``..`` where it leads to the same file, so that messages are short."""
+    shorter = Path(os.path.normpath(path))
+    return shorter if os.path.realpath(shorter) == os.path.realpath(path) else path
 
 
 def _relocate(root: etree._Element, folder: PurePath) -> None:

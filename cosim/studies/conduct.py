@@ -45,7 +45,7 @@ class StudyOutcome:
     verdicts : tuple of Verdict
         On what must hold; empty if only a part of the runs was asked for.
     made : int
-        How many runs were made now; the others were kept from before.
+        How many runs were made now; others were kept from before, or are the same as one that was made.
     early : bool
         Whether it has ended early, because the verdict is certain enough.
     tuned : tuple of Tuned
@@ -54,6 +54,8 @@ class StudyOutcome:
         The worst case that was found, in a study that searches.
     bundles : tuple of Bundle
         The courses of all runs, for each envelope and case.
+    before : int
+        How many of the runs were kept from before.
     """
 
     study: Study
@@ -65,6 +67,7 @@ class StudyOutcome:
     tuned: tuple[Tuned, ...] = ()
     worst: Worst | None = None
     bundles: tuple[Bundle, ...] = ()
+    before: int = 0
 
     @property
     def shown(self) -> tuple[Row, ...]:
@@ -158,6 +161,7 @@ def conduct(
     """
     plan, keys, requirements = check_study(study)
     with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
+        kept = frozenset(store.rows)
         maker = Maker(study, keys, store, crew)
         try:
             if study.tune is not None:
@@ -168,7 +172,8 @@ def conduct(
                 outcome = _sample(study, plan, maker, requirements, runs, progress)
         finally:
             keep_pace(folder, maker.pace)
-        return replace(outcome, bundles=bundles_of(study, outcome.shown, store))
+        before = sum(row.key in kept for row in outcome.rows)
+        return replace(outcome, bundles=bundles_of(study, outcome.shown, store), before=before)
 
 
 def _sample(

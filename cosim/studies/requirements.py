@@ -162,15 +162,14 @@ def _of_measure(
         values = [[figure_of(row) for row in own] for own in all_draws]
         figure = (at_most if below else at_least)(values, confidence)
         margin = bound - figure if below else figure - bound
-        details = [f"of {draws.told(len(all_draws))}"]
         counted = [row for own in all_draws for row in own]
+        own_run = "" if confidence else f"run {next(row.number for row in counted if figure_of(row) == figure)} "
+        details = [f"{own_run}of {draws.told(len(all_draws))}"]
         broken = sum(row.status == BROKEN for row in counted)
         without = sum(row.status != BROKEN and math.isinf(figure_of(row)) for row in counted)
-        details += [f"{broken} runs broken"] * bool(broken) + [f"{without} runs without a figure"] * bool(without)
+        details += [f"{_runs(broken)} broken"] * bool(broken) + [f"{_runs(without)} without a figure"] * bool(without)
         if confidence and math.isinf(figure) and not broken and not without:
             details[-1] += ": too few for this confidence"
-        if not confidence:
-            details.append(f"number {next(row.number for row in counted if figure_of(row) == figure)}")
         return _verdict(written, text, figure, bound, measured.unit, margin > 0, ", ".join(details), margin)
 
     return Judged(text, judge)
@@ -218,6 +217,10 @@ def _given(study: Study, draws: Draws) -> str:
     """Return which values count alone, in words."""
     told = " and ".join(f"{study.vary[index].name} {text}" for index, text in draws.given)
     return f" given {told}" if told else ""
+
+
+def _runs(number: int) -> str:
+    return "1 run" if number == 1 else f"{number} runs"
 
 
 def _mean_of(values: Sequence[float]) -> float:

@@ -8,11 +8,12 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cosim.errors import FormationError, Location
+from cosim.errors import FormationError, Location, OtherStructure
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
 from cosim.results.expectations import judge
+from cosim.results.outcome import RunOutcome
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import Variations
@@ -79,13 +80,15 @@ class _Base:
         self.variations = Variations(scenario)
         self.prepared: Prepared | None = None
 
-    def prepare(self, scenario: Scenario) -> Prepared:
-        if self.prepared is not None and not self.prepared.accepts(scenario):
-            self.close()
-        if self.prepared is None:
-            # This process may end, at the cost of one run
-            self.prepared = Prepared(scenario, self._record, isolate=False)
-        return self.prepared
+    def run(self, scenario: Scenario) -> RunOutcome:
+        if self.prepared is not None:
+            try:
+                return self.prepared.run(scenario)
+            except OtherStructure:
+                self.close()
+        # This process may end, at the cost of one run
+        self.prepared = Prepared(scenario, self._record, isolate=False)
+        return self.prepared.run(scenario)
 
     def close(self) -> None:
         prepared, self.prepared = self.prepared, None
@@ -126,7 +129,7 @@ def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
     """Run with the plants of the run before, where the structure is the same."""
     try:
         scenario = base.variations.edited(run.changes)
-        outcome = base.prepare(scenario).run(scenario)
+        outcome = base.run(scenario)
     except FormationError as error:
         return broken_row(task, run, key, str(error))
     if outcome.failure is not None:

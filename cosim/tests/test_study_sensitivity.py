@@ -338,6 +338,19 @@ def test_the_summary_the_dataset_and_the_terminal_tell_the_same(tmp_path: Path) 
     assert text.index(" a ") < text.index(" c ") < text.index("a with c")
 
 
+def test_the_table_of_a_narrow_terminal_leaves_nothing_out(tmp_path: Path) -> None:
+    long = "".join(value(f"mass_of_the_{place}_payload", place, uniform("0 m", "1 m")) for place in ("x", "y"))
+    made = outcome(tmp_path, long, 'method="morris" runs="60"', lambda x, y: 1000.0 * x + y**2)
+    console = Console(file=io.StringIO(), width=60, force_terminal=True, color_system=None)
+    print_sensitivities(console, "morris", made.sensitivities)
+    text = console.file.getvalue()
+    assert max(map(len, text.splitlines())) <= 60
+    assert "…" not in text
+    for column in ("magnitude", "mean", "deviation"):
+        assert len(re.findall(rf" {column} ", text)) == 1
+    assert "1000 ±" in text
+
+
 def test_crossed_values_are_a_dimension(tmp_path: Path) -> None:
     made = outcome(tmp_path, ANGLES + LAWS, 'method="morris" runs="80"', lambda a, b, c, law: a)
     save(as_result(made), tmp_path / "runs.nc")

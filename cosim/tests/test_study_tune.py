@@ -1,6 +1,7 @@
 """Studies that tune: the optimum of a known problem, the same trials however they are run, and what is refused."""
 
 import csv
+import io
 import json
 import math
 import random
@@ -11,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import cosim
-from cosim.cli import main
+from cosim.cli import main, studying
 from cosim.cli.studying import best_trial
 from cosim.errors import InputError
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
@@ -206,6 +208,13 @@ def test_the_command_writes_trials_and_a_scenario_with_the_best_values(
     assert "40 runs; 40 passed" in printed
     assert "tuned.xml" in printed
     assert re.search(r"K_p +10 +\d", printed)
+    narrow = Console(file=io.StringIO(), width=40, force_terminal=True, color_system=None)
+    with monkeypatch.context() as patch:
+        patch.setattr(studying, "out", lambda: narrow)
+        assert main(["study", "study.xml"]) == 0
+    framed = [line for line in narrow.file.getvalue().splitlines() if line.startswith(("│", "╭", "╰", "├"))]
+    assert max(map(len, framed)) <= 40
+    assert not any("…" in line for line in framed)
     summary = json.loads((tmp_path / "runs/small/summary.json").read_text())
     assert main(["check", "study.xml"]) == 0
     assert "as fast as the runs before" in capsys.readouterr().out
