@@ -18,6 +18,7 @@ from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
 from cosim.studies.duration import keep_pace
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
+from cosim.studies.horizons import timed_scenarios, told_for
 from cosim.studies.keys import key_of_measures, key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
@@ -28,7 +29,6 @@ from cosim.studies.searching import Searching, Worst, check_search, search_verdi
 from cosim.studies.sensitivity import Sensitivity, check_installed, sensitivities
 from cosim.studies.store import Store
 from cosim.studies.study import Search, Study, Tune
-from cosim.studies.timings import timed_scenarios, told_for
 from cosim.studies.tuning import Tuned, Tuning, check_tuning, most_runs
 
 

@@ -166,7 +166,7 @@ def run_of(study: Study, number: int, draw: int, values: Sequence[str | None]) -
     given: dict[str, str] = {}
     for vary, value in zip(study.vary, kept, strict=True):
         for target in vary.targets if value is not None else ():
-            text = _computed(target, str(value))
+            text = computed(target, str(value))
             if target.entry:
                 entries = given.get(target.select, study.own[cases][target.select]).split()
                 entries[target.entry - 1] = text
@@ -194,7 +194,7 @@ def _fractions(study: Study, draws: int, columns: list[int], method: str) -> NDA
     return np.asarray(qmc.Sobol(len(columns), seed=generator).random_base2(power)[:draws])
 
 
-def _computed(target: Target, text: str) -> str:
+def computed(target: Target, text: str) -> str:
     """Return what a target gets for a value."""
     if target.factor is None and target.offset is None:
         return text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from cosim.errors import InputError, Location, nearest, printable, shown
+from cosim.errors import AfterTheEnd, InputError, Location, nearest, printable, shown
 from cosim.quantity import split
 from cosim.scenario.document import Document, read_study_document, read_variant_of
 from cosim.scenario.edits import Change, as_changes, in_words
@@ -26,6 +26,7 @@ from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
 from cosim.studies.courses import is_of_paths
+from cosim.studies.horizons import longest_horizon
 from cosim.studies.read_keep import read_keep
 from cosim.studies.read_measures import read_measures
 from cosim.studies.read_search import draws_of, read_search, read_tune
@@ -65,15 +66,16 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
     tuned = None if tune is None else read_tune(tune, vary, measures)
     searched = None if search is None else read_search(search, vary)
     searching = tuned or searched
+    sample = _sample(root.child("sample"), vary) if searching is None else draws_of(searching)
     study = Study(
         document=document,
         name=root.get("name"),
         title=printable(root.child("title").text),
         vary=vary,
-        sample=_sample(root.child("sample"), vary) if searching is None else draws_of(searching),
+        sample=sample,
         measures=_distinct(measures, "measure"),
         requirements=tuple(_requirement(element) for element in root.inside if element.kind in _REQUIREMENTS),
-        bases=_bases(document, root, expected, made),
+        bases=_bases(document, root, expected, made, partial(longest_horizon, vary, sample)),
         tune=tuned,
         search=searched,
         changes=made,
@@ -188,9 +190,13 @@ def _envelope(element: Element) -> Expectation:
 
 
 def _bases(
-    document: Document, root: Element, measures: Sequence[tuple[etree._Element, Location]], changes: Sequence[Change]
+    document: Document,
+    root: Element,
+    measures: Sequence[tuple[etree._Element, Location]],
+    changes: Sequence[Change],
+    horizon: Callable[[Collection[str]], str],
 ) -> Mapping[tuple[int, ...], Scenario]:
-    """Return the scenario for each combination of cases."""
+    """Return the scenario for each combination of cases; `horizon` returns the change to the longest one of some."""
     namespace = f"{{{NAMESPACE}}}"
     choices = [list(vary.iterchildren(namespace + "case")) for vary in document.root.iterchildren(namespace + "vary")]
     choices = [cases for cases in choices if cases]
@@ -202,7 +208,12 @@ def _bases(
     bases = {}
     for indices in product(*(range(len(cases)) for cases in choices)):
         chosen = [cases[index] for cases, index in zip(choices, indices, strict=True)]
-        bases[indices] = _base(document, root, chosen, measures, changes)
+        try:
+            bases[indices] = _base(document, root, chosen, measures, changes)
+        except AfterTheEnd:
+            if not (longer := horizon([case.get("name", "") for case in chosen])):
+                raise
+            bases[indices] = _base(document, root, chosen, measures, [*changes, *as_changes([longer])])
     return bases
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from cosim import run
 from cosim.errors import InputError
 from cosim.quantity import quantity
-from cosim.studies.conduct import check_study
+from cosim.studies.conduct import check_study, conduct
 from cosim.studies.duration import estimated, keep_pace, told_duration
 from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
@@ -236,6 +237,22 @@ def test_a_window_is_checked_against_each_horizon_of_the_runs(tmp_path: Path) ->
       <case name="short"/></vary>"""
     with pytest.raises(InputError, match=r"run of 0.2 s \(in the case short\)$"):
         check_study(small_study(tmp_path, cases, GRID, LATER))
+
+
+def test_a_window_may_begin_after_the_scenario_s_own_end_if_every_run_is_longer(tmp_path: Path) -> None:
+    late = LATER.replace('to="0.4 s"', 'from="0.3 s"')
+    longer = HORIZONS.replace("0.2 s", "0.6 s")
+    study = small_study(tmp_path, longer, GRID, late)
+    check_study(study)
+    rows = conduct(study, tmp_path, workers=0).rows
+    assert [row.status for row in rows] == ["passed", "passed"]
+    alone = run(study.bases[()].edited(Plan(study)[1].changes))
+    expected = np.sqrt((alone["range_error"].sel(time=slice(0.29, None)) ** 2).mean("time")).max()
+    assert rows[1].measures[0] == pytest.approx(float(expected), rel=1e-12)
+    with pytest.raises(InputError, match=r"at 0.3 s is after the end of the run at 0.2 s$"):
+        small_study(tmp_path, longer, GRID.replace("grid", "one_at_a_time"), late)
+    with pytest.raises(InputError, match=r"at 0.3 s is after the end .* \(with simulation/@horizon=0.28 s\)$"):
+        check_study(small_study(tmp_path, longer.replace("0.4 s", "0.28 s"), GRID, late))
 
 
 # How long ----------------------------------------------------------------------------------------------------

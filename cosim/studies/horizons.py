@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 
 from cosim.errors import InputError
 from cosim.quantity import quantity
 from cosim.scenario.edits import split_setting
 from cosim.scenario.scenario import Scenario
 from cosim.studies.cases import case_name
-from cosim.studies.plan import Plan
-from cosim.studies.study import Study
+from cosim.studies.plan import Plan, computed
+from cosim.studies.study import Sample, Study, Vary
+from cosim.studies.values import Finite
 
 _TIMING = ("horizon", "step", "period")
 """Attributes of <simulation>, which no other element has."""
@@ -55,8 +57,30 @@ def told_for(error: InputError, study: Study, cases: tuple[int, ...], scenario: 
     return InputError(f"{error.message} ({', '.join(told)})", error.where) if told else error
 
 
+def longest_horizon(vary: Iterable[Vary], sample: Sample, cases: Collection[str]) -> str:
+    """Return the change to the longest horizon that every run of some cases has in place of the scenario's own.
+
+    Empty if runs may have the scenario's own.
+    """
+    found: dict[str, float] = {}
+    for one in vary:
+        always = one.crossed or sample.method != "one_at_a_time"
+        if not (always and isinstance(one.values, Finite) and one.case in ("", *cases)):
+            continue
+        for target in one.targets:
+            for value in one.values.texts[:_LOOKED_AT] if _attribute(target.select) == "horizon" else ():
+                with suppress(InputError, ValueError):  # which its run will tell
+                    text = computed(target, value)
+                    found[f"{target.select}={text}"] = quantity(text, "s")
+    return max(found, key=found.__getitem__, default="")
+
+
 def _is_timing(select: str) -> bool:
-    return select.rpartition("/@")[2] in _TIMING
+    return _attribute(select) in _TIMING
+
+
+def _attribute(select: str) -> str:
+    return select.rpartition("/@")[2]
 
 
 def _seconds(scenario: Scenario, change: str) -> float:
