@@ -188,7 +188,7 @@ def study(
         folder = writable_folder(Path(nowhere if out is None else out) / read.name, "out")
         outcome = conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs)
         if out is not None:
-            keep_results(outcome, folder)
+            keep_results(outcome, folder, workers)
         return as_result(outcome).dataset
 
 

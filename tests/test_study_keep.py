@@ -11,6 +11,7 @@ import pytest
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError, OutputError
+from cosim.studies import kept_results
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
 from cosim.studies.kept_results import keep_results, kept_rows
 from cosim.studies.read_keep import keeping
@@ -55,6 +56,25 @@ def test_results_that_a_study_keeps_are_those_of_formation_run(
     cosim.study(path, out="runs", workers=0)
     assert cosim.load_result(kept / "run_2").attrs["horizon"] == 0.2
     assert list((kept / "run_5").iterdir()) == []
+
+
+def test_many_results_are_made_by_several_processes_as_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = conduct(small_study(tmp_path, rest=LAST + '<keep runs="all"/>'), tmp_path, workers=0)
+    (one := tmp_path / "one").mkdir()
+    (two := tmp_path / "two").mkdir()
+    keep_results(outcome, one, workers=0)
+    made, elsewhere = kept_results._made, []
+    monkeypatch.setattr(kept_results, "_WORTHWHILE", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(kept_results, "_made", lambda own, task: made(own, replace(task, runs=10**12)))
+        with pytest.raises(OutputError, match=r"results of 1000000000000 runs need .*: ask for fewer runs"):
+            keep_results(outcome, two, workers=2)
+    monkeypatch.setattr(kept_results, "_made", lambda own, task: elsewhere.append(task.folder.name) or made(own, task))
+    assert names(keep_results(outcome, two, workers=2)) == [f"run_{number}" for number in range(1, 7)]
+    assert elsewhere == ["run_3", "run_4", "run_5", "run_6"]
+    for number in range(1, 7):
+        both = [cosim.load_result(folder / "kept" / f"run_{number}") for folder in (one, two)]
+        assert both[0].equals(both[1])
 
 
 def test_the_worst_and_the_median_are_those_of_a_measure_or_of_the_margins(tmp_path: Path) -> None:

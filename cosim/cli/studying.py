@@ -97,7 +97,7 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     files += pictures
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
     with _going_on(where / FILE), taking_a_while("making the full results that are kept"):
-        kept = keep_results(outcome, folder)
+        kept = keep_results(outcome, folder, options.workers)
     if options.report:
         save_study_report(where, folder / PAGE)
         files.append(PAGE)

@@ -43,10 +43,17 @@ def usual_workers() -> int:
 
 @contextmanager
 def _of_processes(count: int) -> Iterator[Crew]:
+    with processes(count) as (threads, own):
+        yield Crew(lambda task: threads.submit(own.make, task), lambda: count)
+
+
+@contextmanager
+def processes(count: int) -> Iterator[tuple[ThreadPoolExecutor, Processes]]:
+    """Return processes of this machine, and as many threads that wait for them; at the end of the block all end."""
     own = Processes()
     threads = ThreadPoolExecutor(count, "formation-study")
     try:
-        yield Crew(lambda task: threads.submit(own.make, task), lambda: count)
+        yield threads, own
     finally:
         threads.shutdown(wait=False, cancel_futures=True)
         own.close()

@@ -1,37 +1,29 @@
-"""Full results of runs of a study: each run is made again as ``formation run`` makes it, in a folder of its own."""
+"""Full results of runs of a study: which runs have them, and what makes those that are missing."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
-from dataclasses import replace
-from functools import partial
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 
-from cosim.errors import FormationError, OutputError, SimulationError
-from cosim.master.other_runs import run_other
-from cosim.master.setup import Setup, set_up, size_of_result
-from cosim.master.supervised import whole_run
-from cosim.results.files import save, write
-from cosim.results.netcdf import attributes_of
-from cosim.results.summary import summarise
-from cosim.scenario.reader import read_scenario
-from cosim.scenario.scenario import Scenario
-from cosim.storage import Storage
+from cosim.errors import FormationError, OutputError
+from cosim.results.files import write
 from cosim.studies.conduct import StudyOutcome
+from cosim.studies.crews import processes, usual_workers
+from cosim.studies.kept_run import RESULT, SCENARIO, SUMMARY, KeptRun, key_in
 from cosim.studies.plan import run_of
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, Row
 from cosim.studies.study import Keep, Study
+from cosim.studies.worker_process import Ended, Processes
 
 FOLDER = "kept"
-_SCENARIO, _SUMMARY, _RESULT = "scenario.xml", "summary.json", "result.nc"
-_KEY = "study_run"
-"""The attribute of a result that has the key of its run."""
+_WORTHWHILE = 5.0
+"""Time [s] of runs for which processes are worth their start."""
 
 
-def keep_results(outcome: StudyOutcome, folder: Path) -> list[Path]:
+def keep_results(outcome: StudyOutcome, folder: Path, workers: int | None = None) -> list[Path]:
     """Make the full results that the study keeps, as far as they are not there.
 
     Each is a folder with the run as a scenario, its summary, and its result, which is written last, whole or not at
@@ -43,6 +35,9 @@ def keep_results(outcome: StudyOutcome, folder: Path) -> list[Path]:
         What has come of the study.
     folder
         The folder of the study.
+    workers
+        How many are made at a time, in processes of this machine; without it, one a processor. 0: this process makes
+        them, as it does if there is little to do.
 
     Returns
     -------
@@ -53,21 +48,29 @@ def keep_results(outcome: StudyOutcome, folder: Path) -> list[Path]:
     ------
     OutputError
         They cannot be written, or there is no room for them.
-    RunInterrupted
+    KeyboardInterrupt
         The user pressed Ctrl-C; the results so far are kept.
     """
     place = folder.absolute() / FOLDER
     _remove_others(place, outcome.rows)
     rows = kept_rows(outcome)
-    missing = [row for row in rows if not (_of(place, row) / _RESULT).exists()]
-    for index, row in enumerate(missing):
+    missing = [row for row in rows if not (_of(place, row) / RESULT).exists()]
+    count = usual_workers() if workers is None else workers
+    usual = 0.0
+    while missing:
+        if count > 1 and usual * (len(missing) - 1) > _WORTHWHILE:
+            _make_elsewhere(outcome.study, missing, place, usual, count)
+            break
+        began = time.perf_counter()
         try:
-            _make(outcome.study, row, _of(place, row), len(missing) - index)
+            _prepared(outcome.study, missing[0], place, len(missing), usual).make()
         except OutputError:
             raise
         except FormationError:  # its row says why it could not begin
-            continue
-    return [_of(place, row) for row in rows if (_of(place, row) / _RESULT).exists()]
+            pass
+        usual = max(usual, time.perf_counter() - began)
+        del missing[0]
+    return [_of(place, row) for row in rows if (_of(place, row) / RESULT).exists()]
 
 
 def kept_rows(outcome: StudyOutcome) -> list[Row]:
@@ -105,49 +108,40 @@ def _remove_others(place: Path, rows: Iterable[Row]) -> None:
     """Remove results of these numbers that are of other runs, such as before a change of the scenario."""
     for row in rows if place.is_dir() else ():
         here = _of(place, row)
-        if here.is_dir() and _key(here / _RESULT) != row.key:
-            for name in (_RESULT, _SUMMARY, _SCENARIO):
+        if here.is_dir() and key_in(here) != row.key:
+            for name in (RESULT, SUMMARY, SCENARIO):
                 (here / name).unlink(missing_ok=True)
 
 
-def _key(path: Path) -> str:
-    try:
-        return str(attributes_of(path).get(_KEY, ""))
-    except OSError:  # none that is whole
-        return ""
-
-
-def _make(study: Study, row: Row, here: Path, runs: int) -> None:
-    """Make one result; so many of its size shall find room."""
-    run = run_of(study, row.number, row.draw, row.values)
-    text = as_variant(study, run, here)
+def _prepared(study: Study, row: Row, place: Path, runs: int, usual: float) -> KeptRun:
+    """Write a run as a scenario, and return what makes it."""
+    here = _of(place, row)
+    text = as_variant(study, run_of(study, row.number, row.draw, row.values), here)
     try:
         here.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{here} cannot be made: {error.strerror}") from None
-    write(here / _SCENARIO, text.encode())
-    scenario = read_scenario(here / _SCENARIO)
-    with ExitStack() as cleanup:
-        setup = set_up(scenario, cleanup, {}, storage=Storage(here))
-        _check_room(scenario, setup, here, runs)
-        simulation = whole_run(scenario, setup)
-        cleanup.callback(simulation.close)
-        try:
-            result = simulation.run_to_end()
-        except SimulationError as error:
-            if error.recorded is None:
-                raise
-            result = error.recorded
-        summary = summarise(scenario, result, partial(run_other, simulation.setup))
-        told = {"verdicts": summary.verdicts_as_json()} if summary.verdicts else {}
-        write(here / _SUMMARY, summary.to_json().encode())
-        save(replace(result, attrs={**result.attrs, **told, _KEY: row.key}), here / _RESULT)
+    write(here / SCENARIO, text.encode())
+    return KeptRun(here, row.key, runs, usual)
 
 
-def _check_room(scenario: Scenario, setup: Setup, here: Path, runs: int) -> None:
-    needed, free = runs * size_of_result(scenario, setup.result_variables), shutil.disk_usage(here).free
-    if needed > free:
-        raise OutputError(
-            f"the full results of {runs} runs need {needed / 1e9:.3g} GB, and {here.parent} has room for "
-            f"{free / 1e9:.3g} GB: ask for fewer runs, or give another folder"
-        )
+def _make_elsewhere(study: Study, missing: Sequence[Row], place: Path, usual: float, count: int) -> None:
+    """Make results in processes of this machine; raises OutputError."""
+    left = list(reversed(missing))
+    flying: set[Future[str]] = set()
+    with processes(count) as (threads, own):
+        while left or flying:
+            while left and len(flying) < count:
+                task = _prepared(study, left.pop(), place, len(left) + len(flying) + 1, usual)
+                flying.add(threads.submit(_made, own, task))
+            done, flying = wait(flying, return_when=FIRST_COMPLETED)
+            for problem in filter(None, (future.result() for future in done)):
+                raise OutputError(problem)
+
+
+def _made(own: Processes, task: KeptRun) -> str:
+    """Return why a result cannot be written; empty if it is, or if its run cannot begin."""
+    try:
+        return "".join(text for text in own.answers(task, str) if isinstance(text, str))
+    except Ended:  # as its row says
+        return ""

@@ -61,6 +61,10 @@ class Task:
     keys: tuple[str, ...]
     alone: bool = False
 
+    def answers(self) -> Iterator[str]:
+        """Make the runs, and return each row as JSON as it comes."""
+        return (row.to_json() for row in rows_of(self))
+
 
 class _Base:
     """A scenario of a study, and what of it is kept for the next run.

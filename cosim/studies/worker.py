@@ -1,7 +1,8 @@
 """A process that makes runs: ``python -m cosim.studies.worker``, started by `cosim.studies.worker_process`.
 
 Tasks come through standard input. What goes out through standard output are frames of `cosim.plant.protocol`: that a
-task has begun, a row as JSON after each run, and that the task is done. It ends if there is nothing to do for a while.
+task has begun, an answer after each run, such as its row, and that the task is done. It ends if there is nothing to do
+for a while.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ _T = TypeVar("_T")
 
 
 class Told(IntEnum):
-    """Kinds of frames: a task has begun, a row, the task is done with the time that it took, or nobody foresaw it."""
+    """Kinds of frames: a task has begun, an answer, it is done with the time that it took, or nobody foresaw it."""
 
-    BEGUN, ROW, DONE, UNFORESEEN = range(4)
+    BEGUN, ANSWER, DONE, UNFORESEEN = range(4)
 
 
 def main() -> None:
@@ -48,14 +49,14 @@ def main() -> None:
     answers, tasks = out_of_reach(1), out_of_reach(0)
     process_tree.end_with(int(sys.argv[1]))
     try:
-        from cosim.studies.task import close_all, rows_of  # and with it all that a run needs
+        from cosim.studies.task import close_all  # and with it all that a run needs
 
         while (data := _next(tasks)) is not None:
             send(answers, Told.BEGUN)
             began = time.perf_counter()
             task = pickle.loads(data)  # from the process that has started this one
-            for row in _within(_LEAST_LIMIT + _SLOW * task.usual, rows_of(task)):
-                send(answers, Told.ROW, row.to_json().encode())
+            for answer in _within(_LEAST_LIMIT + _SLOW * task.usual, task.answers()):
+                send(answers, Told.ANSWER, answer.encode())
             send(answers, Told.DONE, json.dumps(time.perf_counter() - began).encode())
         close_all()
     except BaseException as error:

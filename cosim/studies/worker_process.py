@@ -10,13 +10,15 @@ import os
 import pickle
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from typing import TypeVar
 
 from cosim import process_tree
 from cosim.plant.interpreter import environment, how_it_ended, kill, launch
 from cosim.plant.protocol import HEADER, MOST, exactly
+from cosim.studies.kept_run import KeptRun
 from cosim.studies.row import Row
 from cosim.studies.task import Task, broken_row
 from cosim.studies.worker import LENGTH, Told
@@ -29,6 +31,7 @@ _STARTS = 3
 """New processes of which none begins a task before that is a fault: someone may have ended one."""
 _OFTEN = 3
 """Processes that may end in the middle of a task, besides one in ten runs, before each run is supervised."""
+_T = TypeVar("_T")
 
 
 class Ended(Exception):
@@ -54,8 +57,8 @@ class WorkerProcess:
         assert self._process.stdout is not None
         self._tasks, self._answers = self._process.stdin.fileno(), self._process.stdout.fileno()
 
-    def rows(self, task: bytes) -> Iterator[Row | float]:
-        """Return the rows of a task as they come, and in the end the time [s] that it took.
+    def answers(self, task: bytes, read: Callable[[str], _T]) -> Iterator[_T | float]:
+        """Return the answers of a task as they come, and in the end the time [s] that it took.
 
         Raises
         ------
@@ -74,17 +77,17 @@ class WorkerProcess:
         while True:
             kind, body = self._answer() if begun == Told.BEGUN else (-1, b"")
             try:
-                told = json.loads(body)
-                if kind == Told.ROW:
-                    yield Row.of(told)
+                if kind == Told.ANSWER:
+                    yield read(body.decode())
                 elif kind == Told.DONE:
-                    yield float(told)
+                    yield float(json.loads(body))
                     return
                 else:
+                    told = json.loads(body)
                     message, where = str(told["message"]), str(told["traceback"])
             except (ValueError, TypeError, LookupError, RecursionError):
                 raise Ended(": its process answers with bytes that are no reply") from None
-            if kind not in (Told.ROW, Told.DONE):
+            if kind not in (Told.ANSWER, Told.DONE):
                 error = RuntimeError(message)
                 error.add_note(where)
                 raise error
@@ -117,6 +120,10 @@ class WorkerProcess:
             raise Ended(": its process has closed its pipe") from None
 
 
+def _row(text: str) -> Row:
+    return Row.of(json.loads(text))
+
+
 class Processes:
     """All processes of this one that make runs: a task borrows one, which keeps what it has prepared."""
 
@@ -141,7 +148,7 @@ class Processes:
             often = self._ended > _OFTEN + self._made / 10
             rest = replace(task, runs=task.runs[len(rows) :], keys=task.keys[len(rows) :], alone=often)
             try:
-                for told in self._rows(rest):
+                for told in self.answers(rest, _row):
                     if isinstance(told, Row):
                         rows.append(told)
                     else:
@@ -152,6 +159,28 @@ class Processes:
                     rows.append(self._alone(replace(task, runs=task.runs[at], keys=task.keys[at], alone=True)))
         self._made += len(rows)
         return rows, seconds
+
+    def answers(self, task: Task | KeptRun, read: Callable[[str], _T]) -> Iterator[_T | float]:
+        """Return the answers of a task as they come, and in the end the time [s] that it took.
+
+        Raises
+        ------
+        Ended
+            Its process has ended in the middle of it.
+        Closed
+            No more is made here.
+        """
+        data = pickle.dumps(task)
+        failed = 0
+        while True:
+            try:
+                with self._borrowed() as process:
+                    failed += not process.has_begun  # others may have had nothing to do for a while, and have ended
+                    yield from process.answers(data, read)
+                return
+            except NotBegun as how:
+                if failed == _STARTS:
+                    raise RuntimeError(f"a process that makes runs did not start{how}") from None
 
     def close(self) -> None:
         """End all processes at once, in the middle of their tasks, which raise `Closed`."""
@@ -168,23 +197,10 @@ class Processes:
     def _alone(self, task: Task) -> Row:
         """Make one run, which may end its process."""
         try:
-            (row,) = (told for told in self._rows(task) if isinstance(told, Row))
+            (row,) = (told for told in self.answers(task, _row) if isinstance(told, Row))
         except Ended as how:
             return broken_row(task, task.runs[0], task.keys[0], f"it did not end{how}")
         return row
-
-    def _rows(self, task: Task) -> Iterator[Row | float]:
-        data = pickle.dumps(task)
-        failed = 0
-        while True:
-            try:
-                with self._borrowed() as process:
-                    failed += not process.has_begun  # others may have had nothing to do for a while, and have ended
-                    yield from process.rows(data)
-                return
-            except NotBegun as how:
-                if failed == _STARTS:
-                    raise RuntimeError(f"a process that makes runs did not start{how}") from None
 
     @contextmanager
     def _borrowed(self) -> Iterator[WorkerProcess]:

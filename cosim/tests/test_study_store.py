@@ -151,7 +151,7 @@ def test_a_process_that_ends_in_a_chunk_costs_no_row(
     study = small_study(tmp_path)
     tasks: list[Task] = []
 
-    def rows(self: Processes, task: Task) -> Iterator[Row | float]:
+    def answers(self: Processes, task: Task, read: object) -> Iterator[Row | float]:
         tasks.append(task)
         for index, run in enumerate(task.runs):
             if len(tasks) == 1 and index == ended_after:
@@ -161,7 +161,7 @@ def test_a_process_that_ends_in_a_chunk_costs_no_row(
             raise Ended
         yield 0.1
 
-    monkeypatch.setattr(Processes, "_rows", rows)
+    monkeypatch.setattr(Processes, "answers", answers)
     runs = [(run, str(run.number)) for run in islice(Plan(study), 4)]
     made, _ = Processes().make(Workers(study, Crew(lambda task: Future(), lambda: 1)).task(runs))
     assert [one.number for one in made] == [1, 2, 3, 4]
