@@ -14,6 +14,7 @@ from cosim.errors import InputError
 from cosim.master.setup import set_up
 from cosim.results.verdict import Verdict
 from cosim.studies.bundles import Bundle, bundles_of
+from cosim.studies.compared_cases import check_compared
 from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
 from cosim.studies.duration import keep_pace
@@ -102,6 +103,7 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     if study.search is not None:
         check_search(study, study.search)
     check_keep(study, planned_runs(study, plan))
+    check_compared(study)
     if plan.design is not None:
         check_installed(study.sample.where)
     keys = {}

@@ -61,7 +61,7 @@ class Envelope(Kind):
     def __init__(self, written: Expectation, scenario: Scenario) -> None:
         super().__init__(replace(written, stop=scenario.horizon) if math.isinf(written.stop) else written)
         self.of_paths = is_of_paths(written)
-        self.subjects = _PATH if self.of_paths else (Subject(written.get("signal"), written.get("component")),)
+        self.subjects = _PATH if self.of_paths else (Subject.of(written),)
         self.unit = "m" if self.of_paths else written.get("unit")
         first = math.ceil((self.written.start - ROUNDING) / scenario.step)
         last = math.floor((min(self.written.stop, scenario.horizon) + ROUNDING) / scenario.step)
@@ -95,7 +95,7 @@ class Envelope(Kind):
 
     def signals(self, known: Mapping[str, Recorded]) -> Collection[str]:
         """Return the signals that it needs."""
-        return {"pose", "leader_pose"} if self.of_paths else {self.subjects[0].signal}
+        return {"pose", "leader_pose"} if self.of_paths else self.subjects[0].signals
 
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Return nothing: it is no expectation."""
@@ -128,9 +128,13 @@ class Envelope(Kind):
         return Course(tuple(robots), values.reshape(len(robots), len(self.times), len(self.subjects)))
 
 
+_DIFFERENCES = ("minus", "minus_component", "minus_robot", "than")
+
+
 def is_of_paths(written: Written) -> bool:
-    """Return whether an envelope is about the paths of robots seen from above."""
-    return written.get("signal") == "pose" and "component" not in written
+    """Return whether an envelope is about the paths of robots seen from above, and no difference."""
+    of_pose = written.get("signal") == "pose" and "component" not in written
+    return of_pose and not any(name in written for name in _DIFFERENCES)
 
 
 def check_envelopes(envelopes: Iterable[Expectation], scenario: Scenario, signals: Mapping[str, Recorded]) -> None:

@@ -61,11 +61,11 @@ def _height(bundle: Bundle) -> float:
 
 def _heading(bundle: Bundle) -> str:
     drawn = len(bundle.values)
-    runs = f"{drawn} runs" if drawn == bundle.ended else f"{drawn} of {bundle.ended} runs"
+    runs = f"{drawn} {bundle.of}" if drawn == bundle.ended else f"{drawn} of {bundle.ended} {bundle.of}"
     parts = [bundle.title] if bundle.title else []
     parts.append(f"light: all of {runs}; dark: {100 * WITHIN:g} % of them at each instant; line: median")
     if bundle.broken:
-        parts.append(f"{bundle.broken} broken runs are left out")
+        parts.append(f"{bundle.broken} broken {bundle.of} are left out")
     if len(bundle.robots) > _MOST_ROBOTS and not bundle.envelope.of_paths:
         parts.append(f"{_MOST_ROBOTS} of {len(bundle.robots)} robots: those that differ most from run to run")
     return "; ".join(parts)

@@ -12,6 +12,7 @@ from lxml import etree
 from cosim.master.setup import Setup
 from cosim.scenario.grammar import local_name, paths_in
 from cosim.scenario.scenario import Expectation, Scenario
+from cosim.studies.compared_cases import COMPARED
 from cosim.studies.elsewhere import LIBRARIES
 from cosim.studies.study import Measured
 
@@ -31,7 +32,8 @@ def key_with_envelopes(scenario: str, envelopes: Sequence[Expectation]) -> str:
     """Return the checksum of a scenario, and of what its runs keep besides figures."""
     if not envelopes:
         return scenario
-    return _digest([scenario, *(f"envelope {sorted(one.attributes.items())}" for one in envelopes)])
+    kept = [sorted((name, text) for name, text in one.attributes.items() if name not in COMPARED) for one in envelopes]
+    return _digest([scenario, *(f"envelope {attributes}" for attributes in kept)])
 
 
 def key_of_measures(scenario: str, measures: Iterable[Measured]) -> str:

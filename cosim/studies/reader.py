@@ -36,7 +36,9 @@ from cosim.studies.values import Count, Finite, Values, number_of, values_of
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
-_OF_THE_TABLE = re.compile(r"run|draw|status|passed|message|margin_\d+|sensitivity_\w+|measured|(with_)?varied|crossed")
+_OF_THE_TABLE = re.compile(
+    r"run|draw|status|passed|message|margin_\d+|(sensitivity|envelope)_\w+|measured|(with_)?varied|crossed"
+)
 """Names that the table of runs has for other things; see `cosim.studies.table`."""
 _T = TypeVar("_T", Vary, Measured)
 

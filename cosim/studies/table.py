@@ -14,6 +14,7 @@ from cosim.quantity import split
 from cosim.results.expectations import understood
 from cosim.results.result import Result, Variable
 from cosim.studies.conduct import StudyOutcome
+from cosim.studies.envelope_table import variables as of_envelopes
 from cosim.studies.row import PASSED
 from cosim.studies.sensitivity_table import variables as of_sensitivity
 from cosim.studies.study import Study
@@ -63,7 +64,7 @@ def as_csv(outcome: StudyOutcome) -> str:
 
 
 def as_result(outcome: StudyOutcome) -> Result:
-    """Return the table as arrays over the runs, with varied values as coordinates; and a sensitivity."""
+    """Return the table as arrays over the runs, with varied values as coordinates; a sensitivity, and courses."""
     variables: dict[str, Variable] = {}
     coordinates: dict[str, Variable] = {}
     for column in columns(outcome):
@@ -75,6 +76,9 @@ def as_result(outcome: StudyOutcome) -> Result:
         figures, labels = of_sensitivity(outcome.sensitivities)
         variables |= figures
         coordinates |= labels
+    courses, labels = of_envelopes(outcome.bundles, [row.number for row in outcome.rows])
+    variables |= courses
+    coordinates |= labels
     study = outcome.study
     told = {"study": study.name, "title": study.title, "runs_planned": outcome.planned, "text": study.document.text}
     return Result(variables, coordinates, told)

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.path import Path as Outline
 
 import cosim
 from cosim.errors import InputError
+from cosim.results.files import save
 from cosim.studies.bundles import Bundle
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
 from cosim.studies.courses import Envelope
@@ -16,9 +18,18 @@ from cosim.studies.figure_envelope import draw, picture, swept
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
 from cosim.studies.store import FILE, Store
+from cosim.studies.table import as_result
 from cosim.tests.studies import LAST, SEEDS, small_study, write_study
 
 PATHS = '<envelope signal="pose"/>'
+SHORTER = """<vary name="law" cross="yes">
+  <case name="long"/>
+  <case name="short"><set select="simulation/@horizon" value="0.1 s"/></case>
+</vary>"""
+LAWS = """<vary name="law" cross="yes">
+  <case name="soft"><set select="//gain[@name='K_p']/@value" value="1"/></case>
+  <case name="stiff"><set select="//gain[@name='K_p']/@value" value="20"/></case>
+</vary>"""
 ERRORS = '<envelope signal="range_error" unit="mm" from="0.1 s" samples="3"/>'
 
 
@@ -143,13 +154,84 @@ def test_there_is_a_picture_of_each_case_and_it_says_what_it_leaves_out(kept: tu
 
 
 def test_each_case_is_drawn_of_its_own_scenario(tmp_path: Path) -> None:
-    short = '<set select="simulation/@horizon" value="0.1 s"/>'
-    laws = f'<vary name="law" cross="yes"><case name="long"/><case name="short">{short}</case></vary>'
-    path = write_study(tmp_path, laws + SEEDS, '<sample method="random" runs="2"/>', LAST + PATHS)
+    path = write_study(tmp_path, SHORTER + SEEDS, '<sample method="random" runs="2"/>', LAST + PATHS)
     outcome = conduct(read_study(path), tmp_path, workers=0)
     assert [bundle.title for bundle in outcome.bundles] == ["law long", "law short"]
     assert [bundle.envelope.times[-1] for bundle in outcome.bundles] == pytest.approx([0.2, 0.1])
     assert [len(bundle.values) for bundle in outcome.bundles] == [2, 2]
+
+
+def test_the_table_has_them(kept: tuple[StudyOutcome, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome, _ = kept
+    save(as_result(outcome), tmp_path / "runs.nc")
+    table = xr.load_dataset(tmp_path / "runs.nc")
+    paths, errors = outcome.bundles
+    assert table["envelope_2"].dims == ("run", "envelope_2_robot", "envelope_2_time")
+    assert table["envelope_2"].attrs["units"] == "mm"
+    assert np.array_equal(table["envelope_2"].values, errors.values[..., 0])
+    leader = table["envelope_1"].sel(run=3, envelope_1_robot="leader", envelope_1_axis="y")
+    assert np.array_equal(leader.values, paths.values[2, 0, :, 1])
+    monkeypatch.setattr("cosim.studies.envelope_table.MOST_NUMBERS", errors.values.size)
+    assert "envelope_1" not in as_result(outcome).data_vars
+    assert "envelope_2" in as_result(outcome).data_vars
+
+
+def test_runs_of_cases_have_their_own_instants_in_the_table(tmp_path: Path) -> None:
+    errors = ERRORS.replace("0.1 s", "0.06 s")
+    study = small_study(tmp_path, SHORTER + SEEDS, '<sample method="random" runs="2"/>', LAST + errors)
+    table = as_result(conduct(study, tmp_path, workers=0)).dataset["envelope_1"]
+    assert table["envelope_1_time"].values == pytest.approx([0.06, 0.08, 0.1, 0.12, 0.2])
+    there = np.isfinite(table.values[:, 0]).astype(int)
+    assert there.tolist() == [[1, 0, 0, 1, 1], [1, 1, 1, 0, 0]] * 2
+
+
+def test_two_cases_are_compared_draw_by_draw(tmp_path: Path) -> None:
+    text = ERRORS.replace("/>", ' vary="law" case="soft" than="stiff"/>')
+    size = '<sample method="random" runs="3"/>'
+    study = small_study(tmp_path, LAWS + SEEDS, size, LAST + ERRORS + text)
+    outcome = conduct(study, tmp_path, workers=0)
+    soft, stiff, less = outcome.bundles
+    assert (less.title, less.of, less.ended, less.broken) == ("law soft minus stiff", "pairs of runs", 3, 0)
+    assert np.array_equal(less.values, soft.values - stiff.values)
+    assert np.abs(less.values).max() > 0.0
+    assert "all of 3 pairs of runs" in draw(outcome).subfigs[2].get_suptitle()
+    assert "envelope_1" in as_result(outcome).data_vars
+    assert "envelope_2" not in as_result(outcome).data_vars
+    other = text.replace('"soft" than="stiff"', '"stiff" than="soft"')
+    again = conduct(small_study(tmp_path, LAWS + SEEDS, size, LAST + ERRORS + other), tmp_path, workers=0)
+    assert again.made == 0, "what is compared needs no other runs"
+    assert np.array_equal(again.bundles[2].values, -less.values)
+
+
+def test_a_difference_of_signals_is_that_of_the_results(tmp_path: Path) -> None:
+    text = '<envelope signal="pose" component="x" minus_robot="follower_2" robots="follower_1" unit="mm"/>'
+    study = small_study(tmp_path, sample='<sample method="random" runs="1"/>', rest=LAST + text)
+    (bundle,) = conduct(study, tmp_path, workers=0).bundles
+    pose = cosim.run(tmp_path / "base.xml", Plan(study)[0].changes)["pose"].sel(pose_component="x")
+    expected = 1000.0 * (pose.sel(robot="follower_1") - pose.sel(robot="follower_2"))
+    assert bundle.robots == ("follower_1",)
+    assert bundle.values[0, 0, :, 0] == pytest.approx(expected.values, rel=1e-6)
+
+
+COMPARED = '<envelope signal="range_error" unit="m" vary="{}" case="{}" than="{}"/>'
+
+
+@pytest.mark.parametrize(
+    ("vary", "envelope", "said"),
+    [
+        ("LAWS", COMPARED.format("law", "soft", "soft"), "a case less itself is always zero"),
+        ("LAWS", COMPARED.format("law", "soft", "hard"), "'law' has no value 'hard'"),
+        ("LAWS", COMPARED.format("lav", "soft", "stiff"), "nothing varies that is named 'lav': did you mean 'law'"),
+        ("LAWS", COMPARED.format("seed", "1", "2"), "'seed' is not crossed"),
+        ("LAWS", COMPARED.replace(' than="{}"', "").format("law", "soft"), "and than=...: add than="),
+        ("LAWS", COMPARED.replace("range_error", "pose").format("law", "soft", "stiff"), "needs component=..., one of"),
+        ("SHORTER", COMPARED.format("law", "long", "short"), "long minus short: the two have other instants"),
+    ],
+)
+def test_cases_that_cannot_be_compared(tmp_path: Path, vary: str, envelope: str, said: str) -> None:
+    varied = {"LAWS": LAWS, "SHORTER": SHORTER}[vary] + SEEDS
+    with pytest.raises(InputError, match=f"study.xml:.*{said}"):
+        check_study(small_study(tmp_path, varied, rest=LAST + "\n" + envelope))
 
 
 @pytest.mark.parametrize(
