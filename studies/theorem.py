@@ -28,12 +28,13 @@ import numpy as np
 from alone import CIRCLE, LINE, VEHICLE, Array, Course, Formation, simulate
 from formation_controllers import Leader
 from formation_controllers.analysis.formation_model import ReducedDynamics, formation_model
-from formation_controllers.analysis.gain_conditions import Bounds, GainReport, check_gains
+from formation_controllers.analysis.gain_conditions import Bounds, GainReport, check_gains, propose_gains
 from formation_controllers.geometry import formation_rates, posture_error
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from matplotlib.figure import Figure
 from pages import heading, row, save
 
+STEP = 0.02  # s
 EVERY = 5
 """Ticks between two samples."""
 SCENARIOS: dict[str, Formation] = {
@@ -303,6 +304,15 @@ def main() -> None:
     for name, followers in held.items():
         for i, one in enumerate(followers):
             print(row(f"{name}, {i + 1}", *(number(condition.margin) for condition in one.report.conditions)))
+
+    print("\nGains that the constants of a run ask for: (39) to (42) with l = 0.5, and 10 % to spare\n")
+    print(heading("run, follower", "Lambda_0", "Lambda_1", "K_p", "k_d", "k_d times the step"))
+    for name, followers in held.items():
+        gains = NeuralAdaptivePidGains.from_mapping(dict(SCENARIOS[name].gains))
+        for i, one in enumerate(followers):
+            asked = propose_gains(gains, one.bounds, l=0.5, margin=0.1)
+            cells = [asked.Lambda_0[0], asked.Lambda_1[0], asked.K_p[0], asked.k_d, asked.k_d * STEP]  # type: ignore[index]
+            print(row(f"{name}, {i + 1}", *map(number, cells)))
 
     print("\nV along the runs\n")
     columns = ("V(0)", "largest V", "V(100 s)", "V grows", "largest rate", "largest bound", "least bound", "bound held")
