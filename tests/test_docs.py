@@ -226,7 +226,7 @@ def test_the_examples_of_a_study_make_one(tmp_path: Path) -> None:
     assert len(Plan(study)) == 150
     check_keep(study, 150)
     assert len(requirements_of(study)) == 9
-    assert len(study.envelopes) == 5
+    assert len(study.envelopes) == 7
     seed = '<vary name="seed" select="simulation/@seed"><count from="1"/></vary>'
     tune = (
         '<tune values="k_d sigma K_1" evaluations="4" training="1" held_out="2" confidence="0.9"><cost of="r"/></tune>'

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import shorten
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -41,6 +42,8 @@ from cosim.studies.tuning import Tuned
 
 _MOST_CASES = 40
 """Rows of cases that are printed."""
+_MOST_BROKEN, _LONGEST = 3, 300
+"""Reasons why runs are broken that are printed, and their characters; the table has all."""
 _MOST_KEPT = 5
 """Folders with full results that are printed."""
 
@@ -182,8 +185,13 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
     if len(cases) > 1:
         _print_cases(console, outcome, cases)
     print_sensitivities(console, of.sample.method, outcome.sensitivities)
-    for row in [row for row in outcome.rows if row.status == BROKEN][:3]:
-        say(console, f"[yellow]broken:[/] run {row.number}: {safe(row.message)}")
+    broken: dict[str, list[int]] = {}
+    for row in outcome.rows:
+        if row.status == BROKEN:
+            broken.setdefault(shorten(row.message, _LONGEST, placeholder=" ..."), []).append(row.number)
+    for message, numbers in list(broken.items())[:_MOST_BROKEN]:
+        others = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+        say(console, f"[yellow]broken:[/] run {numbers[0]}{others}: {safe(message)}")
     for verdict in outcome.verdicts:
         print_verdict(console, verdict)
 

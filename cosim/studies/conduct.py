@@ -23,6 +23,7 @@ from cosim.studies.horizons import timed_scenarios, told_for
 from cosim.studies.keys import key_of_measures, key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
+from cosim.studies.possible import check_possible
 from cosim.studies.read_keep import check_keep
 from cosim.studies.requirements import Judged, requirements_of
 from cosim.studies.row import Row
@@ -117,6 +118,7 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
                     raise told_for(error, study, cases, scenario) from None
             key = key_of_measures(key_of_scenario(study.bases[cases], setup), study.measures)
             keys[cases] = key_with_envelopes(key, study.envelopes)
+    check_possible(study, plan)
     return plan, keys, judged
 
 

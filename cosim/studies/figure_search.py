@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import word_ticks
+from cosim.studies.figure_style import HEIGHT, WIDTH, font, is_log, note, png, word_ticks
 from cosim.studies.row import PASSED
 from cosim.studies.table import Column, columns
 from cosim.studies.values import Count
@@ -27,9 +26,7 @@ _LOWEST = -1.0
 
 def picture(outcome: StudyOutcome) -> bytes:
     """Return the picture as PNG; see `draw`."""
-    buffer = io.BytesIO()
-    draw(outcome).savefig(buffer, format="png", dpi=110, pil_kwargs={"compress_level": 1})
-    return buffer.getvalue()
+    return png(draw(outcome))
 
 
 def draw(outcome: StudyOutcome) -> Figure:
@@ -44,18 +41,19 @@ def draw(outcome: StudyOutcome) -> Figure:
     both = len(numeric) > 1
     across = 1 + len(varied) + both
     lines = 1 if across <= 3 else 2
-    figure = Figure(figsize=(3.6 * math.ceil(across / lines), 3.2 * lines + 0.4), layout="constrained")
-    figure.suptitle(printable(f"{outcome.study.name}: {outcome.study.title}"), fontsize=12, parse_math=False)
-    panels = figure.subplots(lines, math.ceil(across / lines), squeeze=False).ravel()
-    for panel in panels[across:]:
-        panel.axis("off")
     margins = np.maximum([row.least for row in outcome.rows], _LOWEST)
     fails = np.array([row.status != PASSED for row in outcome.rows])
-    _descent(panels[0], margins, fails)
-    for panel, column in zip(panels[1:], varied, strict=False):
-        _over(panel, column, margins, fails)
-    if both:
-        _map(panels[across - 1], numeric[0], numeric[1], margins, fails)
+    with font():
+        figure = Figure(figsize=(WIDTH * math.ceil(across / lines), HEIGHT * lines + 0.5), layout="constrained")
+        figure.suptitle(printable(f"{outcome.study.name}: {outcome.study.title}"), parse_math=False)
+        panels = figure.subplots(lines, math.ceil(across / lines), squeeze=False).ravel()
+        for panel in panels[across:]:
+            panel.axis("off")
+        _descent(panels[0], margins, fails)
+        for panel, column in zip(panels[1:], varied, strict=False):
+            _over(panel, column, margins, fails)
+        if both:
+            _map(panels[across - 1], numeric[0], numeric[1], margins, fails)
     return figure
 
 
@@ -74,6 +72,8 @@ def _over(panel: Axes, column: Column, margins: NDArray[np.float64], fails: NDAr
     at = np.array([words.index(str(value)) if words else float(value) for value in column.values])
     if words:
         word_ticks(panel, words)
+    elif is_log(at):
+        panel.set_xscale("log")
     panel.scatter(at[~fails], margins[~fails], s=8, color=_RUN, linewidths=0)
     panel.scatter(at[fails], margins[fails], s=14, color=_FAILS, marker="x", linewidths=0.8)
     panel.set_xlabel(printable(column.heading), parse_math=False)
@@ -82,8 +82,9 @@ def _over(panel: Axes, column: Column, margins: NDArray[np.float64], fails: NDAr
 
 def _margin_axis(panel: Axes, margins: NDArray[np.float64]) -> None:
     panel.axhline(0.0, color=_LEAST, linestyle="--", linewidth=1)
-    cut = "; below -100 % drawn there" if margins.min() <= _LOWEST else ""
-    panel.set_ylabel(f"least margin, of its bound{cut}")
+    panel.set_ylabel("least margin, of its bound")
+    if margins.min() <= _LOWEST:
+        note(panel, "-100 %: or less, or no figure")
     panel.yaxis.set_major_formatter(PercentFormatter(1.0))
 
 
@@ -95,5 +96,8 @@ def _map(panel: Axes, one: Column, other: Column, margins: NDArray[np.float64], 
     panel.scatter(x[fails], y[fails], s=18, color=_FAILS, marker="x", linewidths=0.9)
     panel.set_xlabel(printable(one.heading), parse_math=False)
     panel.set_ylabel(printable(other.heading), parse_math=False)
+    for numbers, scale in ((x, panel.set_xscale), (y, panel.set_yscale)):
+        if is_log(numbers):
+            scale("log")
     bar = panel.figure.colorbar(seen, ax=panel, label="least margin of runs that pass")
     bar.ax.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
@@ -70,6 +71,17 @@ def few_ticks(panel: Axes, values: NDArray[np.float64]) -> None:
     known = values[np.isfinite(values)]
     whole = bool(len(known)) and bool((known == np.round(known)).all())
     panel.xaxis.set_major_locator(MaxNLocator(5, integer=whole))
+
+
+def is_log(at: NDArray[np.float64]) -> bool:
+    """Return whether values lie at equal ratios rather than at equal distances, over a factor of ten or more."""
+    known = np.unique(at[np.isfinite(at)])
+    if len(known) < 3 or known[0] <= 0.0 or known[-1] < 10.0 * known[0]:
+        return False
+    middle = float(np.median(known))
+    return abs(math.log(middle / math.sqrt(known[0] * known[-1]))) < abs(
+        math.log(middle / (0.5 * (known[0] + known[-1])))
+    )
 
 
 def note(panel: Axes, text: str) -> None:

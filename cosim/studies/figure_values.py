@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import printable
 from cosim.quantity import quantity
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import BOUND, COLOURS, GREY, LOOK, label, number, slant, word_ticks
+from cosim.studies.figure_style import BOUND, COLOURS, GREY, LOOK, is_log, label, number, slant, word_ticks
 from cosim.studies.study import Measured
 from cosim.studies.table import Column
 
@@ -43,7 +43,7 @@ def draw_curves(
             panel.fill_between(places, _finite(low), _finite(high), color=colour, alpha=0.2, linewidth=0)
         some = [place for place, runs in zip(places, here, strict=True) if not np.isfinite(runs).all()]
         draw_endless(panel, np.array(some), colour)
-    if _is_log(at):
+    if is_log(at):
         panel.set_xscale("log")
     panel.set_xlabel(label(value.name, value.unit), parse_math=False)
     panel.set_ylabel(label(measure.name, measure.unit), parse_math=False)
@@ -62,7 +62,7 @@ def draw_runs(
     if words:  # side by side, so that runs with the same word do not hide each other
         at = at + 0.3 * (np.modf(np.arange(len(at)) * 0.618034)[0] - 0.5)
         word_ticks(panel, words)
-    elif _is_log(at):
+    elif is_log(at):
         panel.set_xscale("log")
     for status, (colour, marker, told) in LOOK.items():
         shown = (statuses == status) & np.isfinite(figures)
@@ -123,14 +123,3 @@ def draw_bounds(panel: Axes, outcome: StudyOutcome, measured: Measured) -> None:
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.isfinite(values), values, math.nan)
-
-
-def _is_log(at: NDArray[np.float64]) -> bool:
-    """Return whether values lie at equal ratios rather than at equal distances, over a factor of ten or more."""
-    known = np.unique(at[np.isfinite(at)])
-    if len(known) < 3 or known[0] <= 0.0 or known[-1] < 10.0 * known[0]:
-        return False
-    middle = float(np.median(known))
-    return abs(math.log(middle / math.sqrt(known[0] * known[-1]))) < abs(
-        math.log(middle / (0.5 * (known[0] + known[-1])))
-    )

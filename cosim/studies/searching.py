@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import InputError
+from cosim.quantity import split
 from cosim.results.verdict import Verdict
 from cosim.studies.descents import Descents
 from cosim.studies.plan import Run, run_of
@@ -122,11 +123,22 @@ def _score(row: Row) -> float:
     return math.copysign(1.0, row.least) if math.isinf(row.least) else row.least / (1.0 + abs(row.least))
 
 
+def _short(value: str) -> str:
+    """Return a value as people read it; the run's scenario has all of its digits."""
+    try:
+        number, unit = split(value)
+    except ValueError:
+        return value
+    if number.is_integer():
+        return value
+    return f"{number:.4g}" + (f" {unit}" if unit != "1" else "")
+
+
 def search_verdict(study: Study, search: Search, worst: Worst, runs: int) -> Verdict:
     """Return the verdict on a search: it holds if no run fails."""
     row = worst.row
     values = ", ".join(
-        f"{vary.name} {value}" for vary, value in zip(study.vary, row.values, strict=True) if value is not None
+        f"{vary.name} {_short(value)}" for vary, value in zip(study.vary, row.values, strict=True) if value is not None
     )
     found = f"{len(worst.failing)} of {runs} runs do not pass" if worst.failing else f"none fails of {runs} runs"
     return Verdict(

@@ -239,6 +239,20 @@ def test_a_window_is_checked_against_each_horizon_of_the_runs(tmp_path: Path) ->
         check_study(small_study(tmp_path, cases, GRID, LATER))
 
 
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (MASS, r"m_c of .*: '1 s': s does not fit.* \(run 1 cannot begin, with x 1 s, law soft, and no other that"),
+        (MASS.replace("m_c", "m_d"), "has no parameter 'm_d': did you mean"),
+    ],
+)
+def test_a_study_of_which_no_run_can_begin_is_refused(tmp_path: Path, place: str, said: str) -> None:
+    values = f'<vary name="x" select="{place}"><list values="1 s, 2 s, 3 s"/></vary>'
+    with pytest.raises(InputError, match=said):
+        check_study(small_study(tmp_path, values + LAWS, GRID))
+    check_study(small_study(tmp_path, values.replace(place, MASS).replace("2 s", "2 kg"), GRID))
+
+
 def test_a_window_may_begin_after_the_scenario_s_own_end_if_every_run_is_longer(tmp_path: Path) -> None:
     late = LATER.replace('to="0.4 s"', 'from="0.3 s"')
     longer = HORIZONS.replace("0.2 s", "0.6 s")
