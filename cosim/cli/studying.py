@@ -6,7 +6,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from textwrap import shorten
 
@@ -99,7 +99,8 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     files = ["runs.csv", "runs.nc", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
     files += pictures
     written = _write_remarkable(read, outcome, folder / "runs_to_see")
-    with _going_on(where / FILE), taking_a_while("making the full results that are kept"):
+    waiting = taking_a_while("making the full results that are kept") if read.keep else nullcontext()
+    with _going_on(where / FILE), waiting:
         kept = keep_results(outcome, folder, options.workers)
     if options.report:
         save_study_report(where, folder / PAGE)
