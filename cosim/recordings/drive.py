@@ -146,18 +146,23 @@ def _refuse_outside(
     )
 
 
-def _moved(found: Iterable[tuple[Number, Series]], robots: Table[str, MappedRobot]) -> Iterator[tuple[Number, Series]]:
-    """Yield the numbers with reference points where the kind of vehicle has them."""
-    found = list(found)
-    headings = {number.robot: series for number, series in found if number.mapped.place.field == YAW}
+def _moved(found: Sequence[tuple[Number, Series]], robots: Table[str, MappedRobot]) -> Iterator[tuple[Number, Series]]:
+    """Yield the numbers in the frame of all robots, with reference points where the kind of vehicle has them."""
+    poses = {(number.robot, number.mapped.place.field): series for number, series in found}
     for number, series in found:
         robot, field = robots.get(number.robot), number.mapped.place.field
-        if robot is not None and field in (X, Y) and (robot.ahead or robot.left):
-            yaw = headings[number.robot].values
-            cos, sin = np.cos(yaw), np.sin(yaw)
-            move = robot.ahead * cos - robot.left * sin if field == X else robot.ahead * sin + robot.left * cos
-            series = Series(series.time, series.values + move, series.unit)
-        yield number, series
+        if robot is None or field not in (X, Y, YAW) or not any((robot.ahead, robot.left, *robot.frame)):
+            yield number, series
+            continue
+        yaw, (frame_x, frame_y, turn) = poses[number.robot, YAW].values, robot.frame
+        if field == YAW:
+            yield number, Series(series.time, yaw + turn)
+            continue
+        x = poses[number.robot, X].values + robot.ahead * np.cos(yaw) - robot.left * np.sin(yaw)
+        y = poses[number.robot, Y].values + robot.ahead * np.sin(yaw) + robot.left * np.cos(yaw)
+        cos, sin = np.cos(turn), np.sin(turn)
+        place = frame_x + cos * x - sin * y if field == X else frame_y + sin * x + cos * y
+        yield number, Series(series.time, place)
 
 
 def _sampled(

@@ -73,6 +73,8 @@ class MappedRobot:
         Where its pose in the plane is, of which `X`, `Y` and `YAW` are fields; None if no topic gives it.
     ahead, left : float
         How far its reference point lies ahead and to the left of the recorded one [m].
+    frame : tuple of float
+        Where the frame of its recorded poses lies in that of all robots: x, y [m] and how far it is turned [rad].
     from_scenario : bool
         Whether its motion is that of a run of the scenario.
     signals : dict
@@ -83,6 +85,7 @@ class MappedRobot:
     pose: Place | None = None
     ahead: float = 0.0
     left: float = 0.0
+    frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
     from_scenario: bool = False
     signals: Table[tuple[str, str], Mapped] = field(default_factory=dict)
 
@@ -158,13 +161,18 @@ def _robot(element: Element) -> MappedRobot:
     from_scenario = "from" in element
     if from_scenario and (element.get("id") != "leader" or "topic" in element or signals):
         raise element.error('from="scenario" is for a leader of whom nothing is recorded')
-    if "topic" not in element and any(name in element for name in ("child_frame", "ahead", "left")):
-        raise element.error("child_frame, ahead and left belong to a topic, which <robot> lacks")
+    lengths = {name: element.quantity(name, "m") for name in ("ahead", "left", "frame_x", "frame_y") if name in element}
+    turn = element.quantity("frame_turn", "rad") if "frame_turn" in element else 0.0
+    if "topic" not in element and (lengths or turn or "child_frame" in element):
+        raise element.error(
+            "child_frame, frame_x, frame_y, frame_turn, ahead, left belong to a topic, which is missing"
+        )
     return MappedRobot(
         where=element.where,
         pose=Place(topic=element.get("topic"), child_frame=element.get("child_frame")) if "topic" in element else None,
-        ahead=element.quantity("ahead", "m") if "ahead" in element else 0.0,
-        left=element.quantity("left", "m") if "left" in element else 0.0,
+        ahead=lengths.get("ahead", 0.0),
+        left=lengths.get("left", 0.0),
+        frame=(lengths.get("frame_x", 0.0), lengths.get("frame_y", 0.0), turn),
         from_scenario=from_scenario,
         signals=signals,
     )
