@@ -187,10 +187,10 @@ def test_an_interrupted_command_writes_what_it_knows(tmp_path: Path, monkeypatch
     good, other = written(tmp_path, "good", "99 m"), written(tmp_path, "other", "99 m")
     original = Simulation.__init__
 
-    def interrupted(self: Simulation, scenario: object, *more: object) -> None:
+    def interrupted(self: Simulation, scenario: object, *more: object, **options: object) -> None:
         if getattr(scenario, "name", "") == "other":
             raise KeyboardInterrupt
-        original(self, scenario, *more)  # type: ignore[arg-type]
+        original(self, scenario, *more, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Simulation, "__init__", interrupted)
     assert main(["run", good, other, "--out", str(tmp_path), "--no-figure", "--junit", str(file)]) == 130
