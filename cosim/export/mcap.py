@@ -7,10 +7,9 @@ row of bytes that is laid out once; a chunk is some of these rows, in which only
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.export.formats import Options
 from cosim.export.mcap_file import HEAD, MOST_CHANNELS, Chunk, Compress, McapFile, message_record
-from cosim.export.ros2_topics import Latched, Topic, topics_of
+from cosim.export.ros2_topics import Latched, Stamps, Topic, topics_of
 from cosim.export.ros2_types import definition, full_name
 from cosim.moments import SECOND
 from cosim.results.files import replacing
@@ -33,14 +32,63 @@ _TIMES = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 _ABOUT = ("title", "scenario_name", "status", "seed", "step", "horizon", "versions", "scenario_file", "changes")
 
 
-@dataclass(frozen=True, eq=False)
-class _Row:
-    """The messages of a tick: their bytes, and where numbers, times and heads of messages are filled in."""
+Times: TypeAlias = NDArray[np.uint64]
 
-    data: bytes
-    numbers: list[tuple[int, NDArray[np.float64]]]
-    stamps: list[int]
-    messages: NDArray[np.uint64]
+
+class _Rows:
+    """The messages of each tick, one topic after the other, as rows of bytes.
+
+    Parameters
+    ----------
+    channels
+        The topics, each with the number of its channel.
+    samples
+        Number of ticks.
+    """
+
+    def __init__(self, channels: Sequence[tuple[int, Topic]], samples: int) -> None:
+        data = bytearray()
+        self._numbers: list[tuple[int, NDArray[np.float64]]] = []
+        self._stamps: list[int] = []
+        self._channels: list[int] = []
+        self._offsets = np.empty((len(channels), 1), np.uint64)
+        for at, (channel, topic) in enumerate(channels):
+            self._channels.append(channel)
+            self._offsets[at] = len(data)
+            inner = len(data) + HEAD
+            self._numbers += [(inner + offset, values) for offset, values in topic.message.numbers]
+            self._stamps += [inner + offset for offset in topic.message.stamps]
+            data += message_record(channel, topic.message.data)
+        self._width = len(data)
+        self.at_once = min(max(_FEWEST, _CHUNK // self._width), samples)
+        self._rows = np.empty((self.at_once, self._width), np.uint8)
+        self._rows[:] = np.frombuffer(data, np.uint8)
+
+    def filled(self, part: slice, times: Times, stamps: Stamps) -> memoryview:
+        """Return the messages of some ticks, `at_once` at most, until the next call."""
+        length = part.stop - part.start
+        heads = np.empty(length, _TIMES)
+        heads["sequence"] = np.arange(part.start, part.stop)
+        heads["log"] = heads["publish"] = times[part]
+        for offset, values in self._numbers:
+            self._column(offset, "<f8", length)[:] = values[part]
+        for offset in self._stamps:
+            self._column(offset, "<u8", length)[:] = stamps[part]
+        for offset in self._offsets[:, 0].tolist():
+            self._column(offset + HEAD - _TIMES.itemsize, _TIMES, length)[:] = heads
+        return self._rows[:length].data
+
+    def _column(self, offset: int, kind: Any, length: int) -> NDArray[Any]:
+        return np.ndarray((length,), kind, self._rows, offset, (self._width,))
+
+    def index(self, part: slice, times: Times, before: int) -> dict[int, NDArray[np.uint64]]:
+        """Return the index of a chunk with some ticks, in which so many bytes are before them."""
+        length = part.stop - part.start
+        rows = np.uint64(before) + np.arange(length, dtype=np.uint64) * np.uint64(self._width)
+        entries = np.empty((len(self._channels), length, 2), np.uint64)
+        entries[:, :, 0] = times[part]
+        entries[:, :, 1] = self._offsets + rows
+        return dict(zip(self._channels, entries, strict=True))
 
 
 def write(result: Result, path: Path, options: Options) -> None:
@@ -61,9 +109,9 @@ def write(result: Result, path: Path, options: Options) -> None:
     stamps = times // SECOND | times % SECOND << np.uint64(32)
     with replacing(path) as raw:
         file = McapFile(raw, f"formation-cosim {version('formation-cosim')}", "zstd", compress)
-        row = _row([(_channel(file, topic, topic.about), topic) for topic in topics])
+        rows = _Rows([(_channel(file, topic, topic.about), topic) for topic in topics], len(times))
         occasional = [(_channel(file, one, {}, latched=True), one, one.message(stamps)) for one in latched]
-        for chunk in _chunks(row, times, stamps, occasional):
+        for chunk in _chunks(rows, times, stamps, occasional):
             file.chunk(chunk)
         attributes = {name: str(result.attrs[name]) for name in _ABOUT if name in result.attrs}
         file.metadata("formation", attributes)
@@ -82,9 +130,9 @@ def _compression() -> Compress:
     return compress
 
 
-def _times(result: Result, options: Options) -> NDArray[np.uint64]:
+def _times(result: Result, options: Options) -> Times:
     """Return the times of all ticks [ns]."""
-    found: NDArray[np.uint64] = np.rint(result["time"].values * SECOND).astype(np.uint64) + np.uint64(options.start)
+    found: Times = np.rint(result["time"].values * SECOND).astype(np.uint64) + np.uint64(options.start)
     return found
 
 
@@ -110,56 +158,17 @@ def _quality(latched: bool) -> str:
     return "\n  ".join(lines)
 
 
-def _row(channels: Sequence[tuple[int, Topic]]) -> _Row:
-    data = bytearray()
-    row = _Row(b"", [], [], np.zeros((len(channels), 2), np.uint64))
-    for at, (channel, topic) in enumerate(channels):
-        row.messages[at] = channel, len(data)
-        inner = len(data) + HEAD
-        row.numbers.extend((inner + offset, values) for offset, values in topic.message.numbers)
-        row.stamps.extend(inner + offset for offset in topic.message.stamps)
-        data += message_record(channel, topic.message.data)
-    return _Row(bytes(data), row.numbers, row.stamps, row.messages)
-
-
 def _chunks(
-    row: _Row,
-    times: NDArray[np.uint64],
-    stamps: NDArray[np.uint64],
-    occasional: Sequence[tuple[int, Latched, bytes | bytearray]],
+    rows: _Rows, times: Times, stamps: Stamps, occasional: Sequence[tuple[int, Latched, bytes | bytearray]]
 ) -> Iterator[Chunk]:
-    width = len(row.data)
-    samples = len(times)
-    count = min(max(_FEWEST, _CHUNK // width), samples)
-    rows = np.empty((count, width), np.uint8)
-    rows[:] = np.frombuffer(row.data, np.uint8)
-
-    def column(offset: int, kind: Any, length: int) -> NDArray[Any]:
-        return np.ndarray((length,), kind, rows, offset, (width,))
-
-    sequences = dict.fromkeys((channel for channel, _, _ in occasional), 0)
-    for start in range(0, samples, count):
-        part = slice(start, min(start + count, samples))
-        length = part.stop - start
-        heads = np.empty(length, _TIMES)
-        heads["sequence"], heads["log"], heads["publish"] = np.arange(start, part.stop), times[part], times[part]
-        for offset, values in row.numbers:
-            column(offset, "<f8", length)[:] = values[part]
-        for offset in row.stamps:
-            column(offset, "<u8", length)[:] = stamps[part]
-        for _, offset in row.messages:
-            column(int(offset) + HEAD - _TIMES.itemsize, _TIMES, length)[:] = heads
+    """Yield the chunks of a file: some ticks each, and before them the messages that there are now and then."""
+    for number, start in enumerate(range(0, len(times), rows.at_once)):
+        part = slice(start, min(start + rows.at_once, len(times)))
         before = bytearray()
         index: dict[int, NDArray[np.uint64]] = {}
         for channel, one, data in occasional:
-            if start == 0 or one.repeated:
+            if number == 0 or one.repeated:
                 index[channel] = np.array([[times[start], len(before)]], np.uint64)
-                before += message_record(channel, data, int(times[start]), sequences[channel])
-                sequences[channel] += 1
-        entries = np.empty((len(row.messages), length, 2), np.uint64)
-        entries[:, :, 0] = times[part]
-        entries[:, :, 1] = (
-            row.messages[:, 1:] + np.uint64(len(before)) + np.arange(length, dtype=np.uint64) * np.uint64(width)
-        )
-        index.update(zip(row.messages[:, 0].tolist(), entries, strict=True))
-        yield Chunk(memoryview(b"".join([before, rows[:length].data])), index)
+                before += message_record(channel, data, int(times[start]), number)
+        index |= rows.index(part, times, len(before))
+        yield Chunk(memoryview(b"".join([before, rows.filled(part, times, stamps)])), index)

@@ -97,10 +97,8 @@ def topics_of(result: Result) -> tuple[list[Topic], list[Latched]]:
             "unit": course.unit,
             "description": course.about,
         }
-        message = Message().number(course.values)
-        topics.append(
-            Topic(topic_name, "std_msgs/Float64", message, {name: text for name, text in about.items() if text})
-        )
+        about = {name: text for name, text in about.items() if text}
+        topics.append(Topic(topic_name, "std_msgs/Float64", Message().number(course.values), about))
     latched = [Latched("/outlines", "visualization_msgs/MarkerArray", partial(_markers, robots, own), repeated=True)]
     for robot in robots:
         latched.append(Latched(f"/{own[robot.id]}/path", "nav_msgs/Path", partial(_path, robot), repeated=False))
