@@ -15,6 +15,7 @@ from matplotlib.transforms import Bbox
 
 import cosim
 from cosim.cli import main
+from cosim.errors import InputError
 from cosim.results.body_distance import nearest_bodies, smallest_body_distance
 from cosim.results.colours import GOOD
 from cosim.results.expectations.shown import Band
@@ -213,6 +214,16 @@ def test_nothing_overlaps_whatever_followers_are_called(mixed: Result, followers
             assert Bbox.intersection(one, other) is None, (one, other)
     save_figure(many, tmp_path / "many.png")
     assert (tmp_path / "many.png").stat().st_size > 10_000
+
+
+def test_all_panels_share_one_axes(result: Result) -> None:
+    """An Axes for each would take more than twice the time."""
+    assert len(draw(result).axes) == 3
+
+
+def test_panels_that_do_not_exist(result: Result, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there are no panels 'most': expected is one of all, paper"):
+        save_figure(result, tmp_path / "a.png", "most")  # type: ignore[arg-type]
 
 
 def test_show_draws_the_panels_of_the_paper(result: Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

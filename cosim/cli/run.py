@@ -120,6 +120,8 @@ def _run_one(
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
+    if options.figure:
+        figures.start()  # loads its libraries beside the run
     with timed(timing, "total"):
         kept = _set_aside(options.out / scenario.name, scenario)
         with (
@@ -147,8 +149,6 @@ def _run_one(
             for part, seconds in simulation.timing.items():
                 timing[part] = timing.get(part, 0.0) + seconds
             drawn = options.figure and result.sizes["time"] > 0
-            if drawn:
-                figures.start()  # loads its libraries beside the writing
             storage.release()
             with timed(timing, "write"):
                 _save(result, folder)

@@ -75,7 +75,7 @@ def save_figure(result: xr.Dataset | Result, path: str | Path, panels: Choice = 
     Raises
     ------
     InputError
-        It holds no sample.
+        It holds no sample, or there are no such panels.
     OutputError
         The file cannot be written.
     """
@@ -96,9 +96,10 @@ def draw(result: xr.Dataset | Result, choice: Choice = "all") -> Figure:
 
     Above them stand the changes of the scenario and the reason of an early end, below them seed and versions.
     """
+    if (sheet := _SHEETS.get(choice)) is None:
+        raise InputError(f"there are no panels {choice!r}: expected is one of {', '.join(_SHEETS)}")
     whole = Result.of(result)
     drawn = drawable(whole)
-    sheet = _SHEETS[choice]
     shown, notes = sheet.panels(drawn)
     if _has_gaps(whole, drawn):
         notes.insert(0, "diverged values are not drawn")

@@ -77,14 +77,14 @@ class FigureProcess:
         return fault
 
     def _end(self) -> None:
-        """End the process: at once if it draws, for nobody waits for that figure."""
+        """End the process at once: nobody waits for a figure that it draws."""
         process, self._process = self._process, None
         if process is None:
             return
         assert process.stdin is not None
         assert process.stdout is not None
+        process.kill()
         if self._sending is not None:
-            process.kill()
             self._sending.join()
             self._sending = None
         with suppress(OSError):
