@@ -1,4 +1,4 @@
-"""A tuning, a search and a sensitivity by this process and by four others: bit for bit the same store and files."""
+"""Every kind of study by this process and by four others: bit for bit the same store and files."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +16,7 @@ from cosim.tests.studies import LAST, SEEDS, UNIFORM, write_study
 
 GAIN = """<vary name="K_p" select="//gain[@name='K_p']/@value"><log_uniform from="0.1" to="1000"/></vary>"""
 KINDS = {
+    "draws": '<sample method="sobol" runs="24"/>',
     "tuning": '<tune values="mass K_p" evaluations="8" batch="4" training="1 2" held_out="11 to 13" confidence="0.5">'
     '<cost of="last" per="10 mm"/></tune>',
     "search": '<search runs="24" batch="6"/>',
