@@ -58,7 +58,7 @@ class Message:
 
     def text(self, text: str) -> Message:
         """Append a text."""
-        data = text.encode() + b"\0"
+        data = text.encode(errors="replace").replace(b"\0", b" ") + b"\0"
         self.put("I", len(data))
         self.data += data
         return self

@@ -6,8 +6,10 @@ row of bytes that is laid out once; a chunk is some of these rows, in which only
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.export.formats import Options
 from cosim.export.mcap_file import HEAD, MOST_CHANNELS, Chunk, Compress, McapFile, message_record
-from cosim.export.ros2_topics import Latched, Stamps, Topic, topics_of
+from cosim.export.ros2_topics import Occasional, Stamps, Topic, topics_of
 from cosim.export.ros2_types import definition, full_name
 from cosim.moments import SECOND
 from cosim.results.files import replacing
@@ -102,16 +104,16 @@ def write(result: Result, path: Path, options: Options) -> None:
         The file cannot be written.
     """
     compress = _compression()
-    topics, latched = topics_of(result)
-    if len(topics) + len(latched) > MOST_CHANNELS:
+    topics, occasional = topics_of(result)
+    if len(topics) + len(occasional) > MOST_CHANNELS:
         raise InputError(f"{path}: the run has {len(topics)} signals, but an MCAP file {MOST_CHANNELS} topics at most")
     times = _times(result, options)
     stamps = times // SECOND | times % SECOND << np.uint64(32)
     with replacing(path) as raw:
         file = McapFile(raw, f"formation-cosim {version('formation-cosim')}", "zstd", compress)
         rows = _Rows([(_channel(file, topic, topic.about), topic) for topic in topics], len(times))
-        occasional = [(_channel(file, one, {}, latched=True), one, one.message(stamps)) for one in latched]
-        for chunk in _chunks(rows, times, stamps, occasional):
+        further = [(_channel(file, one, {}, one.latched), one.repeated, one.messages(stamps)) for one in occasional]
+        for chunk in _chunks(rows, times, stamps, further):
             file.chunk(chunk)
         attributes = {name: str(result.attrs[name]) for name in _ABOUT if name in result.attrs}
         file.metadata("formation", attributes)
@@ -136,7 +138,7 @@ def _times(result: Result, options: Options) -> Times:
     return found
 
 
-def _channel(file: McapFile, topic: Topic | Latched, about: dict[str, str], latched: bool = False) -> int:
+def _channel(file: McapFile, topic: Topic | Occasional, about: dict[str, str], latched: bool = False) -> int:
     offered = {"offered_qos_profiles": _quality(latched)}
     return file.channel(topic.name, full_name(topic.type), definition(topic.type), offered | about)
 
@@ -159,16 +161,26 @@ def _quality(latched: bool) -> str:
 
 
 def _chunks(
-    rows: _Rows, times: Times, stamps: Stamps, occasional: Sequence[tuple[int, Latched, bytes | bytearray]]
+    rows: _Rows, times: Times, stamps: Stamps, further: Sequence[tuple[int, bool, Sequence[tuple[int, bytes]]]]
 ) -> Iterator[Chunk]:
-    """Yield the chunks of a file: some ticks each, and before them the messages that there are now and then."""
-    for number, start in enumerate(range(0, len(times), rows.at_once)):
-        part = slice(start, min(start + rows.at_once, len(times)))
+    """Yield the chunks of a file: some ticks each, and before them the messages that there are now and then.
+
+    A chunk begins at each tick with such messages, so that all are in the order of time. They are given by channel:
+    whether the first one is repeated with each chunk, and each with its tick.
+    """
+    starts = {*range(0, len(times), rows.at_once), *(tick for _, _, messages in further for tick, _ in messages)}
+    sequences: Counter[int] = Counter()
+    for start, stop in pairwise([*sorted(starts), len(times)]):
+        part = slice(start, stop)
         before = bytearray()
         index: dict[int, NDArray[np.uint64]] = {}
-        for channel, one, data in occasional:
-            if number == 0 or one.repeated:
-                index[channel] = np.array([[times[start], len(before)]], np.uint64)
-                before += message_record(channel, data, int(times[start]), number)
+        for channel, repeated, messages in further:
+            places = []
+            for data in [messages[0][1]] if repeated else [data for tick, data in messages if tick == start]:
+                places.append((int(times[start]), len(before)))
+                before += message_record(channel, data, int(times[start]), sequences[channel])
+                sequences[channel] += 1
+            if places:
+                index[channel] = np.array(places, np.uint64)
         index |= rows.index(part, times, len(before))
         yield Chunk(memoryview(b"".join([before, rows.filled(part, times, stamps)])), index)

@@ -12,8 +12,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.export.cdr import Floats, Message, Turn
 from cosim.export.courses import courses_of
+from cosim.export.log import Entry, log_of
 from cosim.export.robots import Robot, Shape, robots_of
 from cosim.export.ros2_names import signal_topic, tokens
 from cosim.results.result import Result
@@ -53,26 +55,29 @@ class Topic:
 
 
 @dataclass(frozen=True, eq=False)
-class Latched:
-    """A topic with few messages, the last of which is kept for whoever comes later.
+class Occasional:
+    """A topic with a few messages.
 
     Attributes
     ----------
     name, type : str
         Its name, and the type of its messages.
-    message : callable
-        Makes the message from the stamps of all ticks.
+    messages : callable
+        Makes the messages from the stamps of all ticks, each with its tick, in the order of ticks.
+    latched : bool
+        Whether a player keeps the last one for whoever comes later.
     repeated : bool
-        Whether the message is repeated in the course of the run.
+        Whether the first one is repeated in the course of the run.
     """
 
     name: str
     type: str
-    message: Callable[[Stamps], bytes | bytearray]
-    repeated: bool
+    messages: Callable[[Stamps], list[tuple[int, bytes]]]
+    latched: bool = True
+    repeated: bool = False
 
 
-def topics_of(result: Result) -> tuple[list[Topic], list[Latched]]:
+def topics_of(result: Result) -> tuple[list[Topic], list[Occasional]]:
     """Return the topics of a run: those with a message at every tick, and the others."""
     robots = robots_of(result)
     own = tokens([robot.id for robot in robots])
@@ -99,10 +104,15 @@ def topics_of(result: Result) -> tuple[list[Topic], list[Latched]]:
         }
         about = {name: text for name, text in about.items() if text}
         topics.append(Topic(topic_name, "std_msgs/Float64", Message().number(course.values), about))
-    latched = [Latched("/outlines", "visualization_msgs/MarkerArray", partial(_markers, robots, own), repeated=True)]
+    markers = partial(_markers, robots, own)
+    occasional = [Occasional("/outlines", "visualization_msgs/MarkerArray", markers, repeated=True)]
     for robot in robots:
-        latched.append(Latched(f"/{own[robot.id]}/path", "nav_msgs/Path", partial(_path, robot), repeated=False))
-    return topics, latched
+        occasional.append(Occasional(f"/{own[robot.id]}/path", "nav_msgs/Path", partial(_path, robot)))
+    if entries := log_of(result):
+        ticks = np.searchsorted(result["time"].values, [entry.time - ROUNDING for entry in entries]).tolist()
+        log = partial(_log, list(zip(ticks, entries, strict=True)))
+        occasional.append(Occasional("/rosout", "rcl_interfaces/Log", log, latched=False))
+    return topics, occasional
 
 
 def _turn(angle: Floats) -> Turn:
@@ -142,7 +152,7 @@ def _pose(topic: str, x: Floats, y: Floats, heading: Floats) -> Topic:
 # Now and then -----------------------------------------------------------------------------------------------
 
 
-def _markers(robots: Sequence[Robot], own: dict[str, str], stamps: Stamps) -> bytearray:
+def _markers(robots: Sequence[Robot], own: dict[str, str], stamps: Stamps) -> list[tuple[int, bytes]]:
     """Return the outlines of all robots: each part lies in its own frame, with which it moves."""
     drawn = [(place, shape) for place, robot in enumerate(robots) for shape in robot.shapes]
     message = Message().put("I", len(drawn) + len(robots))
@@ -156,7 +166,7 @@ def _markers(robots: Sequence[Robot], own: dict[str, str], stamps: Stamps) -> by
         name = own[robot.id]
         text = (9, None, (0.0, 0.0, 0.3), (*colours[number], 1.0))
         _marker(message, f"{name}/{BASE}", f"{name}/name", number, *text, name=robot.id)
-    return message.data
+    return [(0, bytes(message.data))]
 
 
 def _marker(
@@ -191,7 +201,7 @@ def _colours(followers: int) -> list[tuple[float, float, float]]:
     return [_LEADER, *(colorsys.hsv_to_rgb(k / max(followers, 1), 0.75, 0.85) for k in range(followers))]
 
 
-def _path(robot: Robot, stamps: Stamps) -> bytes:
+def _path(robot: Robot, stamps: Stamps) -> list[tuple[int, bytes]]:
     """Return the whole path of a robot."""
     every = -(-len(stamps) // MOST_POSES_OF_PATH)
     chosen = np.unique(np.append(np.arange(0, len(stamps), every), len(stamps) - 1))
@@ -206,4 +216,14 @@ def _path(robot: Robot, stamps: Stamps) -> bytes:
         poses["pose"][:, place] = values[1:]
     for place in (4, 24):  # the stamps of the path and of its first pose
         message.data[place : place + 8] = stamps[:1].tobytes()
-    return bytes(message.data) + poses.tobytes()
+    return [(0, bytes(message.data) + poses.tobytes())]
+
+
+def _log(entries: Sequence[tuple[int, Entry]], stamps: Stamps) -> list[tuple[int, bytes]]:
+    """Return what happened, each with its tick, as a ``rcl_interfaces/Log``."""
+    found = []
+    for tick, entry in entries:
+        message = Message().put("Q", int(stamps[tick])).put("B", entry.level)
+        message.text(entry.robot).text(entry.text).text("").text("").put("I", 0)  # no file, function and line
+        found.append((tick, bytes(message.data)))
+    return found

@@ -45,6 +45,10 @@ _FIELDS = {
         "string mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials"
     ),
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
+    "rcl_interfaces/Log": (
+        "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\nbuiltin_interfaces/Time stamp\n"
+        "uint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line"
+    ),
 }
 """The fields of each type, by package and name."""
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -25,7 +26,7 @@ from scipy.io import loadmat
 
 import cosim
 from cosim.cli import main
-from cosim.errors import InputError, Location, OutputError
+from cosim.errors import Failure, InputError, Location, OutputError
 from cosim.export import ros2_types
 from cosim.export.courses import courses_of
 from cosim.export.formats import FORMATS
@@ -43,8 +44,15 @@ TOPICS_OF_A_ROBOT = {"odom", "pose", "measured_pose", "path"}
 
 @pytest.fixture(scope="module")
 def mixed(scenarios: Path) -> Result:
-    """The start of a run of car-like robots and tractor-trailers."""
-    return Result.of(cosim.run(scenarios / "mixed_team.xml", horizon=1.0, expectations=False))
+    """The start of a run of car-like robots and tractor-trailers, in which something happens."""
+    result = Result.of(cosim.run(scenarios / "mixed_team.xml", horizon=1.0, expectations=False))
+    event = '<event at="0.3 s" robots="car_1"><parameter name="m_c" value="40 kg"/></event>'
+    text = re.sub("(?=<expect>)|(?=</scenario>)", event, result.attrs["scenario"], count=1)
+    failure = json.dumps(asdict(Failure("car_1", 1.0, "", "out of fuel")))
+    messages = {"time": [0.5, 0.5], "count": [3, 1], "robot": ["truck_1", "car_1"], "status": ["Warning", "Error"]}
+    messages |= {"category": ["", ""], "text": ["low oil, \N{SNOWMAN}", "no such \x1bgear"]}
+    told = {f"message_{name}": Variable(("message",), np.array(values)) for name, values in messages.items()}
+    return Result(result.data_vars, {**result.coords, **told}, {**result.attrs, "scenario": text, "failure": failure})
 
 
 @dataclass(frozen=True)
@@ -176,15 +184,26 @@ def test_the_types_are_those_of_ros(exported: Path) -> None:
     theirs = get_typestore(Stores.ROS2_HUMBLE)
     with Reader(exported) as reader:
         types = {connection.msgtype: connection.msgdef.data for connection in reader.connections}
-    assert len(types) == 6
+    assert len(types) == 7
     for name, text in types.items():
         ours = get_typestore(Stores.EMPTY)
         ours.register(get_types_from_msg(text, name))
         assert ours.hash_rihs01(name) == theirs.hash_rihs01(name)
 
 
+def test_what_happened_is_a_log(recording: Recording) -> None:
+    found = [(time, one.level, one.name, one.msg) for time, one in recording.messages["/rosout"]]
+    assert found == [
+        (300_000_000, 20, "car_1", "m_c = 40 kg"),
+        (500_000_000, 30, "truck_1", "low oil, \N{SNOWMAN} (3 times)"),
+        (500_000_000, 40, "car_1", "no such ?gear"),
+        (1_000_000_000, 50, "car_1", "car_1 at t = 1 s: out of fuel"),
+    ]
+    assert recording.messages["/rosout"][0][1].stamp.nanosec == 300_000_000
+
+
 def test_every_type_that_is_stated_is_used() -> None:
-    written = ("TFMessage", "Odometry", "PoseStamped", "MarkerArray", "Path", "Float64")
+    written = ("Log", "TFMessage", "Odometry", "PoseStamped", "MarkerArray", "Path", "Float64")
     roots = [name for name in ros2_types._FIELDS if name.rpartition("/")[2] in written]
     used = {name for root in roots for name in ros2_types._within(root)}
     assert used == set(ros2_types._FIELDS)
