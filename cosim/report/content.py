@@ -57,10 +57,14 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     InputError
         It is not the result of a run, or it has no sample.
     """
+    _check_times(result)
     summary = summary_of(result) if summary is None else summary
     samples = result.sizes.get("time", 0)
     if not samples:
         raise InputError("the result holds no sample, so there is nothing to show")
+    step = float(result.attrs["step"])
+    if not 0.0 < step < math.inf:
+        raise InputError(f"this is not the result of a run: its step is {step:g} s")
     shown, columns = drawable(result), Columns()
     expectations, events = _read(result)
     kinds = [understood(expectation) for expectation in expectations]
@@ -71,7 +75,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "status": summary.status,
         "passed": summary.passed,
         "failure": _failure(summary),
-        "step": float(result.attrs["step"]),
+        "step": step,
         "horizon": float(result.attrs["horizon"]),
         "samples": samples,
         "end": summary.end_time,
@@ -101,6 +105,15 @@ def courses_of(result: Result, columns: Columns | Rows, share: int = 1) -> Json:
         "motion": _motion(result, columns, MOST_POSES // share),
         "signals": _signals(result, columns, MOST_NUMBERS // share),
     }
+
+
+def _check_times(result: Result) -> None:
+    """Refuse times that no run has."""
+    if "time" not in result:
+        return
+    time = result["time"].values
+    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
+        raise InputError("this is not the result of a run: its times do not increase")
 
 
 def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
@@ -255,13 +268,37 @@ def _provenance(result: Result, summary: Summary) -> Json:
         "versions": told.versions,
         "command": shlex.join(["formation", "run", Path(told.file).name or f"{summary.scenario}.xml"])
         + "".join(f" {change}" for change in told.changes),
-        "plants": _loaded(result, "plants"),
-        "controllers": _loaded(result, "controllers"),
+        "plants": _plants(result),
+        "controllers": _controllers(result),
     }
+
+
+def _plants(result: Result) -> Json:
+    """Return file, version of FMI and checksum of each plant."""
+    told = _loaded(result, "plants")
+    plants = told.items() if isinstance(told, dict) else ()
+    return {
+        name: {key: str(plant.get(key, "unknown")) for key in ("file", "fmi_version", "sha256")}
+        for name, plant in plants
+        if isinstance(plant, dict)
+    }
+
+
+def _controllers(result: Result) -> list[Json]:
+    """Return the controllers, each with its robots."""
+    told = _loaded(result, "controllers")
+    return [
+        {
+            **{key: str(law.get(key, "unknown")) for key in ("name", "package", "version")},
+            "robots": [str(robot) for robot in law.get("robots") or ()],
+        }
+        for law in (told if isinstance(told, list) else ())
+        if isinstance(law, dict)
+    ]
 
 
 def _loaded(result: Result, name: str) -> Any:
     try:
         return json.loads(result.attrs.get(name, "null"))
-    except ValueError:
+    except (TypeError, ValueError, RecursionError):  # of another program
         return None

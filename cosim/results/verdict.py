@@ -9,6 +9,8 @@ from typing import Any, Self
 
 from cosim.errors import Location
 
+_TEXTS = ("expectation", "robot", "unit", "known_failure", "detail")
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -78,7 +80,9 @@ class Verdict:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Self:
-        """Return the verdict that was written as data, with None for NaN."""
+        """Return the verdict that was written as data, with None for NaN; raises TypeError or KeyError if none was."""
+        if not isinstance(data["passed"], bool) or not all(isinstance(data[name], str) for name in _TEXTS):
+            raise TypeError("no verdict: a text, or whether it passed, is missing")
         numbers = {name: math.nan if data[name] is None else data[name] for name in ("figure", "bound", "margin")}
         return cls(**{**data, **numbers, "where": Location(**data["where"])})
 

@@ -22,7 +22,7 @@ from cosim.report.columns import Columns, extremes, samples_in_bucket
 from cosim.report.content import content_of
 from cosim.report.page import page, save_report
 from cosim.report.paths import Paths, apart
-from cosim.results.result import Result
+from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
 
 
@@ -234,3 +234,32 @@ def test_how_far_apart_the_paths_of_two_runs_are() -> None:
     slower = Paths(time[:3:2], {"a": there[::2]})  # straight between its samples
     assert apart(first, slower) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
     assert apart(slower, first) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"step": "nan"}, "its step is nan s"),
+        ({"verdicts": '[{"passed": 1}]'}, "no verdict"),
+        ({"verdicts": "[1]"}, "TypeError"),
+        ({"plant_messages": "x"}, "JSONDecodeError"),
+    ],
+)
+def test_the_result_of_another_program_is_refused(judged: Result, changed: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=f"this is not the result of a run: .*{message}"):
+        content_of(Result(judged.data_vars, judged.coords, {**judged.attrs, **changed}))
+
+
+def test_times_that_do_not_increase_are_refused(judged: Result) -> None:
+    time = judged.coords["time"]
+    for values in (np.full_like(time.values, np.nan), time.values[::-1]):
+        coords = {**judged.coords, "time": Variable(time.dims, values, time.attrs)}
+        with pytest.raises(InputError, match="its times do not increase"):
+            content_of(Result(judged.data_vars, coords, judged.attrs))
+
+
+@pytest.mark.parametrize("told", ["x", "null", "[null]", '{"a": null}', '[{"robots": null}]', "[" * 100_000])
+def test_provenance_of_another_program_is_left_out(judged: Result, told: str) -> None:
+    provenance = content_of(Result(judged.data_vars, judged.coords, {**judged.attrs, "plants": told}))["provenance"]
+    assert provenance["plants"] == {}
+    assert [law["name"] for law in provenance["controllers"]] == ["neural-adaptive-pid"]

@@ -14,4 +14,8 @@ async function start() {
   document.documentElement.dataset.ready = "true";
 }
 
-start();
+start().catch((error) => {
+  const told = `This page cannot show its data: ${error.message}. It needs a browser of 2023 or newer, and the file as it was written.`;
+  document.querySelector("header").append(element("p", { class: "bad", role: "alert" }, told));
+  document.documentElement.dataset.ready = "failed";
+});
