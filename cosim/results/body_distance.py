@@ -217,10 +217,19 @@ def _without_place(bodies: _Bodies, one: Indices, other: Indices) -> tuple[int, 
 
 
 def _smallest(bodies: _Bodies, one: Indices, other: Indices, below: float) -> tuple[float, int, int, int]:
-    """Return the smallest distance below a limit, at which sample, and of which pair; of equal ones the first.
+    """Return the smallest distance below a limit, at which sample, and of which pair; of equal ones the first."""
+    x, y = bodies.middle[:, 0]
+    apart = np.sqrt((x[one] - x[other]) ** 2 + (y[one] - y[other]) ** 2)  # a middle lies within its body
+    limit = float((1 + _ROUNDING) * apart.min())
+    if limit < below:
+        best = _smallest_below(bodies, one, other, limit)
+        if best[0] < limit:
+            return best
+    return _smallest_below(bodies, one, other, below)
 
-    Ever tighter and dearer lower bounds leave ever fewer pairs for the exact distance.
-    """
+
+def _smallest_below(bodies: _Bodies, one: Indices, other: Indices, below: float) -> tuple[float, int, int, int]:
+    """Return the same: ever tighter and dearer lower bounds leave ever fewer pairs for the exact distance."""
     best = (below, 0, 0, 0)
     length = max(_SAMPLES, _PAIRS // len(one))
     for start in range(0, bodies.middle.shape[1], length):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -13,9 +12,15 @@ from numpy.typing import NDArray
 
 from cosim.results import passes
 from cosim.results.result import Result
+from cosim.storage import blocks, forget
 from plants import arrays
 
 Floats: TypeAlias = NDArray[np.float64]
+
+_FEW, _TOGETHER = 20, 50
+"""Points of which all pairs are looked at, and samples over which those that are far from each other are left out."""
+_ROUNDING = 1e-9
+"""Part of a distance, more than by which rounding makes a lower bound too large."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,33 @@ class Nearest:
     time: float
 
 
+def _pairs(position: Floats, chosen: NDArray[np.bool_]) -> Iterable[tuple[int, int]]:
+    """Return all pairs of points (T, N, 2) with one that is chosen; of many those alone that may be nearest, in order.
+
+    While a few samples pass, two points are not nearer than the circles about all their places then.
+    """
+    samples, number = position.shape[:2]
+    count = np.triu(chosen[:, np.newaxis] | chosen, 1) if samples else np.zeros((number, number), dtype=bool)
+    if number > _FEW and count.any() and all(np.isfinite(position[block]).all() for block in blocks(samples, number)):
+        parts = [slice(start, start + _TOGETHER) for start in range(0, samples, _TOGETHER)]
+        limit = min(float(_apart(position[part.start])[count].min()) for part in parts)
+        near = np.zeros_like(count)
+        for part in parts:
+            middle = position[part].mean(axis=0)
+            reach = np.sqrt(((position[part] - middle) ** 2).sum(axis=-1).max(axis=0))
+            near |= _apart(middle) - reach[:, np.newaxis] - reach <= (1 + _ROUNDING) * limit
+            forget()
+        count &= near
+    one, other = np.nonzero(count)
+    return zip(one.tolist(), other.tolist(), strict=True)
+
+
+def _apart(points: Floats) -> Floats:
+    """Return the distances (N, N) of points (N, 2)."""
+    x, y = points.T
+    return np.asarray(np.sqrt((x[:, np.newaxis] - x) ** 2 + (y[:, np.newaxis] - y) ** 2))
+
+
 def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest | None:
     """Return where the reference points of two followers came nearest to each other.
 
@@ -151,9 +183,8 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest |
     time, position = result["time"].values, result["pose"].values[..., :2]
     names = result.robots
     smallest = None
-    for i, j in combinations(range(len(names)), 2):
-        if not len(time) or (robots and not {names[i], names[j]} & set(robots)):
-            continue
+    chosen = np.array([not robots or name in robots for name in names], dtype=bool)
+    for i, j in _pairs(position, chosen):
 
         def distances(both: Floats) -> Floats:
             return arrays.hypot(*(both[:, 0] - both[:, 1]).T)

@@ -41,7 +41,7 @@ _LINK = re.compile(r"\[([^\]\[]*)\]\((?![a-z]+:)([^)#\s]+)(#[^)\s]*)?\)")
 _GALLERY = """# Gallery
 
 Each scenario that comes with Formation, run when this site was built. A picture leads to the page of its run, on which
-the robots drive; [docs/results.md](docs/results.md#report-html) explains that page.
+the robots drive; [The results of a run](docs/results.md#report-html) explains that page.
 
 <div class="gallery">
 CARDS
