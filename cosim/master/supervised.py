@@ -52,6 +52,7 @@ from cosim.plant.spec import Value
 from cosim.plant.start_check import not_started
 from cosim.results.result import Result
 from cosim.scenario.scenario import SUPERVISED_TIME_LIMIT, Scenario
+from cosim.shared_memory import provide
 
 _LOOK = 0.05
 """Time [s] between two looks at the process."""
@@ -122,6 +123,7 @@ class SupervisedRun:
             cleanup.callback(self._kill)
             with timed(self.timing, "load"):
                 self._fork(partial(child, scenario, self.setup, memory, self._activity, gate))
+                provide(memory, new=True)
                 self._begin()
             self._cleanup = cleanup.pop_all()
 

@@ -37,6 +37,7 @@ from cosim.plant.log import Log
 from cosim.plant.printed import LOG, line_by_line
 from cosim.plant.protocol import HEADER, exactly, send
 from cosim.scenario.scenario import Scenario
+from cosim.shared_memory import provide
 
 _PR_SET_PDEATHSIG = 1
 
@@ -105,6 +106,7 @@ def child(
         except SimulationError as error:
             tell(Told.FAILED, failure=asdict(error.failure), messages=[], logged=[])
             os._exit(0)
+        provide(memory, new=False)
         tell(Told.STARTED)
         while (order := _order(orders)) is not None:
             kind, body = order
