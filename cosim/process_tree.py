@@ -41,6 +41,21 @@ def adopt() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
+def leave_terminal() -> None:
+    """Let this process and what it starts have no terminal: what an FMU wrote there would look like the command's."""
+    if os.name != "posix":
+        return
+    import fcntl
+    import termios
+
+    with suppress(OSError):
+        terminal = os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY)
+        try:
+            fcntl.ioctl(terminal, termios.TIOCNOTTY)
+        finally:
+            os.close(terminal)
+
+
 def end(root: int, mark: str, pipe: int | None = None) -> None:
     """End a child of this process, its process group, and everything that it has started.
 

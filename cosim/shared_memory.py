@@ -29,9 +29,9 @@ def shared(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
 
 
 def provide(arrays: Iterable[NDArray[Any]], new: bool) -> None:
-    """Let this process have the memory of `shared` arrays at once, as far as the system can do it.
+    """Let this process have the memory of `shared` arrays at once, where the system can do that.
 
-    Page by page, whenever one is touched first, it takes several times as long.
+    Page by page, each when it is first touched, takes several times as long.
 
     Parameters
     ----------

@@ -16,7 +16,6 @@ from cosim.plant.fleet import Fleet
 from cosim.plant.fleet_step import CompiledFleet
 from cosim.plant.member import Member
 from cosim.plant.message import RobotMessage
-from cosim.plant.one_core import Companions
 from cosim.plant.spec import Value
 
 
@@ -31,8 +30,8 @@ class AnyFleet(Protocol):
     logged: list[RobotMessage]
 
     @property
-    def companions(self) -> Companions:
-        """The processes that step plants besides this one."""
+    def companions(self) -> tuple[int, ...]:
+        """The numbers of the processes that step plants besides this one."""
 
     def step(self, tick: int, step: float, given: NDArray[np.float64]) -> None:
         """Hold the inputs and advance every plant by one communication step."""

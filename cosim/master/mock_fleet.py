@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cosim.master.robot import RobotSetup
 from cosim.plant.fleet import HARNESS
 from cosim.plant.message import RobotMessage
-from cosim.plant.one_core import Companions
 from cosim.plant.spec import Value
 
 Motion: TypeAlias = Callable[[float, NDArray[np.float64]], NDArray[np.float64]]
@@ -44,7 +43,7 @@ class MockFleet:
         state: NDArray[np.float64],
         columns: Sequence[tuple[int, ...]],
     ) -> None:
-        self.process, self.companions = HARNESS, Companions()
+        self.process, self.companions = HARNESS, ()
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []
         self.changes: list[tuple[float, str, Sequence[Value]]] = []

@@ -45,7 +45,6 @@ from cosim.plant.failures import PlantError
 from cosim.plant.interpreter import how_it_ended
 from cosim.plant.member import Member
 from cosim.plant.message import Message, RobotMessage
-from cosim.plant.one_core import Companions
 from cosim.plant.printed import Printed
 from cosim.plant.protocol import HEADER, send
 from cosim.plant.spec import Value
@@ -387,7 +386,7 @@ class _Elsewhere:
     """The plants of a run as the process that supervises it sees them: only what their FMUs have logged."""
 
     def __init__(self) -> None:
-        self.process, self.companions = "supervised", Companions()
+        self.process, self.companions = "supervised", ()
         self.members: list[Member] = []
         self.messages: list[str] = []
         self.logged: list[RobotMessage] = []

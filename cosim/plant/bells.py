@@ -1,9 +1,10 @@
 """A step of plants in other processes, from compiled code: numbers go through shared memory, a bell through a pipe.
 
-The harness writes inputs into memory that it shares with a process, and a few bytes into the pipe to it. The process
-steps its plants, writes outputs into the memory, and rings back in the same way. If the other side works on another
-core, whoever waits looks a few times before going to sleep: waking up from there takes longer than most steps. On the
-same core, looking would only keep the other side from working.
+The harness writes inputs into memory that it shares with a process, and increases a number there to ask for a step. The
+process steps its plants, writes outputs into the memory, and answers in the same way. Whoever waits looks at the number
+for a while, since to sleep and to wake up takes longer than most steps. On one core it gives the core to the other side
+between two looks. Then it says that it sleeps, and waits for a few bytes in a pipe. Where looking has not helped, as
+the step is long or others want the core, it does not look in the next steps.
 
 The functions of the C library are called by addresses that come as data: compiled code is kept on disk.
 """
@@ -25,12 +26,18 @@ from numpy.typing import NDArray
 
 from cosim.compiled import address_of, compiled, part
 from cosim.plant.activity import Activity, activity
+from cosim.plant.atomic import load, swap
 from cosim.plant.calls import c_function
 from cosim.plant.protocol import HEADER, Reply, Request
 from cosim.shared_memory import MappedMemory
 
-LOOKS = 20
-"""How many times to look before going to sleep, each a fraction of a microsecond."""
+PATIENCE = 50_000
+"""Time [ns] to look before going to sleep: about what it takes to wake up on another core."""
+_FEWEST, _MOST = 64, 2**16
+"""Steps without looks after one in which looking has not helped: twice as many as the last time, within bounds."""
+
+AWAKE, ASLEEP, BY_PIPE = range(3)
+"""What whoever waits for a number says in memory: it looks there; it sleeps; it never looks, or not now."""
 
 
 class Heard(IntEnum):
@@ -45,7 +52,15 @@ class Heard(IntEnum):
 HEARD_DONE, _FAILED, _NOTHING, _GONE, _NONSENSE = map(int, Heard)
 """The same as plain numbers, for compiled code."""
 
-_FUNCTIONS = {"write": "write", "read": "read", "poll": "poll", "core_now": "sched_getcpu", "copy": "memcpy"}
+_FUNCTIONS = {
+    "write": "write",
+    "read": "read",
+    "poll": "poll",
+    "core_now": "sched_getcpu",
+    "copy": "memcpy",
+    "give_way": "sched_yield",
+    "clock": "clock_gettime",
+}
 """Functions of the C library, by the fields of `BELL` for their addresses."""
 
 BELL = np.dtype(
@@ -53,12 +68,19 @@ BELL = np.dtype(
         *(("time", np.float64), ("step", np.float64), ("core", np.int64)),  # `Board.told`
         *((name, np.int64) for name in ("failed", "pending", "other_core")),  # `Board.tells`
         *((name, np.int64) for name in ("heard", "requests", "replies", "patience")),
+        *(
+            (name, np.int64)
+            for name in ("asks_at", "hears_at", "seen", "slept", "rest", "pause", "seconds", "nanoseconds", "now_at")
+        ),
         *((name, np.int64) for name in ("frame", "answer", "watched", "ending", "timer")),
         *((name, np.int64) for name in ("frame_at", "answer_at", "watched_at", *_FUNCTIONS)),
     ]
 )
 """A process for compiled code: what it is told and tells, its pipes, and addresses in this record and of functions.
 
+``asks_at`` and ``hears_at`` are the addresses of `Board.asked` and `Board.answered`, or the other way round in the
+process. ``seen`` is the number that was there last, and ``slept`` whether this side has said since that it sleeps.
+``rest`` is how many steps go without looks, and ``pause`` how many that were the last time.
 ``heard`` is of `Heard`. ``watched``, ``ending`` and ``timer`` are each a ``struct pollfd``: the replies, the end of the
 process, and a timer, as far as the system has them. ``patience`` is how long [ms] compiled code waits; -1 with a timer.
 """
@@ -69,6 +91,9 @@ _ROOM = 1 << 17
 """Bytes of a board without inputs and outputs, and more."""
 
 SIZE = HEADER.size
+SAYS = 8
+"""Place [bytes] of what is said in `Board.asked` and `Board.answered`."""
+_MONOTONIC = getattr(time, "CLOCK_MONOTONIC", 0)
 _WATCHED = 3
 """Number of ``struct pollfd``."""
 STEP, DONE = (int.from_bytes(HEADER.pack(kind, 0), "little") for kind in (Request.STEP, Reply.DONE))
@@ -77,6 +102,8 @@ _copy = c_function("pointer", "pointer", "size")
 exchange = c_function("int", "pointer", "size")
 _poll = c_function("pointer", "size", "int")
 core_of = c_function("int")
+_call = c_function("int")
+_clock = c_function("int", "pointer")
 
 Copies: TypeAlias = NDArray[np.int64]
 """Rows of three: an address, the address from which its bytes come, and how many."""
@@ -93,6 +120,9 @@ class Board(NamedTuple):
         Communication point and step [s], and as an integer the core on which the harness works.
     tells : ndarray of int
         How many plants have failed, how many messages wait to be taken, the core on which the process works.
+    asked, answered : ndarray of int
+        A number that is increased for each step that is asked for, or answered, without the pipe or with it; and what
+        the side says that waits for it: `AWAKE`, `ASLEEP` or `BY_PIPE`.
     inputs, outputs : ndarray
         Of all its plants, one after the other, in the FMUs' own units.
     """
@@ -100,6 +130,8 @@ class Board(NamedTuple):
     activity: Activity
     told: NDArray[np.float64]
     tells: NDArray[np.int64]
+    asked: NDArray[np.int64]
+    answered: NDArray[np.int64]
     inputs: NDArray[np.float64]
     outputs: NDArray[np.float64]
 
@@ -125,6 +157,8 @@ def board(memory: MappedMemory, inputs: int, outputs: int) -> Board:
         activity(memory.take),
         memory.take((_WORDS,), np.float64),
         memory.take((_WORDS,), np.int64),
+        memory.take((2,), np.int64),
+        memory.take((2,), np.int64),
         memory.take((inputs,), np.float64),
         memory.take((outputs,), np.float64),
     )
@@ -138,16 +172,37 @@ def core_now() -> int:
 
 def can_ring() -> bool:
     """Return whether compiled code can ring, and not Python alone."""
-    return all(_function(name) is not None for name in ("write", "read", "poll", "memcpy"))
+    return all(_function(name) is not None for name in _FUNCTIONS.values() if name != "sched_getcpu")
 
 
-def fill(bell: NDArray[np.void], requests: int, replies: int, rings: int) -> None:
-    """Fill the record of a process, the only one of an array: its pipes, and what is written to ring."""
-    bell["requests"], bell["replies"], bell["frame"] = requests, replies, rings
+def fill(
+    bell: NDArray[np.void],
+    pipes: tuple[int, int],
+    numbers: tuple[NDArray[np.int64], NDArray[np.int64]],
+    rings: int,
+) -> None:
+    """Fill the record of a process, the only one of an array.
+
+    Parameters
+    ----------
+    bell
+        The array.
+    pipes
+        The one to be written, and the one to be read.
+    numbers
+        `Board.asked` and `Board.answered`, or the other way round in the process.
+    rings
+        What is written to ring.
+    """
+    bell["requests"], bell["replies"] = pipes
+    bell["asks_at"], bell["hears_at"] = map(_at, numbers)
+    bell["frame"] = rings
+    replies = pipes[1]
     for name, descriptor in (("watched", replies), ("ending", -1), ("timer", -1)):
         bell[name] = _watched(descriptor)
     for name in ("frame", "answer", "watched"):
         bell[f"{name}_at"] = _at(bell[name])
+    bell["now_at"] = _at(bell["seconds"])
     for field, name in _FUNCTIONS.items():
         function = _function(name)
         bell[field] = 0 if function is None else ctypes.cast(function, ctypes.c_void_p).value
@@ -235,8 +290,9 @@ def ring(bells: NDArray[np.void], gives: Copies, time: float, step: float) -> No
         _copy(bells[0]["copy"], (gives[j, 0], gives[j, 1], gives[j, 2]))
     for i in range(len(bells)):
         bell = bells[i]
-        bell["heard"] = _NOTHING
-        exchange(bell["write"], (np.int32(bell["requests"]), bell["frame_at"], SIZE))
+        bell["heard"], bell["seen"], bell["slept"] = _NOTHING, load(bell["hears_at"]), 0
+        swap(bell["hears_at"] + SAYS, AWAKE)
+        ring_there(bell)
 
 
 @compiled
@@ -254,8 +310,10 @@ def listen(bells: NDArray[np.void], takes: Copies) -> None:
 @part
 def _hear(bell: np.void) -> None:
     bell["answer"] = 0
-    found = look_for_it(bell)
-    if not found and _poll(bell["poll"], (bell["watched_at"], _WATCHED, np.int32(bell["patience"]))) <= 0:
+    if look_for_it(bell):
+        bell["heard"] = HEARD_DONE
+        return
+    if _poll(bell["poll"], (bell["watched_at"], _WATCHED, np.int32(bell["patience"]))) <= 0:
         return  # nothing in good time, or a signal that Python must see
     if bell["watched"] >> 48 != 0:  # an event
         read = exchange(bell["read"], (np.int32(bell["replies"]), bell["answer_at"], SIZE))
@@ -270,14 +328,50 @@ def _hear(bell: np.void) -> None:
 
 
 @part
+def ring_there(bell: np.void) -> None:
+    """Increase the number for the other side, and wake it up by its pipe if it sleeps."""
+    there = bell["asks_at"]
+    swap(there, load(there) + 1)
+    says = load(there + SAYS)
+    if says == BY_PIPE or (says == ASLEEP and swap(there + SAYS, AWAKE) == ASLEEP):
+        exchange(bell["write"], (np.int32(bell["requests"]), bell["frame_at"], SIZE))
+
+
+@part
 def look_for_it(bell: np.void) -> bool:
-    """Look a few times whether there is something in the pipe, if the other side works on another core."""
-    found = False
-    looks = LOOKS if bell["other_core"] != bell["core"] else 0
-    while looks > 0 and not found:
-        found = _poll(bell["poll"], (bell["watched_at"], 1, np.int32(0))) > 0
-        looks -= 1
-    return found
+    """Look for a new number of the other side; return False, and say that this side sleeps, if there is none for long.
+
+    Then something will be in the pipe. Of both sides, one alone makes `ASLEEP` into `AWAKE`: if it is the other one,
+    it writes into the pipe.
+    """
+    if bell["slept"] != 0:
+        return False
+    here, seen = bell["hears_at"], bell["seen"]
+    found = load(here) != seen
+    if bell["rest"] > 0:
+        bell["rest"] -= 1
+    elif not found:
+        together, now = bell["other_core"] == bell["core"], 0
+        begun = _nanoseconds(bell)
+        while not found and now - begun < PATIENCE:
+            if together:
+                _call(bell["give_way"], (np.int32(0),))
+            found, now = load(here) != seen, _nanoseconds(bell)
+        bell["pause"] = min(max(2 * bell["pause"], _FEWEST), _MOST) if now - begun >= PATIENCE else bell["pause"] // 2
+        bell["rest"] = bell["pause"] if now - begun >= PATIENCE else 0
+    if not found:
+        swap(here + SAYS, ASLEEP)
+        if load(here) == seen or swap(here + SAYS, AWAKE) != ASLEEP:  # the other side has just rung, or is about to
+            bell["slept"] = 1
+            return False
+    return True
+
+
+@part
+def _nanoseconds(bell: np.void) -> int:
+    _clock(bell["clock"], (np.int32(_MONOTONIC), bell["now_at"]))
+    now: int = 1_000_000_000 * bell["seconds"] + bell["nanoseconds"]
+    return now
 
 
 def _watched(descriptor: int) -> int:

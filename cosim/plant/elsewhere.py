@@ -14,7 +14,6 @@ from cosim.plant.failures import NoInstance
 from cosim.plant.local import NotStarted
 from cosim.plant.member import Member
 from cosim.plant.message import Message
-from cosim.plant.one_core import Companions
 from cosim.plant.process import PlantProcess, end
 from cosim.plant.spec import Value
 from cosim.plant.stepping import Rows
@@ -55,10 +54,10 @@ class Elsewhere:
         """Whether compiled code can step the plants, if there are any."""
         return not self._processes or can_ring()
 
-    def companions(self, plants: int) -> Companions:
-        """Return the processes, of a fleet of so many plants."""
-        in_turns = len(self._homes) == 1 and len(self._homes[0].plants) == plants
-        return Companions(tuple(home.process.number for home in self._homes), in_turns)
+    @property
+    def companions(self) -> tuple[int, ...]:
+        """The numbers of the processes."""
+        return tuple(home.process.number for home in self._homes)
 
     def start(self, members: Sequence[Member]) -> None:
         """Start those plants of a fleet that run elsewhere.

@@ -34,7 +34,6 @@ from cosim.plant.local import LocalPlants, NotStarted
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
 from cosim.plant.message import Message, RobotMessage
-from cosim.plant.one_core import Companions
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
 
@@ -193,9 +192,9 @@ class Fleet:
             self._check_first_step(after)
 
     @property
-    def companions(self) -> Companions:
-        """The processes that step plants besides this one."""
-        return self._elsewhere.companions(len(self.members))
+    def companions(self) -> tuple[int, ...]:
+        """The numbers of the processes that step plants besides this one."""
+        return self._elsewhere.companions
 
     def compiled(self, given: NDArray[np.float64]) -> CompiledFleet | None:
         """Return what compiled code needs in place of `step`; None if plants must be stepped from Python.

@@ -37,7 +37,8 @@ def launch(
 ) -> subprocess.Popen[bytes]:
     """Start an interpreter that is reached through its standard input and output.
 
-    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it.
+    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it. It stays
+    in the session, as Linux shares a core out between sessions first: one cannot give way to the other in time.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def launch(
         pass_fds=inherited,
         stderr=errors if errors is not None or _standard_error() else subprocess.DEVNULL,
         bufsize=0,
-        start_new_session=os.name == "posix",
+        process_group=0 if os.name == "posix" else None,
         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
     )
 

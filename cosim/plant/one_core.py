@@ -1,6 +1,6 @@
 """One core for a thread and for processes, as long as they are faster so.
 
-To wake up another core takes longer than most steps of a plant.
+To wake up another core takes longer than most steps of a plant. To look for its answer does not, while both are free.
 """
 
 from __future__ import annotations
@@ -8,48 +8,33 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Sequence
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from cosim.plant.bells import core_now
 
 TOGETHER = 0.5
-"""Time [s] after which all are let go for a while, so that the system can move them to a core that is free."""
+"""Time [s] between two trials. In each all are let go for a while: the system can move them to a core that is free."""
 TRIAL = 0.01
-"""Time [s] for which it is tried whether processes that work side by side are faster on one core or on several."""
-
-
-class Companions(NamedTuple):
-    """Processes that step plants.
-
-    Attributes
-    ----------
-    processes : tuple of int
-        Their numbers.
-    in_turns : bool
-        Whether there is one, with all plants, so that it works only while the harness waits for it.
-    """
-
-    processes: tuple[int, ...] = ()
-    in_turns: bool = False
+"""Time [s] for which it is tried whether they are faster on one core or on several."""
 
 
 class OneCore:
     """Keeps the calling thread and the main threads of processes on one core, except now and then.
 
-    If they work side by side, it is tried again and again whether they get on faster so. Only Linux can do it;
-    elsewhere, or if the system refuses it, nothing happens. At the end of the block all may work where they could
-    before.
+    It is tried again and again whether they get on faster so. Only Linux can do it; elsewhere, or if the system refuses
+    it, nothing happens. At the end of the block all may work where they could before.
 
     Parameters
     ----------
     companions
-        The processes.
+        The numbers of the processes.
     """
 
-    def __init__(self, companions: Companions) -> None:
-        linux, (processes, self._in_turns) = sys.platform == "linux", companions
-        self._threads = (0, *processes) if processes and linux else ()  # 0: the calling thread
+    def __init__(self, companions: Sequence[int]) -> None:
+        linux = sys.platform == "linux"
+        self._threads = (0, *companions) if companions and linux else ()  # 0: the calling thread
         self._allowed: dict[int, set[int]] = {}  # of those that are kept together
         self._trying = False
         self._apart = 0.0  # ticks a second when they were let go
@@ -62,10 +47,7 @@ class OneCore:
             return
         speed = (tick - self._tick) / (now - self._since) if now > self._since else 0.0
         self._since, self._tick = now, tick
-        if self._in_turns:
-            self._until = now if self._allowed else now + TOGETHER
-            self._keep(not self._allowed)
-        elif not self._trying:
+        if not self._trying:
             self._trying, self._apart, self._until = True, 0.0, now + TRIAL
             self._keep(False)
         elif not self._apart:

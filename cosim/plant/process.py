@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cosim import process_tree
 from cosim.errors import printable
 from cosim.plant.awaiting import Awaited
-from cosim.plant.bells import BELL, STEP, Heard, board, board_size, core_now, fill, watch
+from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, board, board_size, core_now, fill, watch
 from cosim.plant.failures import NoInstance, PlantError
 from cosim.plant.interpreter import environment, how_it_ended, kill, kill_only, launch
 from cosim.plant.local import NotStarted
@@ -114,7 +114,10 @@ class PlantProcess:
             self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
             self._awaited = Awaited(self._process.pid, self._replies)
             self._interval = min(max(min(self._limits) / 10, 0.02), 0.5)
-            fill(self.bell, self._requests, self._replies, STEP)
+            numbers = self.board.asked, self.board.answered
+            for number in numbers:
+                number[1] = BY_PIPE
+            fill(self.bell, (self._requests, self._replies), numbers, STEP)
             self._timer = watch(self.bell, self._awaited.descriptor, self._interval)
             self._ask(Request.START, {"memory": memory.name, "size": size, **_about(specs)})
         except BaseException:
@@ -166,6 +169,7 @@ class PlantProcess:
         self.board.told[:2] = time, step
         self.board.told[2:].view(np.int64)[0] = core_now()
         self.bell["heard"] = Heard.NOTHING
+        self.board.answered[1] = BY_PIPE
         self._ask(Request.STEP)
 
     def finish(self) -> None:

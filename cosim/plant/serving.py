@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from cosim.compiled import COMPILED, compiled, entry_of
 from cosim.frames import Bound, call_bound
+from cosim.plant.atomic import load, swap
 from cosim.plant.bells import (
+    AWAKE,
     BELL,
+    BY_PIPE,
     DONE,
+    SAYS,
     SIZE,
     STEP,
     board,
@@ -23,6 +27,7 @@ from cosim.plant.bells import (
     fill,
     look_for_it,
     no_bells,
+    ring_there,
 )
 from cosim.plant.failures import PlantError
 from cosim.plant.fleet_step import (
@@ -62,7 +67,7 @@ class Served:
         self._found = np.zeros(2, dtype=np.int64)
         self._local = LocalPlants(self.board.activity)
         self._bell = np.zeros(1, BELL)
-        fill(self._bell, requests=replies, replies=requests, rings=DONE)
+        fill(self._bell, (replies, requests), (self.board.answered, self.board.asked), DONE)
         self.board.activity.listen()
         load_step(any(spec.interface != CO_SIMULATION or spec.fmi == "3.0" for spec in self._specs))
         self._step = CompiledFleet(np.zeros(3, np.int64), self.board.activity.clock, self._found[:1], self._found[1:])
@@ -173,15 +178,19 @@ def serve(bell: NDArray[np.void], told: NDArray[np.float64], tells: NDArray[np.i
         A step of the plants.
     """
     own = bell[0]
+    own["slept"] = 1  # the harness still rings through the pipe alone
     while True:
-        look_for_it(own)
-        own["answer"] = 0
-        own["heard"] = exchange(own["read"], (np.int32(own["replies"]), own["answer_at"], SIZE))
-        if own["heard"] != SIZE or own["answer"] != STEP:
-            return
+        if not look_for_it(own):
+            own["answer"] = 0
+            own["heard"] = exchange(own["read"], (np.int32(own["replies"]), own["answer_at"], SIZE))
+            if own["heard"] != SIZE or own["answer"] != STEP:
+                swap(own["hears_at"] + SAYS, BY_PIPE)
+                return
+            swap(own["hears_at"] + SAYS, AWAKE)  # also if Python has rung
+        own["seen"], own["slept"] = load(own["hears_at"]), 0
         plants.clock[0], plants.clock[1] = told[0], told[1]
         failed = call_bound(plants.call[0], plants.call[1], plants.call[2]) != 0 or plants.found[0] != 0
         own["core"] = core_of(own["core_now"], (np.int32(0),)) if own["core_now"] != 0 else -1
         own["other_core"] = told.view(np.int64)[2]
         tells[0], tells[1], tells[2] = failed, plants.said[0], own["core"]
-        exchange(own["write"], (np.int32(own["requests"]), own["frame_at"], SIZE))
+        ring_there(own)

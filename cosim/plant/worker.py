@@ -25,6 +25,7 @@ def main() -> None:
 
     The arguments are the harness's process, and the folders where its Python finds modules.
     """
+    process_tree.leave_terminal()
     process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     replies = out_of_reach(1)

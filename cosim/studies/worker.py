@@ -44,6 +44,7 @@ def main() -> None:
 
     The arguments are that process, and the folders where its Python finds modules.
     """
+    process_tree.leave_terminal()
     process_tree.adopt()
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     answers, tasks = out_of_reach(1), out_of_reach(0)

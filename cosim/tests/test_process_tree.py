@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -117,3 +118,30 @@ def test_nothing_else_is_touched() -> None:
     assert other.poll() is None
     other.kill()
     other.wait()
+
+
+def test_a_process_that_leaves_the_terminal_cannot_reach_it() -> None:
+    """It stays in the session of the command, but FMUs neither read what is typed nor write what looks like ours."""
+    program = """
+import os, sys
+from cosim.process_tree import leave_terminal
+os.close(os.open("/dev/tty", os.O_RDWR))
+if (child := os.fork()) == 0:
+    os.setpgid(0, 0)
+    leave_terminal()
+    try:
+        os.open("/dev/tty", os.O_RDWR)
+    except OSError:
+        os._exit(7)
+    os._exit(1)
+os.close(os.open("/dev/tty", os.O_RDWR))
+os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execv(sys.executable, [sys.executable, "-c", program])
+    with suppress(OSError):  # the end, on Linux
+        while os.read(terminal, 1024):
+            pass
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 7

@@ -1,0 +1,49 @@
+"""Numbers in memory that processes share, read and exchanged so that all processes see the same order of events."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+from cosim.compiled import COMPILED
+
+
+def _load_plain(address: int) -> int:
+    return ctypes.c_int64.from_address(int(address)).value
+
+
+def _swap_plain(address: int, value: int) -> int:
+    there = ctypes.c_int64.from_address(int(address))
+    before, there.value = there.value, int(value)
+    return before
+
+
+def _make() -> tuple[Callable[[int], int], Callable[[int, int], int]]:
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    word = ir.IntType(64)
+
+    @intrinsic
+    def load(_: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.load_atomic(builder.inttoptr(values[0], word.as_pointer()), "seq_cst", 8)
+
+        return types.int64(types.int64), generate
+
+    @intrinsic
+    def swap(_: Any, address: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.atomic_rmw("xchg", builder.inttoptr(values[0], word.as_pointer()), values[1], "seq_cst")
+
+        return types.int64(types.int64, types.int64), generate
+
+    return load, swap  # type: ignore[return-value]
+
+
+load, swap = _make() if COMPILED else (_load_plain, _swap_plain)
+"""``load(address)`` returns a 64-bit integer, ``swap(address, value)`` replaces it and returns the one before.
+
+Nothing is moved across them, by the compiler or the processor. Without compilation they are not atomic."""
