@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 from numba.core.compiler_lock import global_compiler_lock
 
 import cosim
+import cosim.master.foreign
 import cosim.master.supervised
 from cosim import process_tree
 from cosim.cli import main
@@ -169,6 +171,22 @@ def test_which_runs_are_supervised(make: Make, tmp_path: Path) -> None:
         assert type(run) is Simulation
 
 
+def test_where_no_process_supervises_each_fmu_has_one_of_its_own(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As on Windows and macOS: also there an FMU ends its own run alone."""
+    monkeypatch.setattr(cosim.master.foreign, "_SUPERVISES", False)
+    bad = write(tmp_path / "bad.xml", make(name="bad", behaviour="exit_0", when=WHEN))
+    good = write(tmp_path / "good.xml", make(name="car"))
+    assert main(["run", str(bad), str(good), "--out", str(tmp_path), "--no-figure", "--no-report"]) == 3
+    printed = "".join(capsys.readouterr())
+    assert "did not complete the step: its process exited with status 0" in printed
+    for name, samples in (("bad", BEFORE), ("good", 31)):
+        result = saved(tmp_path / name / "result.nc")
+        assert result.samples == samples
+        assert {plant["process"] for plant in json.loads(result.attrs["plants"]).values()} == {"its own"}
+
+
 def test_the_numbers_are_the_same(make: Make, tmp_path: Path) -> None:
     fmu = make(name="car")
     here, there = (cosim.run(write(tmp_path / "s.xml", fmu, how, "4 s")) for how in ('isolate="no"', ""))
@@ -176,6 +194,18 @@ def test_the_numbers_are_the_same(make: Make, tmp_path: Path) -> None:
     for name in here.data_vars:
         assert np.array_equal(here[name].values, there[name].values, equal_nan=True), name
     assert here.attrs["plants"] != there.attrs["plants"], "the result tells which process it was"
+
+
+def test_the_loop_does_not_wait_for_pages_of_the_records(make: Make, tmp_path: Path) -> None:
+    """They are made while the plants start: at the first touch each, a page costs as much as a tick."""
+    read = cosim.read_scenario(write(tmp_path / "s.xml", make(name="car"), horizon="400 s"))
+    with whole_run(read) as run:
+        records = sum(place.nbytes for place in run._recorder.places)
+        for process in (os.getpid(), run._pid):
+            maps = re.split(r"^(?=[0-9a-f]+-)", Path(f"/proc/{process}/smaps").read_text(), flags=re.MULTILINE)
+            here = [re.search(r"^Rss: +([0-9]+) kB", one, re.MULTILINE) for one in maps if "/dev/zero" in one]
+            assert sum(1024 * int(size[1]) for size in here if size) >= records > 1e6
+        run.run_to_end()
 
 
 def test_a_paced_run_reports_its_pace(make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

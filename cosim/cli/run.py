@@ -22,6 +22,7 @@ from cosim.cli.named_scenarios import read
 from cosim.cli.summary import print_summary
 from cosim.cli.watching import watched
 from cosim.errors import InputError, OutputError, RunInterrupted, SimulationError
+from cosim.master.foreign import for_whole_run
 from cosim.master.interrupt import HeldSignals
 from cosim.master.other_runs import run_other
 from cosim.master.pacing import Pacer
@@ -130,6 +131,7 @@ def _run_one(
         ):
             storage = Storage(options.out / scenario.name)
             ending.callback(storage.release)
+            scenario = for_whole_run(scenario)
             setup = set_up(scenario, ending, timing, storage=storage)
             for fmu in setup.fmus.values() if options.strict else ():
                 rules_kept(fmu, strict=True)  # before any is started

@@ -16,6 +16,7 @@ from cosim.errors import InputError
 from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.common_effects import check_common_effects
+from cosim.master.foreign import for_whole_run
 from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup
 from cosim.master.robots import followers_of, leader_of
@@ -149,7 +150,7 @@ def set_up(
     def prepare(path: Path) -> Recording:
         """Read and set up a scenario to compare with, once; its own expectations are not read."""
         if path not in others:
-            other = replace(read_scenario(path, untrusted=scenario.untrusted), expectations=())
+            other = for_whole_run(replace(read_scenario(path, untrusted=scenario.untrusted), expectations=()))
             others[path] = other, set_up(other, cleanup, {}, storage=storage)
         other, setup = others[path]
         return Recording(other, setup.signals)

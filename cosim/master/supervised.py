@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from cosim import process_tree
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
 from cosim.master.fleets import AnyFleet, members_of
-from cosim.master.foreign import is_foreign
+from cosim.master.foreign import is_foreign, is_supervised
 from cosim.master.gate import Gate
 from cosim.master.interrupt import HeldSignals
 from cosim.master.pacing import Pacer, PaceReport
@@ -64,12 +64,10 @@ _MOST = 64 * 1024**2
 def whole_run(scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None) -> Simulation | SupervisedRun:
     """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants.
 
-    A gate that holds it must be in memory that processes share.
+    A scenario that is set up already is one `for_whole_run`. A gate that holds the run must be in memory that processes
+    share.
     """
-    used = {scenario.leader.plant, *(follower.plant for follower in scenario.followers)}
-    plants = [scenario.plants[name] for name in used]
-    foreign = any(map(is_foreign, plants))
-    if foreign and sys.platform == "linux":
+    if is_supervised(scenario):
         return SupervisedRun(scenario, setup, gate)
     return Simulation(scenario, setup, observers=[gate] if gate is not None else ())
 

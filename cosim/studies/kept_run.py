@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from cosim.errors import FormationError, OutputError, SimulationError
+from cosim.master.foreign import for_whole_run
 from cosim.master.other_runs import run_other
 from cosim.master.setup import Setup, set_up, size_of_result
 from cosim.master.supervised import whole_run
@@ -54,7 +55,7 @@ class KeptRun:
         FormationError
             It cannot begin, or its results cannot be written.
         """
-        scenario = read_scenario(self.folder / SCENARIO)
+        scenario = for_whole_run(read_scenario(self.folder / SCENARIO))
         with ExitStack() as cleanup:
             setup = set_up(scenario, cleanup, {}, storage=Storage(self.folder))
             self._check_room(scenario, setup)
