@@ -29,7 +29,7 @@ from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
 from cosim.studies.table import as_result
-from cosim.tests.studies import LAST, SEEDS, UNIFORM, small_study, write_study
+from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study, write_study
 
 from .crashing_study import crashing_study
 
@@ -79,8 +79,34 @@ def test_a_study_goes_on_where_it_was(tmp_path: Path) -> None:
         torn = lines[order[5]][:40]
         (tmp_path / "out" / FILE).write_bytes(b"".join([lines[0], *rows, torn]))
         again = here(tmp_path)
-        assert again.made == 6 - kept
+        assert (again.made, again.before) == (6 - kept, kept)
         assert again.rows == whole.rows
+
+
+def test_equal_runs_are_made_once_and_not_told_as_kept_from_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    same = """<vary name="law" cross="yes"><case name="one"/><case name="other"/></vary>"""
+    write_study(tmp_path, vary=same + SEEDS, sample='<sample method="random" runs="3"/>')
+    for before in ("", "6 of them from before; "):
+        assert main(["study", "study.xml", "--workers", "1", "--no-figure", "--no-report"]) == 0
+        assert f"6 runs; {before}6 passed" in capsys.readouterr().out
+    assert (tmp_path / "runs" / "small" / FILE).read_text().count('"key"') < 6
+
+
+def test_broken_runs_with_one_reason_are_told_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    masses = f'<vary name="mass" select="{MASS}"><list values="30 kg, -1 kg"/></vary>'
+    write_study(
+        tmp_path, masses + SEEDS.replace("count", "range").replace('"7"', '"1" to="3"'), '<sample method="grid"/>'
+    )
+    assert main(["study", "study.xml", "--workers", "1", "--no-figure", "--no-report"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("broken: ") == 1
+    assert "broken: run 4 and 2 more: base.xml:" in printed
 
 
 def test_what_changes_a_run_makes_it_anew_and_nothing_else_does(tmp_path: Path) -> None:
@@ -167,6 +193,8 @@ def test_quantiles_means_and_worst_values(tmp_path: Path) -> None:
         math.inf,
         "run 100 of 100 runs, 1 run broken",
     )
+    (one,) = requirements_of(small_study(tmp_path, rest=LAST + '<worst of="last" below="101 mm"/>'))
+    assert str(one.judge(broken)).endswith(": no figure (run 100 of 100 runs, 1 run broken)")
     few = verdict(tmp_path, quantile, rows_of([PASSED] * 5, figures))
     assert (few[0], "too few" in few[2]) == (False, True)
 

@@ -96,6 +96,11 @@ def test_the_least_margin_is_sought_and_the_first_failures_are_not_enough(
     shown = remarkable(outcome)
     assert outcome.worst.row.number in shown
     assert set(shown) <= {row.number for row in outcome.worst.failing}
+    figure = draw(outcome)
+    figure.canvas.draw()
+    for panel in figure.axes[:-1]:  # the last one is the colour bar
+        height = panel.yaxis.label.get_window_extent().height
+        assert height < 1.2 * panel.get_window_extent().height, "the label is as long as its panel"
     assert picture(outcome)[:4] == b"\x89PNG"
 
 

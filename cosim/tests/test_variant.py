@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 import time
 from pathlib import Path
 
@@ -230,6 +231,18 @@ def test_a_path_that_a_variant_sets_is_relative_to_the_variant(base: Path, tmp_p
     fmu = read_scenario(other).plants["x"].fmu
     assert fmu is not None
     assert fmu.resolve() == tmp_path / "car.fmu", "another attribute of the same element was set elsewhere"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs links")
+def test_a_place_has_no_detours_unless_they_lead_elsewhere(base: Path, tmp_path: Path) -> None:
+    write(tmp_path / "more" / "v.xml", "", of="../base.xml")
+    assert read_scenario(tmp_path / "more" / "v.xml").followers[0].where.file == str(base)
+    (tmp_path / "deep" / "er").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "deep" / "er", target_is_directory=True)
+    (tmp_path / "deep" / "base.xml").write_text(base.read_text())
+    write(tmp_path / "link" / "v.xml", "", of="../base.xml")
+    where = read_scenario(tmp_path / "link" / "v.xml").followers[0].where.file
+    assert where == f"{tmp_path}/link/../base.xml", "the folder above is that of the link's target"
 
 
 # Places -----------------------------------------------------------------------------------------------------
