@@ -211,21 +211,26 @@ const INDICES = { first: "alone", total: "in all", mean_absolute: "magnitude" };
 /** Show what each measure depends on. */
 function showSensitivity(place, study) {
   if (!study.sensitivity.length) return;
-  place.append(element("h2", {}, "What decides"));
+  const indices = element("div", { class: "indices" });
+  place.append(element("h2", {}, "What decides"), indices);
   for (const one of study.sensitivity) {
+    const own = element("div");
+    indices.append(own);
     const figures = Object.keys((one.values || [])[0] || {}).filter((name) => name !== "name" && !name.endsWith("plus_minus"));
     const heading = [one.measure, ...[one.cases || []].flat()].join(", ");
     if (figures.length) {
-      const main = figures.includes("total") ? "total" : figures[0];
+      const shares = figures.includes("total");
+      const told = (value) => (shares && typeof value === "number" ? value.toFixed(2).replace(/^-0.00$/, "0.00") : figure(value));
+      const main = shares ? "total" : figures[0];
       const values = [...one.values].sort((a, b) => Math.abs(b[main]) - Math.abs(a[main]));
       const rows = values.map((value) => element("tr", {}, [
         element("td", {}, value.name),
-        ...figures.map((name) => element("td", { class: "number" }, [figure(value[name]),
-          ...(typeof value[`${name}_plus_minus`] === "number" ? [` ± ${figure(value[`${name}_plus_minus`])}`] : [])])),
+        ...figures.map((name) => element("td", { class: "number" }, [told(value[name]),
+          ...(typeof value[`${name}_plus_minus`] === "number" ? [` ± ${told(value[`${name}_plus_minus`])}`] : [])])),
       ]));
-      place.append(table([[heading], ...figures.map((name) => [INDICES[name] || name.replaceAll("_", " "), "number"])], rows));
+      own.append(table([[heading], ...figures.map((name) => [INDICES[name] || name.replaceAll("_", " "), "number"])], rows));
     }
-    if (one.note) place.append(element("p", { class: "dim" }, `${heading}: ${one.note}`));
+    if (one.note) own.append(element("p", { class: "dim" }, `${heading}: ${one.note}`));
   }
 }
 
