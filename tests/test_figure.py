@@ -216,6 +216,20 @@ def test_nothing_overlaps_whatever_followers_are_called(mixed: Result, followers
     assert (tmp_path / "many.png").stat().st_size > 10_000
 
 
+def test_a_name_from_strangers_stays_within_its_panel(result: Result) -> None:
+    long = {f"telemetry_{'that_is_long_' * 20}\x1b$": result["range_error"]}
+    figure = draw(replace(result, data_vars={**long, **result.data_vars}))
+    figure.draw_without_rendering()
+    (text,) = (text for text in figure.axes[-1].texts if text.get_text().startswith("telemetry"))
+    assert text.get_text().isprintable()
+    assert text.get_window_extent().width < 0.3 * figure.bbox.width
+
+
+def test_times_of_a_very_long_run_have_their_factor(result: Result) -> None:
+    coords = {**result.coords, "time": replace(result["time"], values=result["time"].values * 1e6)}
+    assert "time [s] 1e6" in written(draw(replace(result, coords=coords)))
+
+
 def test_all_panels_share_one_axes(result: Result) -> None:
     """An Axes for each would take more than twice the time."""
     assert len(draw(result).axes) == 3

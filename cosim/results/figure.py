@@ -85,9 +85,8 @@ def save_figure(result: xr.Dataset | Result, path: str | Path, panels: Choice = 
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a title in letters that the font lacks
-        draw(result, panels).savefig(
-            buffer, format="png", dpi=120, pil_kwargs={"compress_level": 1}
-        )  # others take longer
+        figure = draw(result, panels)
+        figure.savefig(buffer, format="png", dpi=120, pil_kwargs={"compress_level": 1})  # others take longer
     write(Path(path), buffer.getbuffer())
 
 
@@ -103,7 +102,7 @@ def draw(result: xr.Dataset | Result, choice: Choice = "all") -> Figure:
     shown, notes = sheet.panels(drawn)
     if _has_gaps(whole, drawn):
         notes.insert(0, "diverged values are not drawn")
-    notes = [line for note in notes for line in textwrap.wrap(note, 220, max_lines=2, placeholder=" ...")]
+    notes = [line for note in notes for line in textwrap.wrap(printable(note), 220, max_lines=2, placeholder=" ...")]
     above = _title(drawn)
     colours = colours_of(len(drawn.robots))
     bands = [band for band in bands_of(drawn) if band.signal in {panel.signal for panel in shown}]
@@ -145,7 +144,7 @@ def draw(result: xr.Dataset | Result, choice: Choice = "all") -> Figure:
         row, column = divmod(number, sheet.columns)
         upper = first + row * (_TITLE + sheet.height) + _TITLE
         last_in_column = number + sheet.columns >= len(shown)
-        places.append(Place(column * across + _LEFT, upper, across - _LEFT, sheet.height - 0.0, last_in_column))
+        places.append(Place(column * across + _LEFT, upper, across - _LEFT, sheet.height, last_in_column))
     canvas = figure.add_axes((0, 0, 1, 1), xlim=(0, _WIDTH), ylim=(height, 0), frameon=False, zorder=-1)
     canvas.set_axis_off()
     failure = Provenance.of(whole.attrs).failure

@@ -19,6 +19,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
+from cosim.errors import printable
 from cosim.results.colours import BAD, GOOD
 from cosim.results.expectations.shown import Band
 from cosim.results.figure_style import LEADER, Colour
@@ -39,6 +40,8 @@ _WIDTH = 0.9
 _SHADE = 0.13
 """Opacity of a band."""
 _TITLE_SIZE, _NUMBER_SIZE = 9, 8
+_LETTERS = 12
+"""Of a title, in an inch."""
 _MOST_DIGITS = 7
 """Of a number beside a panel, for which there is room."""
 
@@ -124,7 +127,8 @@ def _draw_frames(axes: Axes, panes: Sequence[_Pane]) -> None:
     title, small = FontProperties(size=_TITLE_SIZE), FontProperties(size=_NUMBER_SIZE)
     frames, grid = [], []
     at_times = _ticks(*panes[0].times, 6) if panes else []
-    names_of_times, _ = _numbers(at_times)
+    names_of_times, offset_of_times = _numbers(at_times)
+    time = f"time [s] {offset_of_times}".rstrip()
     for pane in panes:
         place = pane.place
         right, bottom = place.left + place.width, place.top + place.height
@@ -134,9 +138,8 @@ def _draw_frames(axes: Axes, panes: Sequence[_Pane]) -> None:
         for x, name in zip(pane.x(np.array(at_times)).tolist(), names_of_times if place.numbered else (), strict=False):
             axes.text(x, bottom + 0.05, name, ha="center", va="top", fontproperties=small)
         if place.numbered:
-            axes.text(
-                place.left + place.width / 2, bottom + 0.2, "time [s]", ha="center", va="top", fontproperties=small
-            )
+            middle = place.left + place.width / 2
+            axes.text(middle, bottom + 0.2, time, ha="center", va="top", fontproperties=small)
         if not pane.panel.courses.size:
             note, x, y = "not recorded by this controller", place.left + place.width / 2, place.top + place.height / 2
             axes.text(x, y, note, ha="center", va="center", fontproperties=title)
@@ -149,7 +152,8 @@ def _draw_frames(axes: Axes, panes: Sequence[_Pane]) -> None:
                 axes.text(place.left - 0.05, y, name, ha="right", va="center", fontproperties=small)
             if offset:
                 axes.text(right, place.top - 0.04, offset, ha="right", va="bottom", fontproperties=small)
-        text = f"{pane.panel.title}{unit}"
+        name, room = printable(pane.panel.title), int(place.width * _LETTERS) - len(unit)
+        text = f"{name if len(name) <= room else f'{name[: room - 3]}...'}{unit}"
         axes.text(place.left, place.top - 0.04, text, ha="left", va="bottom", fontproperties=title, parse_math=False)
     axes.add_collection(LineCollection(grid, colors="0.88", linewidths=0.7, zorder=0.1), autolim=False)
     axes.add_collection(LineCollection(frames, colors="0.2", linewidths=0.8, zorder=0.9), autolim=False)
@@ -163,10 +167,13 @@ def _ticks(low: float, high: float, most: int) -> list[float]:
 
 def _numbers(ticks: Sequence[float]) -> tuple[list[str], str]:
     """Return the numbers as they are written at ticks, and what all of them are to be multiplied by or added to."""
+    if not ticks:
+        return [], ""
     for offset in (False, True):
         formatter = ScalarFormatter(useOffset=offset)
         formatter.set_powerlimits((-3, 5))
         formatter.create_dummy_axis()
+        formatter.axis.set_view_interval(ticks[0], ticks[-1])  # type: ignore[union-attr]
         names = formatter.format_ticks(list(ticks))
         if all(len(name) <= _MOST_DIGITS for name in names):
             break
