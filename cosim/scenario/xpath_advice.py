@@ -11,6 +11,7 @@ from itertools import islice
 from lxml import etree
 
 from cosim.scenario.xpath_cost import affordable
+from cosim.scenario.xpath_once import ask
 
 MAX_SHOWN = 3
 MAX_TRIED = 50
@@ -67,7 +68,7 @@ def _distinct(candidates: Iterable[str], xpath: str) -> Iterator[str]:
 def _selects(root: etree._Element, xpath: str) -> bool:
     with suppress(etree.XPathError, ValueError):
         affordable(root, xpath)
-        return bool(root.xpath(xpath))
+        return bool(ask(root, xpath))
     return False
 
 

@@ -1,9 +1,10 @@
 """How long an XPath may take at most, told from its text: libxml2 cannot be stopped once it has begun.
 
 A path looks at each node about once. A predicate is evaluated for each node, and costs as much again if it begins anew
-at the root or leaves its own children: ``//a[//b]`` looks at the square of the nodes, ``//a[//b[//c]]`` at the cube. So
-does a comparison of two sets of nodes. At the outermost level, such a step costs the square because each node that is
-found is compared with all found before. All bounds are from above.
+at the root or leaves its own children: ``//a[../b]`` looks at the square of the nodes, ``//a[../b[../c]]`` at the cube.
+So does a comparison of two sets of nodes. A predicate that is the same at each node is evaluated once by `xpath_once`.
+At the outermost level, a step that begins anew costs the square because each node that is found is compared with all
+found before. All bounds are from above.
 """
 
 from __future__ import annotations
@@ -11,21 +12,19 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import accumulate
 
 from lxml import etree
+
+from cosim.scenario.xpath_once import MAX_LENGTH, TOKEN, Token, separated
 
 BUDGET = 10_000_000
 """How many nodes an XPath, or all XPaths of a variant, may look at: about a second."""
 _LARGEST = 1_000_000
 """No tree is larger."""
-MAX_LENGTH = 20_000
 MAX_DEPTH = 50
 """Of the predicates within each other."""
 
-_TOKEN = re.compile(
-    r"""\s*(?:(?P<literal>"[^"]*"|'[^']*'|[0-9]+(?:\.[0-9]*)?|\.[0-9]+)|(?P<name>[^\W\d](?:[\w.-])*)"""
-    r"""|(?P<symbol>//|::|\.\.|<=|>=|!=|\S))""",
-)
 _ROOT = re.compile(r"/[^\W\d][\w-]*|/\*|\.|/")
 """An XPath that selects the root."""
 _FAR = frozenset(("parent", "ancestor", "ancestor-or-self", "descendant", "descendant-or-self"))
@@ -38,8 +37,7 @@ _CHEAPER = 16
 _TOKENS = 16
 """Tokens of a usual XPath."""
 
-_Token = tuple[str, str]
-_NONE: _Token = ("", "")
+_NONE: Token = ("", "")
 
 
 def size_of(root: etree._Element) -> int:
@@ -80,14 +78,32 @@ def cost(xpath: str, size: int) -> int:
         return max(size // 8, 1)  # for what is done with the root
     if len(xpath) > MAX_LENGTH:
         raise ValueError(f"an XPath has at most {MAX_LENGTH} characters, this one has {len(xpath)}")
-    tokens = [(str(match.lastgroup), match[match.lastgroup or 0]) for match in _TOKEN.finditer(xpath)]
+    if _depth(xpath) > MAX_DEPTH:
+        raise ValueError(f"an XPath has at most {MAX_DEPTH} predicates within each other")
+    *before, whole = separated(xpath)
+    return 2 * sum(_looks(part, size) for part in before) + _looks(whole, size)
+
+
+def _tokens(xpath: str) -> list[Token]:
+    return [(str(match.lastgroup), match[match.lastgroup or 0]) for match in TOKEN.finditer(xpath)]
+
+
+def _depth(xpath: str) -> int:
+    """Return how many predicates are within each other, at most."""
+    symbols = [text for kind, text in _tokens(xpath) if kind == "symbol"]
+    return max(accumulate(symbols, lambda depth, text: max(depth + (text == "[") - (text == "]"), 0), initial=0))
+
+
+def _looks(xpath: str, size: int) -> int:
+    """Return the largest number of nodes that an XPath can look at, all of whose predicates are evaluated at each."""
+    tokens = _tokens(xpath)
     groups: list[_Group] = [_Group()]
     for place, token in enumerate(tokens):
         before = tokens[place - 1] if place else _NONE
+        if len(groups) == 1 and not _ends(before):
+            before = _NONE  # what begins here is evaluated once
         if token == ("symbol", "["):
             groups.append(_Group())
-            if len(groups) > MAX_DEPTH:
-                raise ValueError(f"an XPath has at most {MAX_DEPTH} predicates within each other")
         elif token == ("symbol", "]") and len(groups) > 1:
             inner = groups.pop()
             groups[-1].inner = max(groups[-1].inner, inner.degree)
@@ -102,7 +118,7 @@ def cost(xpath: str, size: int) -> int:
     return looks * (1 + len(tokens) // _TOKENS + _searched(tokens))
 
 
-def _searched(tokens: Sequence[_Token]) -> int:
+def _searched(tokens: Sequence[Token]) -> int:
     """Return the length of the longest text that is looked for at each character of others."""
     if not any(kind == "name" and text in _SEARCHING for kind, text in tokens):
         return 0
@@ -128,7 +144,7 @@ class _Group:
         again = self.aside if self.far or self.aside > 1 else 0  # nodes found by several ways are compared
         return self.far + self.aside + again + self.compared + self.inner
 
-    def add(self, before: _Token, token: _Token, after: Sequence[_Token], until: Sequence[_Token]) -> None:
+    def add(self, before: Token, token: Token, after: Sequence[Token], until: Sequence[Token]) -> None:
         """Regard a token that stands directly in it, between some others."""
         kind, text = token
         if kind == "name" and after[:1] == [("symbol", "::")]:
@@ -141,13 +157,13 @@ class _Group:
             self.compared |= text == "|" or (text in _COMPARING and not _single(after) and not _single(until[::-1]))
 
 
-def _ends(token: _Token) -> bool:
+def _ends(token: Token) -> bool:
     """Return whether a token ends an operand, so that a / after it does not begin at the root."""
     kind, text = token
     return kind in ("name", "literal") or text in ("]", ")", ".", "..", "*")
 
 
-def _single(tokens: Sequence[_Token]) -> bool:
+def _single(tokens: Sequence[Token]) -> bool:
     """Return whether the operand next to a comparison is surely a single value; tokens from there on, or back."""
     first, second, third = (*tokens[:3], *[_NONE] * (3 - len(tokens[:3])))
     if first[0] == "literal":

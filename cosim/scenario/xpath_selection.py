@@ -10,6 +10,7 @@ from cosim.scenario.grammar import children_of
 from cosim.scenario.tree_edits import insert, is_element
 from cosim.scenario.xpath_advice import advice, unclosed
 from cosim.scenario.xpath_cost import affordable
+from cosim.scenario.xpath_once import ask
 
 _NAMED_VALUE = re.compile(
     r"(?P<parent>.+)/(?P<tag>gain|parameter)"
@@ -96,7 +97,7 @@ def evaluated(root: etree._Element, xpath: str) -> list[object]:
     """
     try:
         affordable(root, xpath)
-        selected = root.xpath(xpath)
+        selected = ask(root, xpath)
     except etree.XPathError as error:
         raise ValueError(f"{xpath!r} is not an XPath: {unclosed(xpath) or error}") from None
     return selected if isinstance(selected, list) else []
