@@ -37,7 +37,7 @@ _NAMES = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 """Names under which a browser may know the server, also through a tunnel from another port."""
 _PERIOD = 0.1
 """Shortest time [s] between two looks at the run."""
-_REST = 20
+_REST = 40
 """How many times as long as a look takes the server rests after it, as the run may go on in the same process."""
 GRACE = 3.0
 """Time [s] in which a viewer that has left may come back, as one does that loads the page anew."""
@@ -149,6 +149,7 @@ class Server:
         await asyncio.wait((looking, stopping), return_when=asyncio.FIRST_COMPLETED)
         if looking.done():
             self.fault = f"the live page has ended: {looking.exception()!r}"
+            self._gate.open()
         looking.cancel()
         if self._feed is not None and self._feed.has_ended:
             await self._let_know()
