@@ -31,7 +31,8 @@ _EXAMPLES = {
 formation run scenarios/clmr_line.xml
 formation run scenarios/*.xml --out results --junit verdicts.xml
 formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
-formation run mine.xml --controller pid=observer-pid""",
+formation run mine.xml --controller pid=observer-pid
+formation run mine.xml --live --pace 1 --open""",
     "study": """\
 formation study payload.xml
 formation study payload.xml --runs 100 --workers 4""",
