@@ -159,7 +159,7 @@ def test_a_run_in_a_supervised_process(make: Callable[..., Path], tmp_path: Path
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a process is forked on Linux alone")
 def test_an_fmu_that_crashes(make: Callable[..., Path], tmp_path: Path) -> None:
-    crashing = make(behaviour="segfault")
+    crashing = make(name="bad", behaviour="segfault", when=0.5)
     file = scenario(tmp_path / "run.xml", f'<plant id="car" fmu="{crashing}"/>', followers=["car"], horizon="1 s")
     with live_run(tmp_path, str(file), "--paused") as run:
         with watching(run) as until:

@@ -332,6 +332,7 @@ def test_nonsense_is_passed_over(live: cosim.LiveView, command: str | bytes) -> 
         one.until(lambda: one.state.get("paused"))
         one.socket.send("go on")
         one.until(lambda: not one.state["paused"])
+        assert live.gate.tick == -1
 
 
 def test_who_says_too_much_is_no_viewer_any_more(live: cosim.LiveView) -> None:

@@ -85,6 +85,10 @@ function showVerdicts(place, runs, lead) {
 
 /** Show how well each follower kept its place, in each run. */
 function showFollowers(place, runs) {
+  if (runs[0].status === "running") {
+    place.append(element("p", { class: "dim" }, "How well they keep their places follows at the end, too."));
+    return;
+  }
   const several = runs.length > 1;
   const rows = [];
   runs[0].followers.forEach(({ robot }, row) => runs.forEach((run, number) => {
