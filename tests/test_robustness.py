@@ -33,6 +33,13 @@ FORMATION = str(Path(sys.executable).with_name("formation"))
 # Who reads --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no disk that is always full")
+def test_output_that_a_full_disk_refuses_is_no_success() -> None:
+    done = subprocess.run(["bash", "-c", f"{FORMATION} list >/dev/full"], capture_output=True, text=True, check=False)
+    assert done.returncode == 71
+    assert done.stderr == "error: standard output cannot be written: No space left on device\n"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
 @pytest.mark.parametrize(
     "shell",

@@ -20,11 +20,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from cosim.cli.completing import SHELLS
-from cosim.cli.console import err
+from cosim.cli.console import err, refused
 from cosim.cli.ending import ended_by
 from cosim.cli.help_texts import explain
 from cosim.cli.options import Lazy, Parser
 from cosim.compiling import told
+from cosim.errors import OutputError
 from cosim.master.interrupt import SIGNALS, HeldSignals
 
 INTERRUPTED = 130
@@ -63,8 +64,12 @@ def _status(arguments: Sequence[str] | None) -> int:
         started = time.perf_counter()
         function = _function(options.command)
         options.imports = time.perf_counter() - started
+        refused()  # by an earlier command
         with told(_tell_compiling):
-            return function(options)
+            status = function(options)
+        if (error := refused()) is not None and status == 0:
+            raise OutputError(f"standard output cannot be written: {error.strerror}") from error
+        return status
     except KeyboardInterrupt:
         with suppress(KeyboardInterrupt), HeldSignals():
             err().print("interrupted")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import re
@@ -9,7 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import ClassVar, TextIO
 
 from rich import box
 from rich.console import Console
@@ -31,8 +32,15 @@ PATIENCE = patience(3.0)
 class _Tolerant(io.TextIOBase, TextIO):
     """A stream whose reader may be gone, whose disk may be full, or that may not know a character.
 
-    Results and exit status must not depend on whether the output could be printed.
+    Results must not depend on whether the output could be printed. What a disk has refused is told in the end.
+
+    Attributes
+    ----------
+    refused : list of OSError
+        Why standard output was not written, other than for want of a reader; the first error counts.
     """
+
+    refused: ClassVar[list[OSError]] = []
 
     def __init__(self, stream: TextIO | None) -> None:
         self._stream = stream if stream is not None else open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
@@ -52,18 +60,20 @@ class _Tolerant(io.TextIOBase, TextIO):
     def write(self, text: str) -> int:
         try:
             self._stream.write(text)
-        except OSError:
-            self._give_up()
+        except OSError as error:
+            self._give_up(error)
         return len(text)
 
     def flush(self) -> None:
         try:
             self._stream.flush()
-        except OSError:
-            self._give_up()
+        except OSError as error:
+            self._give_up(error)
 
-    def _give_up(self) -> None:
+    def _give_up(self, error: OSError) -> None:
         """Discard the rest, also output that the interpreter flushes when it ends."""
+        if error.errno != errno.EPIPE and self._stream is sys.stdout:
+            self.refused.append(error)
         os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
@@ -89,6 +99,13 @@ def out() -> Console:
 def err() -> Console:
     """Return the console of standard error, for errors, warnings and progress."""
     return _console(sys.stderr)
+
+
+def refused() -> OSError | None:
+    """Return why standard output could not be written since this was asked last; None if it was, or nobody reads it."""
+    found = _Tolerant.refused[:1]
+    _Tolerant.refused.clear()
+    return found[0] if found else None
 
 
 def verbatim(xml: str) -> None:
