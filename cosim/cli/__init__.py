@@ -67,8 +67,8 @@ def _status(arguments: Sequence[str] | None) -> int:
         refused()  # by an earlier command
         with told(_tell_compiling):
             status = function(options)
-        if (error := refused()) is not None and status == 0:
-            raise OutputError(f"standard output cannot be written: {error.strerror}") from error
+        if (why := refused()) is not None and status == 0:
+            raise OutputError(f"standard output cannot be written: {why.strerror}") from why
         return status
     except KeyboardInterrupt:
         with suppress(KeyboardInterrupt), HeldSignals():
