@@ -206,7 +206,7 @@ def step_fleet(
     found[0], found[1] = _tick(plants, given, clock[0], clock[1])
 
 
-@compiled
+@borrowing
 def run_fleet(
     plants: FleetArrays, given: NDArray[np.float64], first: int, step: float, out: NDArray[np.float64]
 ) -> tuple[int, int]:
@@ -221,5 +221,7 @@ def run_fleet(
         found, said = _tick(plants, given[k], (first + k) * step, step)
         if found != _FINE or said != 0 or k + 1 == len(given):
             return first + k, found
-        out[k] = plants.state
+        for i in range(out.shape[1]):  # an assignment of arrays would take longer than the master's own step
+            for j in range(out.shape[2]):
+                out[k, i, j] = plants.state[i, j]
     return first, _FINE
