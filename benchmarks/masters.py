@@ -292,7 +292,7 @@ def print_table(title: str, costs: Costs, base: str) -> None:
         cells = ""
         for own in costs.values():
             ratio = f"{own[name] / own[base]:.3g}" if name in own and base in own else ""
-            cells += f"{own[name] * 1e6:>12.3f}{ratio:>8}" if name in own else f"{'-':>20}"
+            cells += f"{own[name] * 1e6:>12.3f} {ratio:>9}" if name in own else f"{'-':>22}"
         print(f"{name:22}{cells}")
 
 
