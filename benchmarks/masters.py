@@ -287,7 +287,7 @@ def print_table(title: str, costs: Costs, base: str) -> None:
     """Print microseconds, each with its ratio to one of them."""
     names = list(dict.fromkeys(name for own in costs.values() for name in own))
     print(f"\n{title} [us], and as a ratio to {base!r}\n")
-    print(f"{'':22}" + "".join(f"{n:>20}" for n in costs))
+    print(f"{'':22}" + "".join(f"{n:>22}" for n in costs))
     for name in names:
         cells = ""
         for own in costs.values():
