@@ -15,11 +15,14 @@ import numpy as np
 
 from cosim.errors import InputError, Location, nearest, printable
 from cosim.recordings.mapping import YAW, Mapped, Place, X, Y
+from cosim.recordings.memory import at_most
 from cosim.recordings.series import Numbers, Series
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
+MOST_MEMORY = 4 << 30
+"""Bytes that reading a bag may take: a compressed part of a kilobyte may claim to be as large as it likes."""
 SUFFIXES = (".mcap", ".db3", ".bag")
 Message: TypeAlias = Any
 Getter: TypeAlias = Callable[[Message], float]
@@ -43,14 +46,15 @@ def read_bag(path: Path, wanted: Iterable[Mapped], by_header: bool) -> Numbers:
     Raises
     ------
     InputError
-        It is no bag or damaged, rosbags is not installed, or a topic or field is missing that a mapping names.
+        It is no bag or damaged, rosbags is not installed, a topic or field is missing that a mapping names, or it needs
+        more than `MOST_MEMORY`, which is noticed on Linux alone.
     """
     by_topic: defaultdict[str, list[Mapped]] = defaultdict(list)
     for one in wanted:
         if not one.place.topic:
             raise InputError(f"{path} is a bag, which has topics and no columns: name a topic", one.where)
         by_topic[one.place.topic].append(one)
-    with _opened(path) as reader:
+    with at_most(MOST_MEMORY), _opened(path) as reader:
         topics = {connection.topic for connection in reader.connections}
         for topic, those in by_topic.items():
             named = next((one for one in those if one.where is not None), None)
@@ -88,6 +92,11 @@ class _opened:
             raise self._refusal(error) from None
 
     def _refusal(self, error: Exception) -> InputError:
+        if isinstance(error, MemoryError):
+            return InputError(
+                f"the recording {self._path} cannot be read as a bag: unpacked it needs more than "
+                f"{MOST_MEMORY / 2**30:g} GiB of memory, or than this machine has"
+            )
         said = printable(str(error)).partition("\n")[0][:300]
         return InputError(f"the recording {self._path} cannot be read as a bag: {type(error).__name__}: {said}")
 

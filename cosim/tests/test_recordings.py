@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import resource
 import shutil
 import sys
 from collections.abc import Callable, Iterable
@@ -18,12 +19,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.recordings import bag as bags
 from cosim.recordings.judge import judge_drive
 from cosim.recordings.series import ClockGoesBack, sampled
 from cosim.results.files import save
@@ -473,6 +477,25 @@ def test_bags_with_faults(run: Result, line: Scenario, tmp_path: Path) -> None:
         (no_messages / "metadata.yaml").write_text(text)
         with pytest.raises(InputError, match="cannot be read as a bag: "):
             judge_drive(no_messages, line)
+
+
+def test_a_small_file_that_unpacks_to_more_than_is_allowed(
+    line: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bags, "MOST_MEMORY", 1 << 29)
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channel = writer.register_channel("/leader/signals/pose/x", "cdr", schema)
+        writer.add_message(channel, log_time=0, publish_time=0, data=b"\0\1\0\0" + bytes(1 << 29))
+        writer.finish()
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(InputError, match=r"unpacked it needs more than 0\.5 GiB"):
+        judge_drive(path, line)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
 def test_mutated_recordings(run: Result, line: Scenario, tmp_path: Path) -> None:
