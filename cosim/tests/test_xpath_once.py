@@ -2,6 +2,7 @@
 
 import random
 import time
+from collections.abc import Callable
 
 import pytest
 from lxml import etree
@@ -90,11 +91,17 @@ def test_the_same_is_returned() -> None:
 
 def test_it_is_linear() -> None:
     root = etree.Element("scenario")
-    for _ in range(20_000):
+    for _ in range(5000):
         etree.SubElement(root, "a")
-    begin = time.process_time()
-    plain = len(root.xpath("//a"))
-    middle = time.process_time()
-    assert ask(root, "//a[//b]") == []
-    assert len(ask(root, "//a[count(//a) > 3]")) == plain  # type: ignore[arg-type]
-    assert time.process_time() - middle < 50 * max(middle - begin, 0.001)
+
+    def least(ask: Callable[[etree._Element, str], object]) -> float:
+        """Return the least CPU time of three: a collection of garbage may come between."""
+        times = []
+        for _ in range(3):
+            begin = time.process_time()
+            assert ask(root, "//a[//b]") == []
+            times.append(time.process_time() - begin)
+        return min(times)
+
+    as_it_stands = least(lambda root, xpath: root.xpath(xpath))  # looks at each node for each node
+    assert least(ask) < as_it_stands / 20
