@@ -10,7 +10,7 @@ import numpy as np
 from cosim.scenario.scenario import Expectation
 from cosim.scenario.written_element import Written
 from cosim.studies.courses import Envelope
-from cosim.studies.draws import check_choice, value_named
+from cosim.studies.draws import check_two_cases, value_named
 from cosim.studies.study import Study
 from cosim.studies.values import Finite
 
@@ -56,12 +56,7 @@ def compared_cases(study: Study, envelope: Expectation) -> ComparedCases | None:
         missing = next(one for one in COMPARED if one not in given)
         raise written.error(f"<envelope> compares two cases by vary=..., case=... and than=...: add {missing}=...")
     place = value_named(study, written, name)
-    if not study.vary[place].crossed:
-        raise written.error(f'{name!r} is not crossed, so no two runs have the same draw: add cross="yes" to it')
-    for one in (case, than):
-        check_choice(study, written, place, one)
-    if case == than:
-        raise written.error("a case less itself is always zero: name two cases")
+    check_two_cases(study, written, place, case, than, "a case less itself is always zero")
     return ComparedCases(place, case, than)
 
 

@@ -94,6 +94,17 @@ def check_choice(study: Study, written: Written, index: int, text: str) -> None:
         raise written.error(f"{vary.name!r} has no value {text!r}: {nearest(text, list(vary.values.texts[:1000]))}")
 
 
+def check_two_cases(study: Study, written: Written, index: int, case: str, than: str, equal: str) -> None:
+    """Refuse two cases that cannot be compared draw by draw, equal ones in words of their own; raises InputError."""
+    vary = study.vary[index]
+    if not vary.crossed:
+        raise written.error(f'{vary.name!r} is not crossed, so no two runs have the same draw: add cross="yes" to it')
+    for one in (case, than):
+        check_choice(study, written, index, one)
+    if case == than:
+        raise written.error(f"{equal}: name two cases")
+
+
 def _fixed(study: Study, written: Written) -> tuple[int, str]:
     index, text = value_named(study, written, written.get("vary")), written.get("is")
     check_choice(study, written, index, text)

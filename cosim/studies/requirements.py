@@ -13,7 +13,7 @@ from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
 from cosim.studies import bounds
 from cosim.studies.designs import METHODS
-from cosim.studies.draws import Draws, EarlyTest, check_choice, draws_of, value_named
+from cosim.studies.draws import Draws, EarlyTest, check_two_cases, draws_of, value_named
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.studies.study import Measured, Requirement, Study
 
@@ -180,12 +180,7 @@ def _better(study: Study, written: Written, draws: Draws) -> Judged:
     confidence = _share(written, "confidence")
     name, case, than = (written.get(key) for key in ("vary", "case", "than"))
     place = value_named(study, written, name)
-    if not study.vary[place].crossed:
-        raise written.error(f'{name!r} is not crossed, so no two runs have the same draw: add cross="yes" to it')
-    for one in (case, than):
-        check_choice(study, written, place, one)
-    if case == than:
-        raise written.error("nothing is better than itself: name two cases")
+    check_two_cases(study, written, place, case, than, "nothing is better than itself")
     if place in dict(draws.given):
         raise written.error(f"{name!r} is compared, so that none of its values can be given: leave <given> out")
     others = [index for index in draws.crossed if index != place]
