@@ -14,8 +14,9 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, Rows, extremes, samples_in_bucket
+from cosim.results.bands import bands_of_kind, kinds_of
 from cosim.results.drawable_part import drawable
-from cosim.results.expectations import Kind, understood
+from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
 from cosim.results.groups import group_of
@@ -25,8 +26,8 @@ from cosim.results.result import Result, Variable
 from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
-from cosim.scenario.reader import read_events, read_expectations
-from cosim.scenario.scenario import LEADER, Event, Expectation
+from cosim.scenario.reader import read_events
+from cosim.scenario.scenario import LEADER, Event
 
 Json: TypeAlias = dict[str, Any]
 
@@ -66,9 +67,8 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     if not 0.0 < step < math.inf:
         raise InputError(f"this is not the result of a run: its step is {step:g} s")
     shown, columns = drawable(result), Columns()
-    expectations, events = _read(result)
-    kinds = [understood(expectation) for expectation in expectations]
-    bands = [_bands(kind, result) for kind in kinds]
+    kinds, events = kinds_of(result), _events(result)
+    bands = [[band for band in bands_of_kind(kind, result) if band.signal in result] for kind in kinds]
     content = {
         "name": summary.scenario,
         "title": summary.title,
@@ -116,13 +116,13 @@ def _check_times(result: Result) -> None:
         raise InputError("this is not the result of a run: its times do not increase")
 
 
-def _read(result: Result) -> tuple[tuple[Expectation, ...], tuple[Event, ...]]:
-    """Return the expectations and events of a result's scenario; none if this version cannot read its text."""
-    text, file = result.attrs["scenario"], result.attrs.get("scenario_file") or result.attrs["scenario_name"]
+def _events(result: Result) -> tuple[Event, ...]:
+    """Return the events of a result's scenario; none if this version cannot read its text."""
+    told = result.attrs
     try:
-        return read_expectations(text, file), read_events(text, file)
+        return read_events(told["scenario"], told.get("scenario_file") or told["scenario_name"])
     except InputError:
-        return (), ()
+        return ()
 
 
 # Robots and their motion ------------------------------------------------------------------------------------
@@ -227,14 +227,6 @@ def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[
         }
         for verdict in summary.verdicts
     ]
-
-
-def _bands(kind: Kind, result: Result) -> tuple[Band, ...]:
-    """Return the bands of an expectation whose signals are in the result; one of an earlier version may lack some."""
-    try:
-        return tuple(band for band in kind.bands(result) if band.signal in result)
-    except KeyError:
-        return ()
 
 
 # Where it comes from ----------------------------------------------------------------------------------------

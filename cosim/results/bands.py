@@ -5,24 +5,31 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.results.expectations import understood
+from cosim.results.expectations import Kind, understood
 from cosim.results.expectations.shown import Band
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.scenario.reader import read_expectations
 
 
-def bands_of(result: Result) -> tuple[Band, ...]:
-    """Return the bands of the expectations in the scenario of a result, each once; none if its text cannot be read."""
+def kinds_of(result: Result) -> tuple[Kind, ...]:
+    """Return the expectations in the scenario of a result, understood; none if this version cannot read its text."""
     told = result.attrs
     try:
         expectations = read_expectations(told["scenario"], Path(Provenance.of(told).file or told["scenario_name"]))
     except (InputError, KeyError):
         return ()
-    found: dict[Band, None] = {}
-    for written in expectations:
-        try:
-            found |= dict.fromkeys(understood(written).bands(result))
-        except KeyError:  # a result of an earlier version may lack the signal
-            continue
-    return tuple(found)
+    return tuple(map(understood, expectations))
+
+
+def bands_of_kind(kind: Kind, result: Result) -> tuple[Band, ...]:
+    """Return the bands of an expectation; none if a result of an earlier version lacks its signal."""
+    try:
+        return tuple(kind.bands(result))
+    except KeyError:
+        return ()
+
+
+def bands_of(result: Result) -> tuple[Band, ...]:
+    """Return the bands of all expectations of a result, each once."""
+    return tuple(dict.fromkeys(band for kind in kinds_of(result) for band in bands_of_kind(kind, result)))
