@@ -111,8 +111,7 @@ class Feed:
             except FormationError:  # no sample
                 run = None
             failure = summary.provenance.failure
-            self._end = _message(kind="end", run=run, why="" if failure is None else str(failure))
-            self._finished = result, summary
+            self._end = in_json(kind="end", run=run, why="" if failure is None else str(failure))
         return self._end
 
     def _begin(self) -> None:
@@ -125,7 +124,7 @@ class Feed:
         self._every = math.ceil(ticks / max(MOST_NUMBERS // width, _FEWEST))
         self._rows = np.empty((-(-ticks // self._every), width), np.float32)
         none_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
-        self.head = _message(
+        self.head = in_json(
             kind="begin",
             run={**content_of(first), **courses, **none_yet, "status": "running", "failure": None, "numbers": ""},
             every=self._every,
@@ -139,5 +138,6 @@ class Feed:
         return columns.numbers(), part
 
 
-def _message(**content: Any) -> str:
+def in_json(**content: Any) -> str:
+    """Return a message for viewers, as JSON."""
     return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))

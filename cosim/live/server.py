@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import json
 import logging
 import os
 import re
@@ -23,7 +22,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import InputError
-from cosim.live.feed import Feed
+from cosim.live.feed import Feed, in_json
 from cosim.master.gate import Gate
 from cosim.report.page import OF_RUNS, page
 
@@ -214,7 +213,7 @@ class Server:
         while True:
             news, feed = self._news, self._feed
             if shown is not None and feed is not shown:
-                yield _message(kind="next")
+                yield in_json(kind="next")
                 return
             shown = feed
             if feed is not None and feed.has_ended and not ended:
@@ -228,7 +227,7 @@ class Server:
                 message, rows = feed.since(rows)
                 ticks = feed.ticks if rows == feed.rows else 0
                 yield message
-            state = _message(kind="state", paused=self._gate.is_closed, viewers=len(self._viewers))
+            state = in_json(kind="state", paused=self._gate.is_closed, viewers=len(self._viewers))
             if state != told:
                 told = state
                 yield state
@@ -288,7 +287,3 @@ def _respond(status: HTTPStatus, text: str, kind: str = "text/plain; charset=utf
     body = text.encode()
     headers = {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close"}
     return Response(status.value, status.phrase, Headers(headers), body)
-
-
-def _message(**content: Any) -> str:
-    return json.dumps(content, separators=(",", ":"))
