@@ -9,7 +9,7 @@ Importing this package, listing the models and building one that has been built 
 
 import difflib
 import importlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +57,7 @@ def build(
     platforms: str | Iterable[str] | None = None,
     out: Path | str | None = None,
     cache: bool = True,
+    starts: Mapping[str, float | str] | None = None,
 ) -> Path:
     """Make the FMU of a model, unless it has been made before.
 
@@ -75,6 +76,9 @@ def build(
     cache
         Whether an FMU made before from the same sources by the same compiler will do. It is kept in
         ``$FORMATION_CACHE`` or in the user's cache folder.
+    starts
+        Start values in place of the model's, of states and parameters by their names; of an enumeration the item. Such
+        an FMU has no reference experiment.
 
     Returns
     -------
@@ -86,7 +90,7 @@ def build(
     UnknownModel
         There is no built-in model of this name.
     ModelError
-        The model uses a function that cannot be written in C, or not differentiated.
+        The model uses a function that cannot be written in C, or not differentiated; or a start value does not fit.
     BuildError
         The FMU could not be made: a version of FMI or a platform that is not known, no compiler (NoCompiler), a
         compiler that fails, a folder that cannot be written.
@@ -95,7 +99,7 @@ def build(
         _check_known(model)
     from plants.factory.build import build as build_fmu
 
-    return build_fmu(model, fmi=fmi, platforms=platforms, out=out, cache=cache)
+    return build_fmu(model, fmi=fmi, platforms=platforms, out=out, cache=cache, starts=starts or {})
 
 
 def _check_known(name: str) -> None:

@@ -3,7 +3,7 @@
 SymPy, Jinja and FMPy's headers are touched only if something has to be generated.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ def build(
     platforms: str | Iterable[str] | None,
     out: Path | str | None,
     cache: bool,
+    starts: Mapping[str, float | str],
 ) -> Path:
     """Make the FMU of a model; see `plants.build`."""
     if fmi not in FMI_VERSIONS:
@@ -42,12 +43,13 @@ def build(
         tools += [platform.name, *compiler.command, compiler.version]
 
     # This package determines the FMU of a built-in model; the FMU of any other model is known once it is generated.
-    name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model, version))
+    name, files = (model, None) if isinstance(model, str) else (model.name, _generate(model, version, starts))
     contents = [part for item in sorted((files or {}).items()) for part in item]
-    key = store.digest([name, *contents, *tools])
+    begun = [f"{variable}={value!r}" for variable, value in sorted(starts.items())]
+    key = store.digest([name, *contents, *begun, *tools])
 
     def make(path: Path) -> None:
-        _make(name, version, files or _generate(plants.load(name), version), compilers, path)
+        _make(name, version, files or _generate(plants.load(name), version, starts), compilers, path)
 
     fmu = store.place(key, name)
     wanted = fmu if out is None else Path(out) / fmu.name
@@ -61,10 +63,10 @@ def build(
     return fmu if out is None else store.copy(fmu, wanted)
 
 
-def _generate(model: "OdeModel", fmi: str) -> dict[str, bytes]:
+def _generate(model: "OdeModel", fmi: str, starts: Mapping[str, float | str]) -> dict[str, bytes]:
     from plants.factory.generate import generate
 
-    return generate(model, fmi)
+    return generate(model, fmi, starts)
 
 
 def _make(name: str, fmi: str, files: dict[str, bytes], compilers: dict[Platform, Compiler], fmu: Path) -> None:

@@ -6,7 +6,7 @@ import importlib.util
 import math
 import string
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from plants.errors import BuildError, ModelError
 from plants.factory import c_functions, experiment
 from plants.factory.document import document
 from plants.factory.shared_functions import Call, Result, share_functions, together
-from plants.factory.table import Entry, Table, tabulate
+from plants.factory.table import Entry, Table, tabulate, with_starts
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
 from plants.printing import OWN_FUNCTIONS, Powers
@@ -81,7 +81,7 @@ def tool() -> str:
         return "Formation"
 
 
-def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
+def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None = None) -> dict[str, bytes]:
     """Return the files of a model's FMU, but the binaries, by their path in the FMU.
 
     Parameters
@@ -90,11 +90,13 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
         The model.
     fmi
         Version of FMI, one of `VERSIONS`.
+    starts
+        Start values in place of the model's, see `plants.build`.
 
     Raises
     ------
     ModelError
-        The model uses a function that C has not, or one that cannot be differentiated.
+        The model uses a function that C has not, or one that cannot be differentiated; or a start value does not fit.
     BuildError
         FMPy, which brings the headers of FMI, is not complete.
     """
@@ -105,7 +107,7 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
     files |= {f"sources/{name}": _fmi_header(name) for name in version.headers}
     files |= {path: (TEMPLATE / name).read_bytes() for path, name in version.files.items()}
 
-    table = tabulate(model)
+    table = with_starts(tabulate(model), starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
     at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
     functions = (
@@ -116,7 +118,7 @@ def generate(model: OdeModel, fmi: str) -> dict[str, bytes]:
         _function(model, "model_get_parameter_partials", "partials", *at_start[:2]),
     )
     # Last, as the functions above have refused a model that C cannot compute.
-    reference = experiment.reference_experiment(model, table)
+    reference = None if starts else experiment.reference_experiment(model, table)
     templates = version.templates | _TEMPLATES | (_REFERENCE_TEMPLATES if reference else {})
     files |= reference.files() if reference else {}
     context = {

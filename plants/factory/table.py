@@ -2,12 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import sympy
 
 from plants import units
+from plants.errors import ModelError
 from plants.ode import TIME, Enumeration, OdeModel, Parameter, State, Variable
 
 SOLVER = Enumeration(
@@ -270,6 +271,47 @@ def tabulate(model: OdeModel) -> Table:
         derivative_unknowns=tuple(_unknown(*pair, known, fixed, tunable) for pair in derivative_of),
         initial_unknowns=tuple(_unknown(*pair, known, set(), set()) for pair in (*derivative_of, *output_of)),
     )
+
+
+def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
+    """Return a table in which variables have other start values.
+
+    Parameters
+    ----------
+    table
+        The table.
+    starts
+        The values, by the names of states and parameters; of an enumeration the item.
+
+    Raises
+    ------
+    ModelError
+        There is no such variable, or it cannot have this value.
+    """
+    left = dict(starts)
+
+    def begun(entry: Entry) -> Entry:
+        if entry.name not in left:
+            return entry
+        value = left.pop(entry.name)
+        if entry.items:
+            number = next((item.value for item in entry.items if item.name == value), None)
+            if number is None:
+                raise ModelError(f"{entry.name} has no item {value!r}; it has {', '.join(i.name for i in entry.items)}")
+            return replace(entry, start=number)
+        if not (isinstance(value, float | int) and entry.min <= value <= entry.max):
+            raise ModelError(f"{entry.name} cannot start at {value!r}; it lies from {entry.min:g} to {entry.max:g}")
+        return replace(entry, start=float(value))
+
+    begun_table = replace(
+        table,
+        states=tuple(map(begun, table.states)),
+        parameters=tuple(map(begun, table.parameters)),
+        enumerations=tuple(map(begun, table.enumerations)),
+    )
+    if left:
+        raise ModelError(f"there is no state or parameter {next(iter(left))!r} that could have a start value")
+    return begun_table
 
 
 def _type_name(enumeration: Enumeration, taken: set[str]) -> str:

@@ -326,3 +326,26 @@ def test_without_a_cache_an_fmu_can_still_be_built_elsewhere(
     assert fmpy.read_model_description(path).modelName == "decay"
     with pytest.raises(plants.BuildError, match="FORMATION_CACHE"):
         plants.build(decay)
+
+
+def test_start_values_of_ones_own_are_those_of_the_fmu_and_of_its_binary(tmp_path: Path) -> None:
+    fmu = plants.build("car_like", starts={"x": 3.0, "drive": "rear_wheel", "m_c": 30.0})
+    starts = {v.name: v.start for v in fmpy.read_model_description(fmu).modelVariables}
+    assert (starts["x"], starts["m_c"]) == ("3.0", "30.0")
+    result = fmpy.simulate_fmu(str(fmu), stop_time=0.02, output=["x", "m_c", "drive"])
+    assert [result[name][0] for name in ("x", "m_c", "drive")] == [3.0, 30.0, int(starts["drive"])]
+    assert int(starts["drive"]) > 1
+    assert fmu != plants.build("car_like")
+
+
+@pytest.mark.parametrize(
+    ("starts", "why"),
+    [
+        ({"mass": 1.0}, "no state or parameter 'mass'"),
+        ({"drive": "front"}, "drive has no item 'front'; it has as_printed"),
+        ({"m_c": -1.0}, "m_c cannot start at -1.0"),
+    ],
+)
+def test_a_start_value_that_does_not_fit_is_refused(starts: dict[str, float | str], why: str) -> None:
+    with pytest.raises(plants.ModelError, match=why):
+        plants.build("car_like", starts=starts)
