@@ -17,6 +17,7 @@ from plants.errors import BuildError, ModelError, NoCompiler, PlantError, UnitEr
 
 if TYPE_CHECKING:
     from plants.ode import OdeModel
+    from plants.sampled import Sampled
 
 __all__ = [
     "BuildError",
@@ -51,7 +52,7 @@ def load(name: str) -> "OdeModel":
 
 
 def build(
-    model: "str | OdeModel",
+    model: "str | OdeModel | Sampled",
     *,
     fmi: str = "2.0",
     platforms: str | Iterable[str] | None = None,
@@ -64,10 +65,10 @@ def build(
     Parameters
     ----------
     model
-        Name of a built-in model, or a model.
+        Name of a built-in model, or a model: an ordinary differential equation, or a sampled model.
     fmi
         Version of FMI: ``2.0`` or ``3.0`` (``2`` and ``3`` mean the same). Either way the FMU holds both
-        Co-Simulation and Model Exchange.
+        Co-Simulation and Model Exchange, that of a sampled model Co-Simulation alone.
     platforms
         Names of the platforms to compile for, or ``all``, by the compiler that the Python package ziglang brings. By
         default this machine's platform alone, by its own C compiler.

@@ -13,6 +13,7 @@ from plants.factory import store
 from plants.factory.compile import Compiler, compile_library, cross_compiler, find_compiler
 from plants.factory.package import package
 from plants.factory.platforms import Platform, choose, host, universal
+from plants.sampled import Sampled
 
 if TYPE_CHECKING:
     from plants.ode import OdeModel
@@ -22,7 +23,7 @@ FMI_VERSIONS = {"2": "2.0", "2.0": "2.0", "3": "3.0", "3.0": "3.0"}
 
 
 def build(
-    model: "str | OdeModel",
+    model: "str | OdeModel | Sampled",
     *,
     fmi: str,
     platforms: str | Iterable[str] | None,
@@ -63,7 +64,11 @@ def build(
     return fmu if out is None else store.copy(fmu, wanted)
 
 
-def _generate(model: "OdeModel", fmi: str, starts: Mapping[str, float | str]) -> dict[str, bytes]:
+def _generate(model: "OdeModel | Sampled", fmi: str, starts: Mapping[str, float | str]) -> dict[str, bytes]:
+    if isinstance(model, Sampled):
+        from plants.factory.generate_sampled import generate_sampled
+
+        return generate_sampled(model, fmi)
     from plants.factory.generate import generate
 
     return generate(model, fmi, starts)

@@ -20,7 +20,8 @@ from itertools import pairwise
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
-from plants.factory.table import SOLVER, SOLVER_STEP, Entry, Table
+from plants.factory.table import SOLVER, SOLVER_STEP
+from plants.factory.variables import Entry, Table
 from plants.ode import TIME, OdeModel
 from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
 from plants.runge_kutta import runge_kutta_4
@@ -125,7 +126,7 @@ def _level(entry: Entry, number: int, step: int) -> float:
 
 def _parameters(table: Table) -> tuple[Setting, ...]:
     numbers = [Setting(entry.name, entry.start_value) for entry in table.parameters]
-    chosen = [(entry.name, entry.items[int(entry.start_value) - 1].name) for entry in table.enumerations]
+    chosen = [(entry.name, entry.items[int(entry.start_value) - 1].name) for entry in table.integers]
     return (*numbers, *(Setting(name, SOLVER_ITEM if name == SOLVER.name else item) for name, item in chosen))
 
 

@@ -1,16 +1,8 @@
 """The files of an FMU: the generated C, XML and HTML of a model, the hand-written runtime, and the headers of FMI."""
 
-import hashlib
-import importlib.metadata
-import importlib.util
-import math
-import string
-import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-import jinja2
 import sympy
 from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
@@ -19,66 +11,37 @@ from sympy.printing.c import C99CodePrinter
 from sympy.printing.precedence import PRECEDENCE
 
 from plants import units
-from plants.errors import BuildError, ModelError
+from plants.errors import ModelError
 from plants.factory import c_functions, experiment
+from plants.factory.assemble import VERSIONS, rendered, runtime_of
 from plants.factory.document import document
 from plants.factory.shared_functions import Call, Result, share_functions, together
-from plants.factory.table import Entry, Table, tabulate, with_starts
+from plants.factory.table import tabulate, with_starts
+from plants.factory.variables import Entry, Table
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
 from plants.printing import OWN_FUNCTIONS, Powers
 
-TEMPLATE = Path(__file__).parent / "template"
-RUNTIME = ("instance.c", "instance.h", "model.h", "simulation.c", "simulation.h", "solver.c", "solver.h")
-
-
-@dataclass(frozen=True)
-class Version:
-    """Differences between the versions of FMI: runtime, headers; by path in the FMU, templates and other files."""
-
-    runtime: str
-    headers: tuple[str, ...]
-    templates: dict[str, str]
-    files: dict[str, str]
-
-
-VERSIONS = {
-    "2.0": Version(
-        "fmi2.c",
-        ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
-        {"modelDescription.xml": "modelDescription2.xml.jinja"},
-        {"model.png": "icon.png"},
-    ),
-    "3.0": Version(
-        "fmi3.c",
-        ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
-        {
-            "modelDescription.xml": "modelDescription3.xml.jinja",
-            "sources/buildDescription.xml": "buildDescription.xml.jinja",
-            "terminalsAndIcons/terminalsAndIcons.xml": "terminalsAndIcons.xml.jinja",
-        },
-        {"terminalsAndIcons/icon.png": "icon.png", "terminalsAndIcons/icon.svg": "icon.svg"},
-    ),
-}
+RUNTIME = ("model.h", "simulation.c", "simulation.h", "solver.c", "solver.h")
 _TEMPLATES = {
     "documentation/index.html": "documentation.html.jinja",
     "sources/config.h": "config.h.jinja",
     "sources/model.c": "model.c.jinja",
 }
+_ALL = {"providesDirectionalDerivative": "true"}
+_ALL_3 = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+_VARIABLE = {"canHandleVariableCommunicationStepSize": "true"}
+_INTERFACES = {
+    "2.0": {"ModelExchange": _ALL, "CoSimulation": {**_VARIABLE, "canInterpolateInputs": "true", **_ALL}},
+    "3.0": {"ModelExchange": _ALL_3, "CoSimulation": {**_VARIABLE, **_ALL_3}},
+}
+"""What each interface offers besides saved states, as attributes of its element in the description."""
 _REFERENCE_TEMPLATES = {
     "documentation/fmi-ls-ref.txt": "fmi-ls-ref.txt.jinja",
     f"{experiment.FOLDER}/fmi-ls-manifest.xml": "referenceManifest.xml.jinja",
     f"{experiment.FOLDER}/experiments.exp": "referenceExperiments.xml.jinja",
     f"{experiment.FOLDER}/parameters.ssv": "referenceParameters.xml.jinja",
 }
-
-
-def tool() -> str:
-    """Return the name and version of this tool, for the FMU's description."""
-    try:
-        return f"Formation {importlib.metadata.version('formation-cosim')}"
-    except importlib.metadata.PackageNotFoundError:  # used from a source tree that is not installed
-        return "Formation"
 
 
 def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None = None) -> dict[str, bytes]:
@@ -101,11 +64,8 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
         FMPy, which brings the headers of FMI, is not complete.
     """
     version = VERSIONS[fmi]
-    runtime = (version.runtime, *RUNTIME)
-    files = {f"sources/{name}": (TEMPLATE / name).read_bytes() for name in runtime}
+    files = runtime_of(version, RUNTIME)
     files["sources/" + c_functions.FILE] = c_functions.header().encode()
-    files |= {f"sources/{name}": _fmi_header(name) for name in version.headers}
-    files |= {path: (TEMPLATE / name).read_bytes() for path, name in version.files.items()}
 
     table = with_starts(tabulate(model), starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
@@ -124,37 +84,17 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     context = {
         "model": model,
         "table": table,
-        "tool": tool(),
+        "interfaces": _INTERFACES[fmi],
+        "stop": 10,
         "functions": functions,
         "partials": running[2],
         "parameter_partials": at_start[2],
-        "source_files": sorted(["model.c", *(name for name in runtime if name.endswith(".c"))]),
         "page": document(model),
         "experiment": reference,
         "solver_item": experiment.SOLVER_ITEM,
         "digits": experiment.DIGITS,
-        "infinity": math.inf,
     }
-
-    def render(guid: str) -> dict[str, bytes]:
-        return files | {
-            path: _JINJA.get_template(name).render(context, guid=guid).encode() for path, name in templates.items()
-        }
-
-    # The GUID stands for the content: it is the digest of everything else.
-    digest = hashlib.sha256()
-    for path, content in sorted(render(guid="").items()):
-        digest.update(f"{path} {len(content)}\n".encode() + content)
-    return render(guid=f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
-
-
-def _fmi_header(name: str) -> bytes:
-    fmpy = importlib.util.find_spec("fmpy")
-    for folder in (fmpy.submodule_search_locations or ()) if fmpy else ():
-        path = Path(folder) / "c-code" / name
-        if path.is_file():
-            return path.read_bytes()
-    raise BuildError(f"the FMI header {name} is not there: it comes with FMPy; install it with 'pip install fmpy'")
+    return rendered(files, templates, context)
 
 
 @dataclass(frozen=True)
@@ -360,28 +300,3 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
         if enumeration and isinstance(expression, sympy.Eq) and right.is_Integer:
             return f"{enumeration.name} == {enumeration.name}_{list(enumeration.items)[int(right) - 1]}"
         return f"{self._print(left)} {expression.rel_op} {self._print(right)}"
-
-
-def _c_string(text: str) -> str:
-    """Return a C string literal in UTF-8; an octal escape always ends after three digits."""
-    plain = {ord(c) for c in string.ascii_letters + string.digits + string.punctuation + " "} - set(b'"\\?')
-    return '"' + "".join(chr(byte) if byte in plain else f"\\{byte:03o}" for byte in text.encode()) + '"'
-
-
-def _c_number(value: float) -> str:
-    return ("INFINITY" if value > 0 else "-INFINITY") if math.isinf(value) else repr(float(value))
-
-
-def _c_comment(text: str) -> str:
-    return " ".join(text.split()).replace("*/", "* /")
-
-
-_JINJA = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(TEMPLATE),
-    autoescape=lambda name: name is not None and name.endswith((".xml.jinja", ".html.jinja")),
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
-_JINJA.filters |= {"c_string": _c_string, "c_number": _c_number, "c_comment": _c_comment}

@@ -1,14 +1,14 @@
-"""The table of an FMU's variables, from which modelDescription.xml and config.h are written."""
+"""The table of the variables of an ODE model's FMU, from which modelDescription.xml and config.h are written."""
 
 import itertools
-import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import sympy
 
 from plants import units
 from plants.errors import ModelError
+from plants.factory.variables import Entry, Item, Table, Unknown
 from plants.ode import TIME, Enumeration, OdeModel, Parameter, State, Variable
 
 SOLVER = Enumeration(
@@ -52,135 +52,6 @@ TOLERANCE = Parameter(
     nominal=1e-6,
     tunable=False,
 )
-
-_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
-
-
-@dataclass(frozen=True)
-class Item:
-    """A variant of an enumeration."""
-
-    name: str
-    value: int
-    description: str
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One variable of the FMU; `start` is None if it is computed, `type_name` names the type of an enumeration."""
-
-    reference: int
-    name: str
-    causality: str
-    variability: str
-    initial: str | None
-    description: str
-    unit: str = ""
-    start: float | int | None = None
-    min: float = -math.inf
-    max: float = math.inf
-    nominal: float = 1.0
-    derivative_of: int | None = None
-    items: tuple[Item, ...] = ()
-    type_name: str = ""
-
-    @property
-    def full_name(self) -> str:
-        """The name in the model description; ``der(x)`` for the derivative of x."""
-        return f"der({self.name})" if self.derivative_of is not None else self.name
-
-    @property
-    def start_value(self) -> float:
-        """The value after instantiation."""
-        return 0.0 if self.start is None else float(self.start)
-
-    @property
-    def unit_or_items(self) -> str:
-        """For messages: the unit, or the items with their numbers."""
-        return self.unit if not self.items else ", ".join(f"{item.value} ({item.name})" for item in self.items)
-
-    @property
-    def real_attributes(self) -> Iterator[tuple[str, str | float]]:
-        """The attributes that a real variable has in the model description, besides its unit and its derivative."""
-        if display := _DISPLAY_UNITS.get(self.unit):
-            yield "displayUnit", display
-        if math.isfinite(self.min):
-            yield "min", self.min
-        if math.isfinite(self.max):
-            yield "max", self.max
-        if self.nominal != 1.0:
-            yield "nominal", self.nominal
-        if self.start is not None:
-            yield "start", self.start
-
-
-@dataclass(frozen=True)
-class UnitEntry:
-    """One unit of the model description."""
-
-    name: str
-    exponents: tuple[tuple[str, int], ...]
-    factor: float
-    display: str | None
-    display_factor: float
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """One line of the model structure: a variable and its dependencies, by value reference in ascending order."""
-
-    reference: int
-    dependencies: tuple[int, ...]
-    kinds: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Table:
-    """All variables of an FMU by section; value references count through the sections in this order (template/model.h).
-
-    The model's own parameters and enumerations come before those that every FMU has.
-    """
-
-    states: tuple[Entry, ...]
-    derivatives: tuple[Entry, ...]
-    inputs: tuple[Entry, ...]
-    parameters: tuple[Entry, ...]
-    outputs: tuple[Entry, ...]
-    enumerations: tuple[Entry, ...]
-    time: Entry
-    output_unknowns: tuple[Unknown, ...]
-    derivative_unknowns: tuple[Unknown, ...]
-    initial_unknowns: tuple[Unknown, ...]
-    step: float = SOLVER_STEP.start
-    tolerance: float = TOLERANCE.start
-
-    @property
-    def variables(self) -> tuple[Entry, ...]:
-        """All variables, by value reference."""
-        sections = (self.states, self.derivatives, self.inputs, self.parameters, self.outputs, self.enumerations)
-        return (*itertools.chain.from_iterable(sections), self.time)
-
-    @property
-    def units(self) -> Iterator[UnitEntry]:
-        """The units in use, sorted by name."""
-        for name in sorted({variable.unit for variable in self.variables if variable.unit}):
-            unit = units.parse(name)
-            exponents = tuple((n, e) for n, e in zip(units.BASE_UNITS, unit.exponents, strict=True) if e)
-            display = _DISPLAY_UNITS.get(name)
-            yield UnitEntry(
-                name, exponents, unit.factor, display, units.convert(1.0, name, display) if display else 1.0
-            )
-
-    def without_parameters(self, unknowns: Iterable[Unknown]) -> tuple[Unknown, ...]:
-        """Leave dependencies on parameters out: to FMI 2.0 they are no knowns of a running simulation."""
-        parameters = {variable.reference for variable in (*self.parameters, *self.enumerations)}
-
-        def strip(unknown: Unknown) -> Unknown:
-            pairs = zip(unknown.dependencies, unknown.kinds, strict=True)
-            kinds = {reference: kind for reference, kind in pairs if reference not in parameters}
-            return Unknown(unknown.reference, tuple(kinds), tuple(kinds.values()))
-
-        return tuple(map(strip, unknowns))
 
 
 def tabulate(model: OdeModel) -> Table:
@@ -270,6 +141,8 @@ def tabulate(model: OdeModel) -> Table:
         output_unknowns=tuple(_unknown(*pair, known, fixed, tunable) for pair in (*itself, *output_of)),
         derivative_unknowns=tuple(_unknown(*pair, known, fixed, tunable) for pair in derivative_of),
         initial_unknowns=tuple(_unknown(*pair, known, set(), set()) for pair in (*derivative_of, *output_of)),
+        step=SOLVER_STEP.start,
+        tolerance=TOLERANCE.start,
     )
 
 
@@ -307,7 +180,7 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
         table,
         states=tuple(map(begun, table.states)),
         parameters=tuple(map(begun, table.parameters)),
-        enumerations=tuple(map(begun, table.enumerations)),
+        integers=tuple(map(begun, table.integers)),
     )
     if left:
         raise ModelError(f"there is no state or parameter {next(iter(left))!r} that could have a start value")

@@ -39,7 +39,7 @@ def replayed(fmu: Fmu, name: str, interface: str, **options: object) -> tuple[np
     """Return the references of an FMU and FMPy's results for it, at the same times."""
     folder = fmu.folder / FOLDER
     (experiment,) = etree.parse(folder / "experiments.exp").getroot()
-    enumerations = {e.name: e for e in tabulate(MODELS[name]).enumerations}
+    enumerations = {e.name: e for e in tabulate(MODELS[name]).integers}
     values: dict[str, float] = {}
     for parameter in etree.parse(folder / "parameters.ssv").iter("{*}Parameter"):
         key, value = parameter.get("name"), parameter[0].get("value")
@@ -128,7 +128,7 @@ def test_files_are_those_of_the_standard(fmus: Callable[[str, str], Fmu], name: 
     etree.XMLSchema(etree.parse(schema)).assertValid(parameters)
     table = tabulate(MODELS[name])
     assert [p.get("name") for p in parameters.iter("{*}Parameter")] == [
-        entry.name for entry in (*table.parameters, *table.enumerations)
+        entry.name for entry in (*table.parameters, *table.integers)
     ]
     told = (folder / "documentation" / "fmi-ls-ref.txt").read_text(encoding="utf-8")
     assert f"{experiment.get('stopTime')} s in communication steps of 0.02 s" in told

@@ -151,7 +151,10 @@ def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
     """Model and solver know no FMI; the shared files know neither version nor model."""
     sources = {path.name: path.read_text() for path in (fmus("car_like", fmi).folder / "sources").iterdir()}
     for name, text in sources.items():
-        if name in ("model.c", "model.h", "config.h", "solver.c", "solver.h", "simulation.c", "simulation.h"):
+        if name in (
+            *("model.c", "model.h", "config.h", "solver.c", "solver.h", "simulation.c", "simulation.h"),
+            *("values.c", "values.h", "variables.h"),
+        ):
             assert "fmi2" not in text
             assert "fmi3" not in text
         if name.startswith("instance"):

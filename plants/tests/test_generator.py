@@ -211,7 +211,7 @@ def test_dependencies_are_in_the_order_of_the_variables() -> None:
     orders = [u.dependencies for u in (*table.output_unknowns, *table.derivative_unknowns, *table.initial_unknowns)]
     assert any(table.time.reference in order for order in orders)
     assert all(order == tuple(sorted(order)) for order in orders)
-    parameters = {entry.reference for entry in (*table.parameters, *table.enumerations)}
+    parameters = {entry.reference for entry in (*table.parameters, *table.integers)}
     stripped = [set(u.dependencies) for u in table.without_parameters(table.derivative_unknowns)]
     assert stripped == [set(u.dependencies) - parameters for u in table.derivative_unknowns]
     assert any(parameters & set(u.dependencies) for u in table.derivative_unknowns)

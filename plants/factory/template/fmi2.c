@@ -83,8 +83,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         instance_refuse(&made.base, &function, "the instance has no name");
         return NULL;
     }
-    if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
-        instance_refuse(&made.base, &function, "this FMU is for Co-Simulation and Model Exchange only");
+    if (fmuType != fmi2CoSimulation && !(fmuType == fmi2ModelExchange && OFFERS_MODEL_EXCHANGE)) {
+        instance_refuse(&made.base, &function, "this FMU is for " INTERFACES " only");
         return NULL;
     }
     if (!instance_may_start(&made.base, &function, fmuGUID)) return NULL;
@@ -157,7 +157,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return (fmi2Status)instance_set_reals(c, &function, vr, nvr, value);
 }
 
-/* Enumerations are read and written as integers. */
+/* Enumerations are read and written as integers, too. */
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
 {
     static const Function function = {"fmi2GetInteger", READABLE, READABLE};
@@ -165,7 +165,7 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t
     if (instance == NULL) return fmi2Error;
     if (nvr > 0 && (vr == NULL || value == NULL)) return (fmi2Status)instance_refuse_null(instance, &function);
     for (size_t i = 0; i < nvr; i++) {
-        const Status status = simulation_get_enumeration(&instance->now.simulation, vr[i], &value[i]);
+        const Status status = simulation_get_integer(&instance->now.simulation, vr[i], &value[i]);
         if (status != STATUS_OK) return (fmi2Status)instance_report(instance, &function, status);
     }
     return fmi2OK;
@@ -178,7 +178,7 @@ fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t
     if (instance == NULL) return fmi2Error;
     if (nvr > 0 && (vr == NULL || value == NULL)) return (fmi2Status)instance_refuse_null(instance, &function);
     for (size_t i = 0; i < nvr; i++) {
-        const Status status = simulation_set_enumeration(&instance->now.simulation, vr[i], value[i]);
+        const Status status = simulation_set_integer(&instance->now.simulation, vr[i], value[i]);
         if (status != STATUS_OK) return (fmi2Status)instance_report(instance, &function, status);
     }
     return fmi2OK;

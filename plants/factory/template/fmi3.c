@@ -3,6 +3,7 @@
 #include "fmi3Functions.h"
 
 #include <assert.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -91,6 +92,17 @@ static Fmi3Instance *instantiate(const Function *function, Interface interface, 
     return instance;
 }
 
+/* No instance, for an interface that this FMU does not offer. */
+static fmi3Instance not_offered(const char *function_name, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+{
+    if (log != NULL) {
+        char text[LOG_SIZE];
+        snprintf(text, sizeof text, "%s: this FMU is for " INTERFACES " only", function_name);
+        log(environment, fmi3Error, "logStatusError", text);
+    }
+    return NULL;
+}
+
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
                                           fmi3Boolean visible, fmi3Boolean loggingOn,
                                           fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
@@ -98,6 +110,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
     static const Function function = {"fmi3InstantiateModelExchange", ANY_MODE, ANY_MODE};
     (void)resourcePath;
     (void)visible;
+    if (!OFFERS_MODEL_EXCHANGE) return not_offered(function.name, instanceEnvironment, logMessage);
     return instantiate(&function, MODEL_EXCHANGE, instanceName, instantiationToken, loggingOn, instanceEnvironment,
                        logMessage);
 }
@@ -144,11 +157,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     (void)clockUpdate;
     (void)lockPreemption;
     (void)unlockPreemption;
-    if (logMessage != NULL) {
-        logMessage(instanceEnvironment, fmi3Error, "logStatusError",
-                   "fmi3InstantiateScheduledExecution: this FMU is for Co-Simulation and Model Exchange only");
-    }
-    return NULL;
+    return not_offered("fmi3InstantiateScheduledExecution", instanceEnvironment, logMessage);
 }
 
 void fmi3FreeInstance(fmi3Instance c)
@@ -202,7 +211,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference valueReferenc
     return (fmi3Status)instance_set_reals(c, &function, valueReferences, nValueReferences, values);
 }
 
-/* Enumerations are read and written as integers of 64 bits. */
+/* Enumerations are read and written as integers of 64 bits, too. */
 fmi3Status fmi3GetInt64(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         fmi3Int64 values[], size_t nValues)
 {
@@ -215,7 +224,7 @@ fmi3Status fmi3GetInt64(fmi3Instance c, const fmi3ValueReference valueReferences
     }
     for (size_t i = 0; i < nValues; i++) {
         int value = 0;
-        const Status status = simulation_get_enumeration(&instance->now.simulation, valueReferences[i], &value);
+        const Status status = simulation_get_integer(&instance->now.simulation, valueReferences[i], &value);
         if (status != STATUS_OK) return (fmi3Status)instance_report(instance, &function, status);
         values[i] = value;
     }
@@ -233,7 +242,7 @@ fmi3Status fmi3SetInt64(fmi3Instance c, const fmi3ValueReference valueReferences
         return (fmi3Status)instance_refuse_null(instance, &function);
     }
     for (size_t i = 0; i < nValues; i++) {
-        const Status status = simulation_set_enumeration(&instance->now.simulation, valueReferences[i], values[i]);
+        const Status status = simulation_set_integer(&instance->now.simulation, valueReferences[i], values[i]);
         if (status != STATUS_OK) return (fmi3Status)instance_report(instance, &function, status);
     }
     return fmi3OK;

@@ -1,37 +1,12 @@
-/* The contract between a model and the runtime: what a generated model.c provides, and how its values are laid out.
- * There is no FMI type here and nothing about any particular model: the sizes and names come from the generated config.h. */
+/* The contract between a model and the runtime: what a generated model.c provides. There is no FMI type here and nothing
+ * about any particular model: the sizes and names come from the generated config.h. */
 #ifndef MODEL_H
 #define MODEL_H
 
-#include <stdbool.h>
+#include "variables.h"
 
-#include "config.h"
-
-/* Value references. Reals first, in the order of an instance's array of values, then the enumerations, then the time. */
-enum {
-    FIRST_STATE = 0,
-    FIRST_DERIVATIVE = FIRST_STATE + N_STATES,
-    FIRST_INPUT = FIRST_DERIVATIVE + N_STATES,
-    FIRST_PARAMETER = FIRST_INPUT + N_INPUTS,
-    FIRST_OUTPUT = FIRST_PARAMETER + N_PARAMETERS,
-    N_REALS = FIRST_OUTPUT + N_OUTPUTS,
-    FIRST_ENUMERATION = N_REALS,
-    TIME = FIRST_ENUMERATION + N_ENUMERATIONS,
-    N_VARIABLES
-};
-
-/* C has no empty arrays. */
-#define ROOM(n) ((n) > 0 ? (n) : 1)
-
-typedef struct {
-    const char *name;
-    const char *unit; /* of an enumeration: its items, for messages */
-    double start;
-    double min;
-    double max;
-    double nominal;
-    bool tunable; /* a parameter that may change between two steps */
-} Variable;
+#define INTERFACES "Co-Simulation and Model Exchange"
+enum { OFFERS_MODEL_EXCHANGE = 1 };
 
 /* An expression that the equations hold for only between two bounds. */
 typedef struct {
@@ -48,7 +23,6 @@ typedef struct {
     unsigned known;
 } Partial;
 
-extern const Variable model_variables[N_VARIABLES]; /* by value reference */
 extern const Limit model_limits[ROOM(N_LIMITS)];
 extern const Partial model_partials[ROOM(N_PARTIALS)];                     /* with respect to states, inputs and time */
 extern const Partial model_parameter_partials[ROOM(N_PARAMETER_PARTIALS)]; /* with respect to parameters */

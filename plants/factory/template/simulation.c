@@ -1,92 +1,12 @@
 #include "simulation.h"
 
 #include <float.h>
-#include <limits.h>
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "elementary.h"
 #include "solver.h"
-
-static Status say(Simulation *s, Status status, const char *format, ...)
-#ifdef __GNUC__
-    __attribute__((format(printf, 3, 4)))
-#endif
-    ;
-
-static Status say(Simulation *s, Status status, const char *format, ...)
-{
-    /* Several notes may come together before they are read. */
-    size_t length = strlen(s->message);
-    if (length > 0 && length + 3 < sizeof s->message) {
-        memcpy(&s->message[length], "; ", 3);
-        length += 2;
-    }
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(&s->message[length], sizeof s->message - length, format, arguments);
-    va_end(arguments);
-    return status;
-}
-
-/* Whether a value reference is one of those from `first` to before `end`. */
-static bool is_among(unsigned reference, unsigned first, unsigned end)
-{
-    return reference >= first && reference < end;
-}
-
-static bool is_state(unsigned reference)
-{
-    return is_among(reference, FIRST_STATE, FIRST_DERIVATIVE);
-}
-
-static bool is_derivative(unsigned reference)
-{
-    return is_among(reference, FIRST_DERIVATIVE, FIRST_INPUT);
-}
-
-static bool is_input(unsigned reference)
-{
-    return is_among(reference, FIRST_INPUT, FIRST_PARAMETER);
-}
-
-static bool is_real_parameter(unsigned reference)
-{
-    return is_among(reference, FIRST_PARAMETER, FIRST_OUTPUT);
-}
-
-static bool is_output(unsigned reference)
-{
-    return is_among(reference, FIRST_OUTPUT, N_REALS);
-}
-
-static bool is_enumeration(unsigned reference)
-{
-    return is_among(reference, FIRST_ENUMERATION, TIME);
-}
-
-static const char *kind(unsigned reference)
-{
-    if (is_state(reference)) return "state";
-    if (is_derivative(reference)) return "derivative";
-    if (is_input(reference)) return "input";
-    if (is_output(reference)) return "output";
-    return reference == TIME ? "independent variable" : "parameter";
-}
-
-static Status no_real(Simulation *s, unsigned reference)
-{
-    return say(s, STATUS_ERROR, "there is no Real variable with value reference %u: they are 0 to %d, and %d", reference,
-               N_REALS - 1, TIME);
-}
-
-static Status no_enumeration(Simulation *s, unsigned reference)
-{
-    return say(s, STATUS_ERROR, "there is no enumeration with value reference %u: they are %d to %d", reference,
-               FIRST_ENUMERATION, TIME - 1);
-}
+#include "values.h"
 
 /* ---- values ---- */
 
@@ -98,53 +18,9 @@ void simulation_reset(Simulation *s)
     for (int i = 0; i < N_REALS; i++) {
         s->values[i] = model_variables[i].start;
     }
-    for (int i = 0; i < N_ENUMERATIONS; i++) {
-        s->enumerations[i] = (int)model_variables[FIRST_ENUMERATION + i].start;
+    for (int i = 0; i < N_INTEGERS; i++) {
+        s->integers[i] = (int)model_variables[FIRST_INTEGER + i].start;
     }
-}
-
-/* Whether a variable may be set now: inputs always, states and parameters until the start, then those parameters that are
- * tunable at events, results never. */
-static Status check_settable(Simulation *s, unsigned reference, bool at_event)
-{
-    const char *const name = model_variables[reference].name;
-    if (is_derivative(reference) || is_output(reference) || reference == TIME) {
-        return say(s, STATUS_ERROR, "%s %s is computed: it cannot be set", kind(reference), name);
-    }
-    if (s->phase == BEFORE_START || is_input(reference)) return STATUS_OK;
-    if (!model_variables[reference].tunable) {
-        return say(s, STATUS_ERROR, "%s %s is fixed: set at time %.16g s, it can be set before the simulation starts",
-                   kind(reference), name, s->time);
-    }
-    if (!at_event) {
-        return say(s, STATUS_ERROR, "%s %s is set at time %.16g s in continuous-time mode: it can be set in event mode",
-                   kind(reference), name, s->time);
-    }
-    return STATUS_OK;
-}
-
-static Status check_bounds(Simulation *s, Status status, unsigned reference, double value)
-{
-    const Variable *const variable = &model_variables[reference];
-    const bool is_low = value < variable->min;
-    if (!is_low && value <= variable->max) return STATUS_OK;
-    return say(s, status, "%s %s is %.16g %s at time %.16g s: must be at %s %g %s", kind(reference), variable->name, value,
-               variable->unit, s->time, is_low ? "least" : "most", is_low ? variable->min : variable->max,
-               variable->unit);
-}
-
-Status simulation_check_real(Simulation *s, unsigned reference, double value, bool at_event)
-{
-    if (reference >= N_REALS && reference != TIME) return no_real(s, reference);
-    const Status settable = check_settable(s, reference, at_event);
-    if (settable != STATUS_OK) return settable;
-    if (!isfinite(value)) {
-        return say(s, STATUS_ERROR, "%s %s is set to %g at time %.16g s: must be a finite number", kind(reference),
-                   model_variables[reference].name, value, s->time);
-    }
-    /* The bounds of what is set before the start are checked there. */
-    return s->phase == RUNNING && is_real_parameter(reference) ? check_bounds(s, STATUS_DISCARD, reference, value)
-                                                               : STATUS_OK;
 }
 
 void simulation_set_real(Simulation *s, unsigned reference, double value)
@@ -172,8 +48,8 @@ static void evaluate(Simulation *s)
 {
     double *const v = s->values;
     const double *const x = &v[FIRST_STATE], *const u = &v[FIRST_INPUT], *const p = &v[FIRST_PARAMETER];
-    model_get_derivatives(s->time, x, u, p, s->enumerations, &v[FIRST_DERIVATIVE]);
-    model_get_outputs(s->time, x, u, p, s->enumerations, &v[FIRST_OUTPUT]);
+    model_get_derivatives(s->time, x, u, p, s->integers, &v[FIRST_DERIVATIVE]);
+    model_get_outputs(s->time, x, u, p, s->integers, &v[FIRST_OUTPUT]);
     s->current = true;
 }
 
@@ -192,31 +68,6 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
     return STATUS_OK;
 }
 
-static Status bad_variant(Simulation *s, unsigned reference, long long value)
-{
-    const Variable *const variable = &model_variables[reference];
-    return say(s, STATUS_ERROR, "parameter %s is %lld at time %.16g s: must be one of %s", variable->name, value, s->time,
-               variable->unit);
-}
-
-Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value)
-{
-    if (!is_enumeration(reference)) return no_enumeration(s, reference);
-    const Status settable = check_settable(s, reference, false);
-    if (settable != STATUS_OK) return settable;
-    if (value < INT_MIN || value > INT_MAX) return bad_variant(s, reference, value);
-    s->enumerations[reference - FIRST_ENUMERATION] = (int)value;
-    s->current = false;
-    return STATUS_OK;
-}
-
-Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value)
-{
-    if (!is_enumeration(reference)) return no_enumeration(s, reference);
-    *value = s->enumerations[reference - FIRST_ENUMERATION];
-    return STATUS_OK;
-}
-
 /* ---- start ---- */
 
 Status simulation_setup(Simulation *s, double start_time, double stop_time)
@@ -232,34 +83,19 @@ Status simulation_setup(Simulation *s, double start_time, double stop_time)
     return STATUS_OK;
 }
 
-static Status check_parameters(Simulation *s)
-{
-    for (unsigned i = FIRST_PARAMETER; i < FIRST_OUTPUT; i++) {
-        const Status status = check_bounds(s, STATUS_ERROR, i, s->values[i]);
-        if (status != STATUS_OK) return status;
-    }
-    for (unsigned i = 0; i < N_ENUMERATIONS; i++) {
-        const Variable *const variable = &model_variables[FIRST_ENUMERATION + i];
-        if (s->enumerations[i] < (int)variable->min || s->enumerations[i] > (int)variable->max) {
-            return bad_variant(s, FIRST_ENUMERATION + i, s->enumerations[i]);
-        }
-    }
-    return STATUS_OK;
-}
-
 /* Whether the equations hold for these states: a message when a limit is left or kept again, a warning as long as it
  * is left, or an error with nothing changed if the simulation is to stop there. */
 static Status check_limits(Simulation *s, double time, const double *states, const double *inputs)
 {
     if (N_LIMITS == 0) return STATUS_OK;
     double limited[ROOM(N_LIMITS)];
-    model_get_limited(time, states, inputs, &s->values[FIRST_PARAMETER], s->enumerations, limited);
+    model_get_limited(time, states, inputs, &s->values[FIRST_PARAMETER], s->integers, limited);
     Status status = STATUS_OK;
     for (int i = 0; i < N_LIMITS; i++) {
         const Limit *const limit = &model_limits[i];
         const bool is_low = limited[i] < limit->min;
         const bool is_outside = is_low || !(limited[i] <= limit->max);
-        const bool must_stop = is_outside && s->enumerations[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
+        const bool must_stop = is_outside && s->integers[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
         if (must_stop || (is_outside && !s->outside[i])) {
             say(s, STATUS_WARNING, "%s is %.16g %s at time %.16g s, %s its limit of %.16g %s: %s", limit->name, limited[i],
                 limit->unit, time, is_low ? "below" : "above", is_low ? limit->min : limit->max, limit->unit,
@@ -323,7 +159,7 @@ static Status accept(Simulation *s, const Drive *drive, double time, double step
 
 static Status take_fixed_steps(Simulation *s, const Drive *drive, double time, double step, int n)
 {
-    const int solver = s->enumerations[ENUMERATION_solver];
+    const int solver = s->integers[ENUMERATION_solver];
     const double internal_step = n == 1 ? step : step / n;
     Status worst = STATUS_OK;
     for (int k = 0; k < n; k++) {
@@ -365,7 +201,7 @@ static double error_ratio(const Simulation *s, const double next[], const double
  * begins with the largest step allowed, so that its result depends on nothing but where it begins. */
 static Status take_adaptive_steps(Simulation *s, const Drive *drive, double time, double step)
 {
-    const int solver = s->enumerations[ENUMERATION_solver];
+    const int solver = s->integers[ENUMERATION_solver];
     const double largest = s->values[FIRST_PARAMETER + PARAMETER_solver_step];
     double done = 0.0, trial = largest;
     Status worst = STATUS_OK;
@@ -408,7 +244,7 @@ Status simulation_step(Simulation *s, double time, double step)
                          .slopes = s->ramps ? s->slopes : NULL,
                          .start = time,
                          .parameters = &s->values[FIRST_PARAMETER],
-                         .enumerations = s->enumerations};
+                         .enumerations = s->integers};
 
     if (!(step > 0.0) || !isfinite(step)) {
         return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
@@ -430,7 +266,7 @@ Status simulation_step(Simulation *s, double time, double step)
     }
 
     s->current = false;
-    const Status status = solver_is_adaptive(s->enumerations[ENUMERATION_solver])
+    const Status status = solver_is_adaptive(s->integers[ENUMERATION_solver])
         ? take_adaptive_steps(s, &drive, time, step)
         : take_fixed_steps(s, &drive, time, step, ratio < 1.0 ? 1 : (int)ratio);
     if (status == STATUS_ERROR) return status;
@@ -479,7 +315,7 @@ Status simulation_get_derivatives(Simulation *s, double derivatives[])
         derivatives[i] = derivative;
     }
     /* A trial beyond a limit where the simulation must stop is no use; otherwise only accepted states count. */
-    const bool must_stop = N_LIMITS > 0 && s->enumerations[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
+    const bool must_stop = N_LIMITS > 0 && s->integers[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
     return must_stop && simulation_complete_step(s) == STATUS_ERROR ? STATUS_DISCARD : STATUS_OK;
 }
 
@@ -543,11 +379,11 @@ Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unkn
     const double *const x = &s->values[FIRST_STATE], *const u = &s->values[FIRST_INPUT];
     const double *const p = &s->values[FIRST_PARAMETER];
     double partials[ROOM(N_PARTIALS)];
-    model_get_partials(s->time, x, u, p, s->enumerations, partials);
+    model_get_partials(s->time, x, u, p, s->integers, partials);
     add_products(adjoint, model_partials, partials, N_PARTIALS, seeds, sums);
     if (has_parameters) {
         double by_parameter[ROOM(N_PARAMETER_PARTIALS)];
-        model_get_parameter_partials(s->time, x, u, p, s->enumerations, by_parameter);
+        model_get_parameter_partials(s->time, x, u, p, s->integers, by_parameter);
         add_products(adjoint, model_parameter_partials, by_parameter, N_PARAMETER_PARTIALS, seeds, sums);
     }
     for (size_t i = 0; i < n_to; i++) {
@@ -558,18 +394,6 @@ Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unkn
 
 /* ---- as bytes ---- */
 
-static unsigned char *put(unsigned char *to, const void *from, size_t size)
-{
-    memcpy(to, from, size);
-    return to + size;
-}
-
-static const unsigned char *take(void *to, const unsigned char *from, size_t size)
-{
-    memcpy(to, from, size);
-    return from + size;
-}
-
 void simulation_serialize(const Simulation *s, unsigned char bytes[])
 {
     const int phase = (int)s->phase;
@@ -579,7 +403,7 @@ void simulation_serialize(const Simulation *s, unsigned char bytes[])
     to = put(to, &s->values[FIRST_STATE], sizeof(double) * N_STATES);
     to = put(to, &s->values[FIRST_INPUT], sizeof(double) * (N_INPUTS + N_PARAMETERS));
     to = put(to, s->slopes, sizeof(double) * N_INPUTS);
-    to = put(to, s->enumerations, sizeof(int) * N_ENUMERATIONS);
+    to = put(to, s->integers, sizeof(int) * N_INTEGERS);
     for (int i = 0; i < N_LIMITS; i++) {
         *to++ = s->outside[i] ? 1 : 0;
     }
@@ -596,7 +420,7 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     from = take(&read.values[FIRST_STATE], from, sizeof(double) * N_STATES);
     from = take(&read.values[FIRST_INPUT], from, sizeof(double) * (N_INPUTS + N_PARAMETERS));
     from = take(read.slopes, from, sizeof(double) * N_INPUTS);
-    from = take(read.enumerations, from, sizeof(int) * N_ENUMERATIONS);
+    from = take(read.integers, from, sizeof(int) * N_INTEGERS);
     bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time);
     for (int i = 0; i < N_LIMITS; i++) {
         is_good = is_good && *from <= 1;

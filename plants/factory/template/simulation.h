@@ -29,7 +29,7 @@ typedef struct {
     double values[N_REALS];
     double slopes[ROOM(N_INPUTS)]; /* time derivatives of the inputs, for the next step */
     bool ramps;                    /* any of them is not zero */
-    int enumerations[N_ENUMERATIONS];
+    int integers[N_INTEGERS];
     bool outside[ROOM(N_LIMITS)]; /* which limits are left */
     bool current;                 /* derivatives and outputs belong to the other values */
     char message[MESSAGE_SIZE];
@@ -43,8 +43,8 @@ Status simulation_check_real(Simulation *s, unsigned reference, double value, bo
 /* Set what has been checked. */
 void simulation_set_real(Simulation *s, unsigned reference, double value);
 Status simulation_get_real(Simulation *s, unsigned reference, double *value);
-Status simulation_set_enumeration(Simulation *s, unsigned reference, long long value);
-Status simulation_get_enumeration(Simulation *s, unsigned reference, int *value);
+Status simulation_set_integer(Simulation *s, unsigned reference, long long value);
+Status simulation_get_integer(Simulation *s, unsigned reference, int *value);
 
 /* Let an input ramp during the next step, by its first time derivative. */
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
@@ -73,7 +73,7 @@ Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unkn
 /* All that a simulation needs to go on, as bytes, for the same model on the same kind of machine. */
 enum {
     SERIALIZED_SIZE = sizeof(int) + 2 * sizeof(double) + sizeof(double) * (2 * N_INPUTS + N_STATES + N_PARAMETERS)
-        + sizeof(int) * N_ENUMERATIONS + N_LIMITS
+        + sizeof(int) * N_INTEGERS + N_LIMITS
 };
 void simulation_serialize(const Simulation *s, unsigned char bytes[]);
 

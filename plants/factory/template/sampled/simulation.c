@@ -1,0 +1,251 @@
+#include "simulation.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "values.h"
+
+/* ---- values ---- */
+
+void simulation_reset(Simulation *s)
+{
+    memset(s, 0, sizeof *s);
+    s->phase = BEFORE_START;
+    s->stop_time = INFINITY;
+    s->fresh = true;
+    for (int i = 0; i < N_REALS; i++) {
+        s->values[i] = model_variables[i].start;
+    }
+    for (int i = 0; i < N_INTEGERS; i++) {
+        s->integers[i] = (int)model_variables[FIRST_INTEGER + i].start;
+    }
+}
+
+void simulation_set_real(Simulation *s, unsigned reference, double value)
+{
+    s->values[reference] = value;
+    s->current = false;
+    if (is_input(reference)) {
+        s->given[reference - FIRST_INPUT] = true;
+        s->fresh = true;
+    }
+}
+
+/* Compute this tick, if it is not. */
+static Status evaluate(Simulation *s)
+{
+    if (s->current) return STATUS_OK;
+    if (LAST_TICK >= 0 && s->tick > LAST_TICK) {
+        return say(s, STATUS_DISCARD,
+                   "this FMU knows its courses over time up to %.16g s after the start, and no value at time %.16g s",
+                   LAST_TICK * SAMPLE_TIME, s->time);
+    }
+    const double *const parameters = &s->values[FIRST_PARAMETER];
+    if (s->phase == BEFORE_START) {
+        memset(&s->before, 0, sizeof s->before);
+        model_start(parameters, s->integers, &s->before);
+    }
+    memcpy(&s->after, &s->before, sizeof s->after);
+    double outputs[ROOM(N_OUTPUTS)];
+    const char *const fault = model_tick(s->tick, &s->values[FIRST_INPUT], parameters, s->integers, &s->after, outputs);
+    if (fault != NULL) return say(s, STATUS_ERROR, "%s at time %.16g s", fault, s->time);
+    memcpy(&s->values[FIRST_OUTPUT], outputs, N_OUTPUTS * sizeof(double));
+    s->current = true;
+    return STATUS_OK;
+}
+
+Status simulation_get_real(Simulation *s, unsigned reference, double *value)
+{
+    if (reference == TIME) {
+        *value = s->time;
+        return STATUS_OK;
+    }
+    if (reference >= N_REALS) return no_real(s, reference);
+    if (is_output(reference) && s->fresh) {
+        const Status status = evaluate(s);
+        if (status != STATUS_OK) return status;
+    }
+    *value = s->values[reference];
+    return STATUS_OK;
+}
+
+/* ---- start ---- */
+
+Status simulation_setup(Simulation *s, double start_time, double stop_time)
+{
+    if (!isfinite(start_time) || !(stop_time >= start_time)) {
+        return say(s, STATUS_ERROR,
+                   "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop", start_time,
+                   stop_time);
+    }
+    s->time = start_time;
+    s->stop_time = stop_time;
+    return STATUS_OK;
+}
+
+Status simulation_start(Simulation *s)
+{
+    const Status status = check_parameters(s);
+    if (status != STATUS_OK) return status;
+    memset(&s->before, 0, sizeof s->before);
+    model_start(&s->values[FIRST_PARAMETER], s->integers, &s->before);
+    s->phase = RUNNING;
+    return STATUS_OK;
+}
+
+/* ---- steps ---- */
+
+/* A warning if inputs were never set before the first step. */
+static Status check_given(Simulation *s)
+{
+    int missing = 0, first = 0;
+    for (int i = N_INPUTS - 1; i >= 0; i--) {
+        if (!s->given[i]) {
+            missing++;
+            first = i;
+        }
+    }
+    if (missing == 0) return STATUS_OK;
+    const Variable *const input = &model_variables[FIRST_INPUT + first];
+    return say(s, STATUS_WARNING, "%d of %d inputs were never set, and keep their start value: %s stays %.16g %s", missing,
+               N_INPUTS, input->name, input->start, input->unit);
+}
+
+Status simulation_step(Simulation *s, double time, double step)
+{
+    if (!(step > 0.0) || !isfinite(step)) {
+        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
+    }
+    /* Masters that add up their time arrive some rounding errors off. */
+    const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
+    if (!(fabs(time - s->time) <= tolerance)) {
+        return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
+    }
+    if (time + step > s->stop_time + tolerance) {
+        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
+                   s->stop_time);
+    }
+    const double count = floor(step / SAMPLE_TIME + 0.5);
+    if (count < 1.0 || count > 1e9 || fabs(step - count * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME) {
+        return say(s, STATUS_ERROR,
+                   "the communication step at time %.16g s is %.16g s: must be the sample time of this FMU, %.16g s, or a "
+                   "whole number of them",
+                   s->time, step, (double)SAMPLE_TIME);
+    }
+    const double start = s->time;
+    Status worst = s->tick == 0 ? check_given(s) : STATUS_OK;
+    for (int k = 0; k < (int)count; k++) {
+        const Status status = evaluate(s);
+        if (status != STATUS_OK) return status;
+        memcpy(&s->before, &s->after, sizeof s->before);
+        s->tick++;
+        s->time = k + 1 == (int)count ? time + step : start + (k + 1) * SAMPLE_TIME;
+        s->current = false;
+    }
+    s->fresh = N_INPUTS == 0;
+    return worst;
+}
+
+/* ---- what there is not ---- */
+
+Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
+{
+    (void)slope;
+    return say(s, STATUS_ERROR, "the time derivative of value reference %u is set: canInterpolateInputs is false", reference);
+}
+
+static Status no_model_exchange(Simulation *s)
+{
+    return say(s, STATUS_ERROR, "this FMU is for Co-Simulation only");
+}
+
+Status simulation_set_time(Simulation *s, double time)
+{
+    (void)time;
+    return no_model_exchange(s);
+}
+
+Status simulation_set_states(Simulation *s, const double states[])
+{
+    (void)states;
+    return no_model_exchange(s);
+}
+
+Status simulation_get_derivatives(Simulation *s, double derivatives[])
+{
+    (void)derivatives;
+    return no_model_exchange(s);
+}
+
+Status simulation_complete_step(Simulation *s)
+{
+    return no_model_exchange(s);
+}
+
+Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unknowns[], size_t n_unknowns,
+                                const unsigned knowns[], size_t n_knowns, const double seed[], double sensitivity[])
+{
+    (void)adjoint;
+    (void)unknowns;
+    (void)n_unknowns;
+    (void)knowns;
+    (void)n_knowns;
+    (void)seed;
+    (void)sensitivity;
+    return say(s, STATUS_ERROR, "a sampled model has no partial derivatives");
+}
+
+/* ---- as bytes ---- */
+
+void simulation_serialize(const Simulation *s, unsigned char bytes[])
+{
+    const int phase = (int)s->phase;
+    unsigned char *to = put(bytes, &phase, sizeof phase);
+    to = put(to, &s->time, sizeof s->time);
+    to = put(to, &s->stop_time, sizeof s->stop_time);
+    to = put(to, &s->tick, sizeof s->tick);
+    to = put(to, s->values, sizeof s->values);
+    to = put(to, s->integers, sizeof(int) * N_INTEGERS);
+    for (int i = 0; i < N_INPUTS; i++) {
+        *to++ = s->given[i] ? 1 : 0;
+    }
+    *to++ = s->fresh ? 1 : 0;
+    put(to, &s->before, sizeof s->before);
+}
+
+Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
+{
+    Simulation read;
+    simulation_reset(&read);
+    int phase;
+    const unsigned char *from = take(&phase, bytes, sizeof phase);
+    from = take(&read.time, from, sizeof read.time);
+    from = take(&read.stop_time, from, sizeof read.stop_time);
+    from = take(&read.tick, from, sizeof read.tick);
+    from = take(read.values, from, sizeof read.values);
+    from = take(read.integers, from, sizeof(int) * N_INTEGERS);
+    bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time)
+        && read.tick >= 0 && (phase == RUNNING || read.tick == 0);
+    for (int i = 0; i < N_INPUTS; i++) {
+        is_good = is_good && *from <= 1;
+        read.given[i] = *from++ != 0;
+    }
+    is_good = is_good && *from <= 1;
+    read.fresh = *from++ != 0;
+    take(&read.before, from, sizeof read.before);
+    for (unsigned i = 0; i < FIRST_OUTPUT; i++) {
+        is_good = is_good && isfinite(read.values[i]);
+    }
+    if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
+    read.phase = (Phase)phase;
+    if (read.phase == RUNNING) {
+        const Status status = check_parameters(&read);
+        if (status != STATUS_OK) {
+            memcpy(s->message, read.message, sizeof s->message);
+            return status;
+        }
+    }
+    *s = read;
+    return STATUS_OK;
+}
