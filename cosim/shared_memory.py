@@ -97,6 +97,37 @@ class MappedMemory:
         self.descriptors = ()
 
 
+class LaterMemory:
+    """Memory for a process that this one starts, whose size is known only later.
+
+    Attributes
+    ----------
+    descriptors : tuple of int
+        What the process must inherit.
+    """
+
+    def __init__(self) -> None:
+        self._size = 0
+        self.descriptors: tuple[int, ...] = () if sys.platform == "win32" else (_file(0),)
+
+    def map(self, size: int) -> tuple[mmap.mmap, str]:
+        """Return so many bytes, of any content if some have been mapped before, and their name for the process."""
+        if sys.platform == "win32":
+            name = f"formation-{secrets.token_hex(16)}"
+            return mmap.mmap(-1, size, name), name
+        (descriptor,) = self.descriptors
+        if size > self._size:  # what somebody has mapped must not become shorter
+            os.truncate(descriptor, size)
+            self._size = size
+        return mmap.mmap(descriptor, size), str(descriptor)
+
+    def close(self) -> None:
+        """Give up the descriptors; what is mapped stays."""
+        for descriptor in self.descriptors:
+            os.close(descriptor)
+        self.descriptors = ()
+
+
 def _file(size: int) -> int:
     """Return the descriptor of a file without a name."""
     if hasattr(os, "memfd_create"):

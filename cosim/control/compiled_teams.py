@@ -10,7 +10,11 @@ import numpy as np
 from formation_controllers.interface import CompiledTick, TickInputs
 from numpy.typing import NDArray
 
+from cosim.control.exchange import Exchange, can_exchange
 from cosim.control.team import Team
+from cosim.control.team_elsewhere import TeamElsewhere
+from cosim.control.team_here import TeamHere
+from cosim.frames import Bound
 
 Places = NDArray[np.int64]
 SOURCES = ("measured", "state", "q", "q_dot", "q_ddot", "acceleration")
@@ -36,11 +40,58 @@ class Taken(NamedTuple):
     of: dict[str, Places]
 
 
-def compiled_ticks(teams: Sequence[Team]) -> list[CompiledTick] | None:
-    """Return the compiled tick of each team's law; None if one of them must be called from Python."""
-    ticks = [team.compiled_tick() for team in teams]
-    found = [tick for tick in ticks if tick is not None]
-    return found if len(found) == len(ticks) else None
+class Called(NamedTuple):
+    """Laws that compiled code calls.
+
+    Attributes
+    ----------
+    calls : list of Bound
+        What it calls in a tick, one after the other: all hosts first, as that may have to be done once more.
+    commands, signals : list of ndarray
+        Of each team: its commands (n, entries), and the numbers of its telemetry.
+    elsewhere : Exchange or None
+        The exchange with hosts, if there are any.
+    """
+
+    calls: list[Bound]
+    commands: list[NDArray[np.float64]]
+    signals: list[NDArray[np.float64]]
+    elsewhere: Exchange | None
+
+
+def are_compiled(teams: Sequence[Team]) -> bool:
+    """Return whether no law must be called from Python."""
+    return all(
+        team.alike and can_exchange() if isinstance(team, TeamElsewhere) else _tick_of(team) is not None
+        for team in teams
+    )
+
+
+def called(teams: Sequence[Team], inputs: Sequence[TickInputs]) -> Called | None:
+    """Return laws that `are_compiled`, with what each gets at a tick; None if one of them cannot be called after all."""
+    calls, commands, signals = [], [], []
+    hosted = [(team, own) for team, own in zip(teams, inputs, strict=True) if isinstance(team, TeamElsewhere)]
+    elsewhere = Exchange(*zip(*hosted, strict=True)) if hosted else None
+    if elsewhere is not None:
+        calls.append(elsewhere.call)
+    for team, own in zip(teams, inputs, strict=True):
+        if isinstance(team, TeamElsewhere):
+            commands.append(team.commanded)
+            signals.append(team.signals)
+            continue
+        tick = _tick_of(team)
+        assert tick is not None
+        commands.append(np.zeros((len(team.robots), len(team.vehicle.command))))
+        signals.append(team.telemetry(0.0).reshape(-1))
+        try:
+            calls.append(Bound(tick.function, own, tick.own, commands[-1]))
+        except TypeError:  # a law has something of its own that is neither number nor array
+            return None
+    return Called(calls, commands, signals, elsewhere)
+
+
+def _tick_of(team: Team) -> CompiledTick | None:
+    return team.compiled_tick() if isinstance(team, TeamHere) else None
 
 
 def taken(teams: Sequence[Team], state: Places, measured: Places, desired: Places, acceleration: Places) -> Taken:
@@ -68,7 +119,7 @@ def taken(teams: Sequence[Team], state: Places, measured: Places, desired: Place
     parts = []
     for team in teams:
         poses, velocities = (len(entries) for entries in (team.vehicle.pose, team.vehicle.velocity))
-        own, needed = 1 + team.rows, "velocity" in team.controller.needs
+        own, needed = 1 + team.rows, team.measured
         parts.append(
             (
                 part("measured", measured[own, :poses]),

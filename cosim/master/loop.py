@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import borrowing
+from cosim.control.exchange import Exchange
 from cosim.frames import Bound, call_bound
 from cosim.master.moves import Spots, add, move, move_finite, moves_between
 from cosim.plant.fleet_step import CompiledFleet
@@ -93,6 +94,8 @@ class Wiring:
         The inputs of the plants.
     laws : list of Bound
         The laws.
+    elsewhere : Exchange or None
+        The exchange with those that are in other environments.
     """
 
     def __init__(self) -> None:
@@ -101,6 +104,7 @@ class Wiring:
         self._arrays: tuple[Places, Places, Places] | None = None
         self.given: Floats = np.zeros(0)
         self.laws: list[Bound] = []
+        self.elsewhere: Exchange | None = None
 
     def move(self, stage: Stage, to: Spots, of: Spots, *kept: object) -> None:
         """Move numbers at a stage of each tick; the arrays in which they are must be kept as long."""

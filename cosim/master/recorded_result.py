@@ -90,6 +90,7 @@ def _provenance(
                     "package": team.law.package,
                     "version": team.law.version,
                     "robots": team.robots,
+                    **({"environment": dict(team.law.environment)} if team.law.environment else {}),
                 }
                 for team in teams
             ]

@@ -43,7 +43,7 @@ def recorded_signals(
         **{along: texts(along, labels) for along, labels in setup.columns.labels.items()},
     }
     for team in teams:
-        for signal in team.controller.signals:
+        for signal in team.law.signals:
             if signal.components and recorder.wants(signal.name):
                 dim = f"{signal.name}_component"
                 coordinates[dim] = texts(dim, signal.components)

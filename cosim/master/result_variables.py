@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from cosim.control.team import Law
+from cosim.control.law import Law
 from cosim.errors import InputError
 from cosim.master.who_is_who import is_taken
 from cosim.results.expectations import Recorded, recorded
@@ -72,7 +72,7 @@ def result_variables_of(
     taken = {*variables, *RESERVED, *(dim for variable in variables.values() for dim in variable.dims)}
     telemetry: dict[str, tuple[object, ResultVariable]] = {}
     for law in laws:
-        for signal in law.controller_type.signals:
+        for signal in law.signals:
             parts = signal.components
             dims = ("robot", f"{signal.name}_component") if parts else ("robot",)
             shape = (n, len(parts)) if parts else (n,)
@@ -103,7 +103,7 @@ def recorded_signals(
     names = dict(columns.labels)
     owners: dict[str, list[str]] = {}
     for follower, law in followers:
-        for signal in law.controller_type.signals:
+        for signal in law.signals:
             names |= {f"{signal.name}_component": tuple(signal.components)} if signal.components else {}
             owners.setdefault(signal.name, []).append(follower)
     return recorded(variables, names, [follower for follower, _ in followers], owners)

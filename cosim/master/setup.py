@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import formation_controllers as fc
 
+from cosim.control.hosts import Hosts
+from cosim.control.law import Law, LawGains, find_law, gains_of
 from cosim.control.leader_view import check_view
-from cosim.control.team import Law, find_law, gains_of
 from cosim.errors import InputError
 from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
@@ -67,6 +68,8 @@ class Setup:
         Scenarios that this one is compared with, each with its own set-up, by file.
     storage : Storage
         Where signals over time lie, and records may.
+    hosts : Hosts
+        Hosts of controllers in environments of their own.
     """
 
     leader: RobotSetup
@@ -76,11 +79,12 @@ class Setup:
     opened: Mapping[str, Fmu]
     fmus: Mapping[str, Fmu]
     laws: Mapping[str, Law]
-    gains: tuple[fc.Gains, ...]
+    gains: tuple[LawGains, ...]
     result_variables: tuple[ResultVariable, ...]
     signals: Mapping[str, Recorded]
     others: Mapping[Path, tuple[Scenario, Setup]]
     storage: Storage
+    hosts: Hosts = field(default_factory=Hosts)
 
     @property
     def columns(self) -> RunColumns:
@@ -119,9 +123,15 @@ def set_up(
         A part does not exist or does not fit; the message has its place in the scenario.
     """
     storage, known = storage or Storage(), known or Known()
+    if before is None:
+        hosts = Hosts()
+        cleanup.callback(hosts.stop)
+    else:
+        hosts = before.hosts
+    hosts.launch(scenario.controllers.values())
     fmus = open_fmus(scenario, cleanup, timing, {} if before is None else before.opened, known)
     with timed(timing, "controllers"):
-        found = {name: known.of(name, find_law, source) for name, source in scenario.controllers.items()}
+        found = {name: known.of(name, find_law, source, hosts) for name, source in scenario.controllers.items()}
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
     columns = run_columns([fmus[name].binding.kind for name in _plants_of(scenario)])
@@ -170,6 +180,7 @@ def set_up(
         signals=signals,
         others=others,
         storage=storage,
+        hosts=hosts,
     )
 
 

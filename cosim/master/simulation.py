@@ -13,6 +13,7 @@ from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.team import Team
+from cosim.control.teams import begin, companions, team_of
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.foreign import contained
@@ -64,6 +65,8 @@ class Simulation:
     before
         A run that has reached its end, and is of no use from then on: what is the same in this one is taken over from
         it, as the arrays in which robots have their numbers, laws and wiring.
+    here
+        Whether the run happens in this process; if not, laws in environments of their own are not started here.
 
     Attributes
     ----------
@@ -91,6 +94,7 @@ class Simulation:
         recorder: Recorder | None = None,
         make_result: MakeResult = recorded_result,
         before: Simulation | None = None,
+        here: bool = True,
     ) -> None:
         self.scenario = scenario = contained(scenario) if setup is None else scenario
         self._make_result = make_result
@@ -111,6 +115,9 @@ class Simulation:
             # Before the plants: laws load libraries, which may start threads
             self._teams: list[Team] = self._gather_teams([] if before is None else before._teams)
             self._fleet = self._start_plants(fleet, cleanup)
+            if here:
+                with timed(self.timing, "controllers"):
+                    begin(self._teams, self.setup.motion is not None)
             recorder = recorder or Recorder(
                 scenario.ticks + 1, self.setup.result_variables, allocate=self.setup.storage.empty
             )
@@ -288,7 +295,7 @@ class Simulation:
             with timed(self.timing, "first tick"):
                 self.step()
         segment = Segment()
-        with OneCore(self._fleet.companions) as core:
+        with OneCore((*self._fleet.companions, *companions(self._teams))) as core:
             while not self.finished and not self._signals.received:
                 with self._failing():
                     self._segment(segment)
@@ -363,5 +370,5 @@ class Simulation:
                     scenario.step * scenario.period,
                 )
                 again = (team for team in before if team.restart(*made_of))
-                teams.append(next(again, None) or Team(*made_of))
+                teams.append(next(again, None) or team_of(*made_of))
         return teams

@@ -112,7 +112,10 @@ class SupervisedRun:
             allocate = self.setup.storage.shared
             self._recorder = Recorder(scenario.ticks + 1, self.setup.result_variables, None, memory, allocate)
             self._fleet = _Elsewhere()
-            self._records = Simulation(scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder)
+            self._records = Simulation(
+                scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder, here=False
+            )
+            self.setup.hosts.stop()  # the process has hosts of its own
             limits = [robot.source.time_limit for robot in driven_robots(self.setup)]
             self._limits = [SUPERVISED_TIME_LIMIT if limit is None else limit for limit in limits]
             self._activity = activity()

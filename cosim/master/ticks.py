@@ -156,6 +156,11 @@ class Ticks:
             *self._switches[bisect(self._switches, first) :][:1],
         )
         self.tick, ended = self._advance(self._loop, Part.ALL.value, first, last)
+        if ended == Ended.RAISED and self._wiring.elsewhere is not None:
+            self.recorder.recorded = self.tick
+            if self._wiring.elsewhere.settle(self.tick * step):  # a law has taken long, and answered
+                rest = (Part.ALL & ~Part.SENSE).value
+                self.tick, ended = self._advance(self._loop, rest, self.tick, self.tick + 1)
         self.recorder.recorded = self.tick + (ended == Ended.PLANTS)
         if ended == Ended.PLANTS:
             self._fleet.settle(self.tick, step, int(self._loop.fleet.found[0]))  # raises, unless a plant takes long
@@ -177,15 +182,15 @@ class Ticks:
         now, told = self._now, self._now.told_of_the_leader()
         desired = [part[tick] for part in self._setup.desired]
         for team in self._teams:
-            now.command[team.commands] = team.step(
-                tick * self._scenario.step,
+            team.give(
                 now.measured[1:],
                 now.velocity[1:],
                 told,
                 acceleration,
                 fc.Desired(*(np.ascontiguousarray(part[team.place]) for part in desired)),
-                first=tick == 0,
             )
+        for team in self._teams:
+            now.command[team.commands] = team.step(tick * self._scenario.step, first=tick == 0)
 
     def _raise_not_finite(self) -> None:
         for team in self._teams:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cosim.control.team import Law
+from cosim.control.law import Law
 from cosim.errors import UnboundVelocities
 from cosim.fmu.binding import number_name
 from cosim.master.robot import RobotSetup
@@ -19,7 +19,7 @@ def check_velocities(
         _check_robot(leader, "its followers need the leader's velocities")
     for follower, robot in zip(scenario.followers, followers, strict=True):
         law = laws[follower.controller]
-        if "velocity" in law.controller_type.needs:
+        if "velocity" in law.needs:
             _check_robot(robot, f"the controller {law.source.name!r} needs the velocities of its robots")
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from formation_controllers import Desired
 from numpy.typing import NDArray
 
-from cosim.control.compiled_teams import compiled_ticks, taken
+from cosim.control.compiled_teams import are_compiled, called, taken
 from cosim.control.team import Team
-from cosim.frames import Bound
 from cosim.master.loop import Stage, Wiring
 from cosim.master.moves import Spots, spots, spots_by_tick
 from cosim.master.robot import RobotSetup
@@ -45,8 +44,7 @@ def wire_laws(
     records
         The place of each team's telemetry, and which of its numbers are recorded.
     """
-    ticks = compiled_ticks(teams)
-    if ticks is None:
+    if not are_compiled(teams):
         return False
     command, acceleration = spots(now.command), np.zeros((0, 0)) if motion is None else motion.acceleration
     all_taken = taken(
@@ -56,14 +54,10 @@ def wire_laws(
         desired=np.arange(now.command.shape[0] * 2).reshape(-1, 2),
         acceleration=spots_by_tick(acceleration).first,
     )
-    given = [np.zeros(command[team.commands].first.shape) for team in teams]
-    try:
-        wiring.laws = [
-            Bound(tick.function, inputs, tick.own, commands)
-            for tick, inputs, commands in zip(ticks, all_taken.inputs, given, strict=True)
-        ]
-    except TypeError:  # a law has something of its own that is neither number nor array
+    laws = called(teams, all_taken.inputs)
+    if laws is None:
         return False
+    wiring.laws, wiring.elsewhere = laws.calls, laws.elsewhere
     numbers = spots(all_taken.numbers)
     for name, of in all_taken.of.items():
         source = Spots(of, acceleration.strides[0] if name == "acceleration" else 0)
@@ -71,9 +65,8 @@ def wire_laws(
             places = spots_by_tick(getattr(desired, name))
             source = Spots(places.first.reshape(-1)[of], places.tick)
         wiring.move(Stage.TAKE, numbers[all_taken.to[name]], source, all_taken, acceleration, desired)
-    for team, commands, (store, recorded) in zip(teams, given, records, strict=True):
+    for team, commands, signals, (store, recorded) in zip(teams, laws.commands, laws.signals, records, strict=True):
         wiring.move(Stage.COMMAND, command[team.commands], spots(commands), commands)
-        signals = team.controller.telemetry_record.view(np.float64).reshape(-1)
         wiring.move(Stage.SIGNALS, spots_by_tick(store), spots(signals)[recorded], store, signals)
     return True
 

@@ -33,17 +33,28 @@ def environment(mark: str, plain: bool = True) -> dict[str, str]:
 
 
 def launch(
-    options: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = (), errors: int | None = None
+    command: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = (), errors: int | None = None
+) -> subprocess.Popen[bytes]:
+    """Start an interpreter that finds modules where this one does; see `start`.
+
+    Its arguments are this process, and the folders where Python finds modules here.
+    """
+    folders = (os.path.abspath(folder) for folder in sys.path)
+    return start([*command, str(os.getpid()), *folders], variables, inherited, errors)
+
+
+def start(
+    command: Sequence[str], variables: dict[str, str], inherited: tuple[int, ...] = (), errors: int | None = None
 ) -> subprocess.Popen[bytes]:
     """Start an interpreter that is reached through its standard input and output.
 
-    Its arguments are this process, and the folders where Python finds modules here. Ctrl-C does not reach it. It stays
-    in the session, as Linux shares a core out between sessions first: one cannot give way to the other in time.
+    Ctrl-C does not reach it. It stays in the session, as Linux shares a core out between sessions first: one cannot
+    give way to the other in time.
 
     Parameters
     ----------
-    options
-        Its options, which say what it runs.
+    command
+        Its path, and its arguments.
     variables
         Its environment; see `environment`.
     inherited
@@ -52,7 +63,7 @@ def launch(
         A descriptor for its standard error; without one, that of this process.
     """
     return subprocess.Popen(
-        [sys.executable, *options, str(os.getpid()), *(os.path.abspath(folder) for folder in sys.path)],
+        command,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=variables,

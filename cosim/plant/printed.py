@@ -42,10 +42,12 @@ class Printed:
     ----------
     whose
         The name of the FMU, or the names.
+    log
+        Where the lines go.
     """
 
-    def __init__(self, whose: str) -> None:
-        self._whose = whose
+    def __init__(self, whose: str, log: logging.Logger = LOG) -> None:
+        self._whose, self._log = whose, log
         self._read, self._pipe = os.pipe()
         self._give_up: float | None = None
         self._rest = b""
@@ -104,11 +106,12 @@ class Printed:
         if self._shown > LINES + 1:
             return
         if self._shown > LINES:
-            LOG.warning("%s", printable(f"{self._whose} prints more than {LINES} lines; the others are not shown"))
+            told = f"{self._whose} prints more than {LINES} lines; the others are not shown"
+            self._log.warning("%s", printable(told))
             return
         text = line[: 8 * CHARACTERS].decode(errors="replace").rstrip("\r").expandtabs()
         text = text if len(text) <= CHARACTERS else f"{text[:CHARACTERS]}..."
-        LOG.warning("%s", printable(f"{self._whose}: {text}").replace("\n", "?"))
+        self._log.warning("%s", printable(f"{self._whose}: {text}").replace("\n", "?"))
 
 
 def line_by_line() -> None:

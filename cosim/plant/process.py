@@ -5,13 +5,12 @@ It is no sandbox: the process has the user's rights.
 
 from __future__ import annotations
 
-import json
 import os
 import pkgutil
 import subprocess
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,27 +18,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim import process_tree
 from cosim.errors import printable
-from cosim.plant.awaiting import Awaited
 from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, board, board_size, core_now, fill, watch
+from cosim.plant.companion import Companion
 from cosim.plant.failures import NoInstance, PlantError
-from cosim.plant.interpreter import environment, how_it_ended, kill, kill_only, launch
+from cosim.plant.interpreter import environment, launch
 from cosim.plant.local import NotStarted
 from cosim.plant.message import Message
-from cosim.plant.printed import Printed
-from cosim.plant.protocol import HEADER, MOST, Reply, Request, send
+from cosim.plant.protocol import Request
 from cosim.plant.spec import PlantSpec, Value
 from cosim.shared_memory import MappedMemory
-from cosim.undisturbed import undisturbed
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
 """Options of the interpreter."""
 
-_LAUNCH_LIMIT = 60.0
-"""Time limit [s] for the interpreter of a new process to start, before a plant's own time limit counts."""
-_EXIT_LIMIT = 5.0
-"""Time limit [s] for a process that has closed its pipes to exit."""
 _RUNS = 20
 """How many runs are reckoned with where there are to be many."""
 _SOON_OVER = 400.0
@@ -49,7 +41,7 @@ Loading takes a second. A step from Python takes some 40 us for the process and 
 """
 
 
-class PlantProcess:
+class PlantProcess(Companion):
     """Plants in a process of their own, all of one FMU.
 
     The process starts at once; `wait_until_started` waits for it, so that several can start side by side. A step is
@@ -75,14 +67,12 @@ class PlantProcess:
         The system refuses another process.
     """
 
+    error = PlantError
+
     def __init__(self, specs: Sequence[PlantSpec], bell: NDArray[np.void] | None = None, often: bool = False) -> None:
         self.specs = tuple(specs)
         self.bell = np.zeros(1, BELL) if bell is None else bell
-        self._limits = [spec.time_limit for spec in specs]
-        self._launching = True  # until its interpreter has started
-        self._waits = False  # whether it waits for a request
-        self._ending = self._closed = False
-        self._expired: float | None = None
+        self._ending = False
         self._failure = ""
         inputs, outputs = (
             sum(len(block.start) for block in blocks)
@@ -91,38 +81,26 @@ class PlantProcess:
         size = board_size(inputs, outputs)
         memory = MappedMemory(size)
         self.board = board(memory, inputs, outputs)
-        self._mark = process_tree.new_mark()
+        plain = _plain(specs, often)
+
+        def start(mark: str, errors: int) -> subprocess.Popen[bytes]:
+            return launch((sys.executable, *WORKER), environment(mark, plain), memory.descriptors, errors)
+
         try:
-            self._printed = Printed(specs[0].file)
-            variables = environment(self._mark, plain=_plain(specs, often))
-            with undisturbed():  # a process that nobody knows would be left
-                self._process = self._printed.of(
-                    lambda pipe: launch(WORKER, variables, memory.descriptors, errors=pipe)
-                )
+            super().__init__(specs[0].file, start, [spec.time_limit for spec in specs])
         except OSError as error:
             raise NotStarted(0, PlantError(f"its process cannot be started: {error.strerror}")) from None
-        except KeyboardInterrupt:
-            if hasattr(self, "_process"):
-                kill(self._process, self._mark)
-                self._printed.close()
-            raise
         finally:
             memory.is_inherited()
         try:
-            assert self._process.stdin is not None
-            assert self._process.stdout is not None
-            self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()
-            self._awaited = Awaited(self._process.pid, self._replies)
-            self._interval = min(max(min(self._limits) / 10, 0.02), 0.5)
             numbers = self.board.asked, self.board.answered
             for number in numbers:
                 number[1] = BY_PIPE
             fill(self.bell, (self._requests, self._replies), numbers, STEP)
-            self._timer = watch(self.bell, self._awaited.descriptor, self._interval)
+            self._timer = watch(self.bell, self._awaited.descriptor, self.interval)
             self._ask(Request.START, {"memory": memory.name, "size": size, **_about(specs)})
         except BaseException:
-            kill(self._process, self._mark)
-            self._printed.close()
+            self._end()
             raise
 
     def wait_until_started(self) -> None:
@@ -182,11 +160,6 @@ class PlantProcess:
             self._failure = str(error)
         else:
             self.bell["heard"] = Heard.FAILED if self.board.tells[0] else Heard.DONE
-
-    @property
-    def number(self) -> int:
-        """The system's number of the process."""
-        return self._process.pid
 
     @property
     def heard(self) -> int:
@@ -263,60 +236,10 @@ class PlantProcess:
                 with suppress(PlantError):
                     self._receive("did not end")
         finally:
-            kill(self._process, self._mark)
-            self._printed.close()
+            self._end()
             self._awaited.close()
             if self._timer >= 0:
                 os.close(self._timer)
-
-    # Requests and replies -----------------------------------------------------------------------------------
-
-    def _ask(self, kind: Request, about: object = None) -> None:
-        self._working()
-        with suppress(OSError):  # the process has ended: reading its reply shows how
-            send(self._requests, kind, b"" if about is None else json.dumps(about).encode())
-
-    def _working(self) -> None:
-        """Note that the process works from now on."""
-        self._waits = False
-        self._seen, self._since = self._culprit, time.monotonic()
-
-    def _receive(self, failed: str) -> Any:
-        """Return what is in a reply, which is not trusted."""
-        kind, length = HEADER.unpack(self._exactly(HEADER.size, failed))
-        if length > MOST:
-            raise self._nonsense(failed)
-        body = self._exactly(length, failed)
-        with self._sense(failed):
-            kind, told = Reply(kind), json.loads(body) if body else None
-        self._waits = True
-        if kind == Reply.FAILED:
-            raise PlantError(printable(str(told)))
-        return told
-
-    def _exactly(self, length: int, failed: str) -> bytes:
-        data = b""
-        while len(data) < length and self._is_readable():
-            part = os.read(self._replies, length - len(data))
-            if not part:
-                break
-            data += part
-        if len(data) < length:
-            raise self._ended(failed)
-        return data
-
-    def _is_readable(self) -> bool:
-        """Wait until a reply can be read, be it to find the end; False if the process has ended or takes too long."""
-        while (ready := self._awaited.wait(self._interval)) is None:
-            current, now = self._culprit, time.monotonic()
-            if current != self._seen and len(self.specs) > 1:  # each of the plants may take its time
-                self._seen, self._since = current, now
-            limit = _LAUNCH_LIMIT if self._launching else self._limits[current]
-            if now - self._since > limit:
-                self._expired = limit
-                kill_only(self._process, self._mark)
-                return False
-        return ready
 
     @property
     def _culprit(self) -> int:
@@ -324,26 +247,9 @@ class PlantProcess:
         current = int(self.board.activity.current[0])
         return current if 0 <= current < len(self.specs) else 0
 
-    @contextmanager
-    def _sense(self, failed: str) -> Iterator[None]:
-        """Raise PlantError if what the process has told makes no sense."""
-        try:
-            yield
-        except (ValueError, TypeError, LookupError, RecursionError):
-            raise self._nonsense(failed) from None
-
-    def _nonsense(self, failed: str) -> PlantError:
-        self._waits = False
-        return PlantError(f"{failed}: its process answers with bytes that are no reply")
-
-    def _ended(self, failed: str) -> PlantError:
-        self._waits = False
-        try:
-            how = how_it_ended(self._process.wait(_EXIT_LIMIT), self._expired)
-        except subprocess.TimeoutExpired:
-            how = ": its process has closed the pipe to the harness"
-        last = self.board.activity.last_words
-        return PlantError(f"{failed}{how}" + (f"; it had logged: {'; '.join(last)}" if last else ""))
+    @property
+    def _last_words(self) -> list[str]:
+        return self.board.activity.last_words
 
 
 def end(processes: Sequence[PlantProcess]) -> None:

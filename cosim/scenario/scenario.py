@@ -142,7 +142,15 @@ class PlantSource:
 
 @dataclass(frozen=True)
 class ControllerSource:
-    """A control law by name, package and version range, with gains."""
+    """A control law by name, package and version range, with gains.
+
+    Attributes
+    ----------
+    environment : Path or None
+        The folder of the Python environment in which it runs; None for the harness's own.
+    time_limit : float or None
+        What a tick may take there [s]; None if not stated.
+    """
 
     id: str
     name: str
@@ -150,6 +158,8 @@ class ControllerSource:
     version: str
     gains: tuple[Setting, ...]
     where: Location
+    environment: Path | None = None
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import json
 import os
 import pickle
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -52,7 +53,9 @@ class WorkerProcess:
     def __init__(self) -> None:
         self.has_begun = False
         self._mark = process_tree.new_mark()
-        self._process = launch(("-P", "-m", "cosim.studies.worker"), environment(self._mark, plain=False))
+        self._process = launch(
+            (sys.executable, "-P", "-m", "cosim.studies.worker"), environment(self._mark, plain=False)
+        )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._tasks, self._answers = self._process.stdin.fileno(), self._process.stdout.fileno()

@@ -8,7 +8,7 @@ from formation_controllers import registry
 
 from cosim.control import installed_laws
 from cosim.control.installed_laws import installed
-from cosim.control.team import find_law
+from cosim.control.law import find_law
 from cosim.errors import InputError, Location
 from cosim.scenario.scenario import ControllerSource
 

@@ -7,7 +7,7 @@ from typing import Any, cast
 import formation_controllers as fc
 import numpy as np
 
-from cosim.control.team import find_law
+from cosim.control.law import find_law
 from cosim.fmu.binding import Binding
 from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup

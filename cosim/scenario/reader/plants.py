@@ -50,7 +50,18 @@ def controller(element: Element) -> ControllerSource:
         version=element.get("version"),
         gains=settings(element, "gain"),
         where=element.where,
+        environment=element.path("environment") if "environment" in element else None,
+        time_limit=_time_limit(element),
     )
+
+
+def _time_limit(element: Element) -> float | None:
+    """Read the time limit of a controller, which only one in a process of its own can have."""
+    if "time_limit" not in element:
+        return None
+    if "environment" not in element:
+        raise element.error("the time_limit of a <controller> is for one with an environment: give it one, or none")
+    return element.positive("time_limit", "s")
 
 
 def binding(element: Element) -> BindingSource:

@@ -1,0 +1,805 @@
+"""The host of the control laws of another Python environment: one file, which that environment's interpreter runs.
+
+It needs the standard library, NumPy and `formation_controllers` of that environment, any release that speaks version 1
+of the controllers' interface; the package that this file belongs to is out of its sight. The harness imports the same
+functions for laws of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
+
+Requests come through standard input and replies go through standard output, both moved out of the laws' reach first. A
+frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes of JSON. The numbers of
+a tick lie in memory that both sides share; whoever waits looks at a number there before it sleeps, as in
+`cosim.plant.bells`. Numba, which the laws need anyway, makes the exchange of that number atomic; without it both sides
+ring through the pipes alone.
+"""
+
+from __future__ import annotations
+
+import base64
+import ctypes
+import inspect
+import json
+import mmap
+import os
+import struct
+import sys
+import threading
+import time
+import traceback
+from collections import namedtuple
+from contextlib import suppress
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # a host starts without
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from typing import Any
+
+HEADER = struct.Struct("<BI")
+SPOKEN = "1"
+"""First number of the versions of the controllers' interface that a host speaks."""
+PUBLIC = "formation_controllers"
+
+DESCRIBE, STEP, GAINS, TEAMS, FAILURE, NOT_FINITE, RESET, STATE, GO_ON = range(9)
+"""Requests.
+
+Describe a law; run a tick; check gains; make the teams of a run; tell why a tick has failed, or why commands are not
+finite; lead a team back to before its start; tell the state of a team as bytes, or let it go on from some.
+"""
+DONE, FAILED = range(2)
+"""Replies."""
+AS_COMPILED, FIRST, STEP_BY_STEP = range(3)
+"""How a tick is run: by the law's compiled tick where it has one; after its start; by its Python methods."""
+
+AWAKE, ASLEEP, BY_PIPE = range(3)
+"""What whoever waits says beside the number at which it looks, see `cosim.plant.bells`."""
+SAYS = 8
+
+_PATIENCE = 50e-6
+"""Time [s] to look before going to sleep."""
+_FEWEST, _MOST = 64, 2**16
+"""Ticks without looks after one in which looking has not helped."""
+_ROUNDS = 1000
+_ORPHAN_CHECK = 1.0
+_PR_SET_PDEATHSIG, _SIGKILL = 1, 9
+_LINE = 64
+"""Bytes of a cache line, at which arrays begin."""
+_WORDS = 3
+
+_OLDEST = (3, 11)
+
+
+# Words about laws, for laws of this process and of a host alike -----------------------------------------------------
+
+
+def described(law: Any) -> dict[str, Any]:
+    """Return what a law states about itself, as JSON can hold it.
+
+    That is its interface version, vehicles, needs, signals, and gains with their defaults and facts.
+    """
+    from dataclasses import asdict, fields
+
+    return {
+        "interface": law.interface,
+        "vehicles": list(law.vehicles),
+        "needs": list(getattr(law, "needs", ())),
+        "signals": [asdict(signal) for signal in law.signals],
+        "gain_facts": {
+            field.name: {"default": field.default, **asdict(field.metadata["gain"])} for field in fields(law.gains_type)
+        },
+    }
+
+
+class GainFault(Exception):
+    """A gain is wrong: the place of its setting, -1 if none is at fault, and a sentence."""
+
+    def __init__(self, place: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.place = place
+
+
+def checked_gains(law: Any, settings: Sequence[tuple[str, float | tuple[float, ...]]]) -> Any:
+    """Return the gains of a law with some of them set.
+
+    Raises
+    ------
+    GainFault
+        One of them is wrong; they are set one by one, to tell which.
+    """
+    from formation_controllers.errors import GainError
+
+    place, values = -1, {}
+    try:
+        if not settings:
+            return law.gains_type()
+        for place, (name, value) in enumerate(settings):
+            values[name] = value
+            gains = law.gains_type.from_mapping(values)
+        return gains
+    except GainError as error:
+        raise GainFault(place, str(error)) from None
+    except Exception as error:  # gains are other people's code, too
+        raise GainFault(place, told(error, law)) from None
+
+
+def said(error: BaseException, law: type) -> str:
+    """Return an exception of a law in words: of one that the package raises on purpose, its message."""
+    from formation_controllers.errors import ControllerError
+
+    return error.message if isinstance(error, ControllerError | NotFinite) else told(error, law)
+
+
+def told(error: BaseException, law: type) -> str:
+    """Return an exception of a control law in words: its type, its message, and the line of the law.
+
+    Parameters
+    ----------
+    error
+        The exception, with its traceback.
+    law
+        The class of the controller.
+    """
+    packages = {_package(base.__module__) for base in law.__mro__} - {PUBLIC, "abc", "builtins", "typing"}
+    place = innermost(error, packages or {PUBLIC}) or _definition(law)
+    return f"{type(error).__name__}: {error}" + (f", at {place}" if place else "")
+
+
+def innermost(error: BaseException, packages: Collection[str]) -> str:
+    """Return ``FILE:LINE`` of the innermost call within some packages that an exception went through; empty if none."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno}"
+    place = ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if _package(str(frame.f_globals.get("__name__", ""))) in packages:
+            place = f"{frame.f_code.co_filename}:{line}"
+    return place
+
+
+def not_imported(error: BaseException, module: str) -> str:
+    """Return why a law of a module could not be loaded; where that module failed, with the line."""
+    place = innermost(error.__cause__, {_package(module)}) if error.__cause__ is not None else ""
+    return f"{error}, at {place}" if place else str(error)
+
+
+def _definition(law: type) -> str:
+    with suppress(OSError, TypeError):  # the source is not at hand
+        return f"{inspect.getsourcefile(law)}:{inspect.getsourcelines(law)[1]}"
+    return ""
+
+
+def _package(module: str) -> str:
+    return module.partition(".")[0]
+
+
+# A step of a law, for laws of this process and of a host alike ------------------------------------------------------
+
+
+class NotFinite(ValueError):
+    """Commands that a law has returned are not finite; the row of the first such follower."""
+
+    def __init__(self, sentence: str, robot: int) -> None:
+        super().__init__(sentence)
+        self.message = sentence
+        self.robot = robot
+
+
+def checked_commands(commands: Any, expected: tuple[int, ...]) -> Any:
+    """Return the commands of a law as an array of finite numbers.
+
+    Raises
+    ------
+    ValueError
+        They have another shape than the one expected, or are not finite (`NotFinite`).
+    """
+    import numpy as np
+
+    array = np.asarray(commands, dtype=float)
+    if array.shape != expected:
+        raise ValueError(f"it returned torques of shape {array.shape}, not {expected}")
+    finite = np.isfinite(array).all(axis=1)
+    if not finite.all():
+        row = int(np.argmin(finite))
+        raise NotFinite(f"the torque is {array[row].tolist()}: it must be finite", row)
+    return array
+
+
+def telemetry_type(signals: Sequence[Any]) -> Any:
+    """Return the type of a record of the signals that a law states."""
+    import numpy as np
+
+    return np.dtype([(s.name, np.float64, (len(s.components),) if s.components else ()) for s in signals])
+
+
+def is_stated(record: Any, stated: Any, robots: int) -> bool:
+    """Return whether telemetry is what its law states: a record a robot."""
+    return bool(record.dtype == stated and record.shape == (robots,))
+
+
+def numbers_of(record: Any) -> Any:
+    """Return the numbers of telemetry, one record after the other; a view, where its memory is in one piece."""
+    import numpy as np
+
+    return np.ascontiguousarray(record).view(np.float64)
+
+
+def row_of(error: BaseException) -> int | None:
+    """Return the row of the follower that an error of a law is about; None if it is about no single one."""
+    row = getattr(error, "robot", None)
+    return row if isinstance(row, int) else None
+
+
+# Vehicles as data ---------------------------------------------------------------------------------------------------
+
+
+def stated(vehicle: Any) -> dict[str, Any]:
+    """Return the facts of a vehicle, as JSON can hold them."""
+    formation, torques = getattr(vehicle, "formation", None), getattr(vehicle, "torques", None)
+    return {
+        "kind": vehicle.kind,
+        **{fact: [list(entry) for entry in getattr(vehicle, fact)] for fact in ("pose", "velocity", "command")},
+        "geometry": [[*entry, getattr(vehicle, entry[0])] for entry in vehicle.geometry],
+        "formation": None if formation is None else [formation.steering, formation.length],
+        "torques": None if torques is None else [torques.form, torques.wheel_radius, torques.half_track],
+    }
+
+
+def _vehicle(facts: Mapping[str, Any]) -> Any:
+    """Return a vehicle of such facts: of a class of `formation_controllers`, if that knows the kind."""
+    from formation_controllers import vehicles
+
+    geometry = {name: value for name, _, value in facts["geometry"]}
+    for known in getattr(vehicles, "VEHICLES", ()):
+        if known.kind == facts["kind"]:
+            return known(**geometry)
+    entries = {
+        fact: tuple(vehicles.Entry(*entry[:2]) for entry in facts[fact])
+        for fact in ("pose", "velocity", "command", "geometry")
+    }
+    others = {
+        "formation": facts["formation"] and vehicles.FormationGeometry(*facts["formation"]),
+        "torques": facts["torques"] and vehicles.TorqueMap(*facts["torques"]),
+    }
+    values = {"kind": facts["kind"], **entries, **others, **geometry}
+    return namedtuple("Vehicle", values)(**values)
+
+
+# Shared memory ------------------------------------------------------------------------------------------------------
+
+
+class Board:
+    """What the harness and a host share, as arrays on some memory.
+
+    Attributes
+    ----------
+    current : ndarray of int
+        The team whose law is called at the moment; -1 for none.
+    told : ndarray
+        How the tick is run, a number without use, and as an integer the core on which the harness works.
+    tells : ndarray of int
+        One more than the place of the team that has failed, 0 without one; 0; the core on which the host works.
+    asked, answered : ndarray of int
+        As in `cosim.plant.bells`.
+    numbers : ndarray
+        The inputs and outputs of all teams, one after the other.
+    """
+
+    def __init__(self, memory: Any, numbers: int) -> None:
+        import numpy as np
+
+        self._used = 0
+
+        def take(size: int, kind: Any) -> Any:
+            array = np.frombuffer(memory, kind, size, self._used)
+            self._used += -(-size * 8 // _LINE) * _LINE
+            return array
+
+        self.current = take(1, np.int64)
+        self.told = take(_WORDS, np.float64)
+        self.tells = take(_WORDS, np.int64)
+        self.asked, self.answered = take(2, np.int64), take(2, np.int64)
+        self.numbers = take(numbers, np.float64)
+
+
+def board_size(numbers: int) -> int:
+    """Return the bytes of the memory of a board with so many numbers."""
+    return 5 * _LINE + -(-max(numbers, 1) * 8 // _LINE) * _LINE
+
+
+INPUTS = ("pose", "velocity", "leader_pose", "leader_velocity", "leader_acceleration", "q_d", "q_d_dot", "q_d_ddot")
+"""The inputs of a team, as in `formation_controllers.interface.TickInputs`."""
+
+
+def shapes_of(size: int, poses: int, velocities: int, commands: int, telemetry: int) -> list[tuple[int, ...]]:
+    """Return the shapes of a team's inputs, commands and telemetry, given its size and how many entries each has."""
+    return [
+        (size, poses),
+        (size, velocities),
+        (poses,),
+        (velocities,),
+        (velocities,),
+        *[(size, 2)] * 3,
+        (size, commands),
+        (size, telemetry),
+    ]
+
+
+def parts_of(numbers: Any, shapes: Sequence[Sequence[tuple[int, ...]]]) -> Iterator[list[Any]]:
+    """Return the arrays of each team, given the shapes of each: parts of the numbers of a board."""
+    import math
+
+    first = 0
+    for own in shapes:
+        arrays = []
+        for shape in own:
+            arrays.append(numbers[first : first + math.prod(shape)].reshape(shape))
+            first += math.prod(shape)
+        yield arrays
+
+
+# Teams --------------------------------------------------------------------------------------------------------------
+
+
+class _Team:
+    """A law with its followers, whose inputs and outputs lie in shared memory."""
+
+    def __init__(self, law: Any, about: Mapping[str, Any], arrays: list[Any]) -> None:
+        from formation_controllers.interface import Desired, Leader, Team
+
+        self.law = law
+        gains = [checked_gains(law, [(name, _gain(value)) for name, value in own]) for own in about["gains"]]
+        team = Team(_vehicle(about["vehicle"]), about["size"], about["period"])
+        self.controller = law(team, gains[0] if about["shared"] else tuple(gains))
+        *self._inputs, self._commands, self._telemetry = arrays
+        pose, self._velocity, leader_pose, leader_velocity, acceleration, *desired = self._inputs
+        self._given = pose, Leader(leader_pose, leader_velocity, acceleration if about["accelerates"] else None)
+        self._desired = Desired(*desired)
+        self._measured = "velocity" in getattr(law, "needs", ())
+        self._dtype = telemetry_type(law.signals)
+        self._call: Callable[[], None] | None = None
+        self._prepare()
+
+    @property
+    def can_restart(self) -> bool:
+        """Whether all numbers of the law are in its records, so that a reset makes it as good as new."""
+        return self._call is not None
+
+    def restart(self) -> bool:
+        """Lead the law back to before its start, if it `can_restart`."""
+        if not self.can_restart:
+            return False
+        self.controller.reset()
+        return True
+
+    def tick(self, how: float) -> None:
+        """Fill commands and telemetry."""
+        if how == AS_COMPILED and self._call is not None:
+            self._call()
+            return
+        # A law may keep or change what it is given: it gets arrays of its own.
+        pose, leader = self._given[0].copy(), type(self._given[1])(*(_copy(part) for part in self._given[1]))
+        desired = type(self._desired)(*(part.copy() for part in self._desired))
+        if how == FIRST:
+            self.controller.start(pose, leader, desired)
+        measured = {"velocity": self._velocity.copy()} if self._measured else {}
+        command = self.controller.step(pose, leader, desired, **measured)
+        self._commands[:] = checked_commands(command, self._commands.shape)
+        record = self.controller.telemetry_record
+        if not is_stated(record, self._dtype, len(self._commands)):
+            raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
+        self._telemetry[:] = numbers_of(record).reshape(self._telemetry.shape)
+
+    def not_finite(self) -> BaseException:
+        """Return the error of commands that are not finite."""
+        error: BaseException = self.controller.not_finite(self._commands.copy())
+        return error
+
+    def state(self) -> bytes:
+        """Return the state of the law as bytes."""
+        state: bytes = self.controller.to_bytes()
+        return state
+
+    def go_on(self, state: bytes) -> None:
+        """Go on from a state."""
+        self.controller.from_bytes(state)
+
+    def _prepare(self) -> None:
+        """Compile the law's tick for just these arrays, if it states one."""
+        try:
+            tick, record = self.controller.compiled_tick(), self.controller.telemetry_record
+            contiguous = is_stated(record, self._dtype, len(self._commands)) and record.flags.c_contiguous
+        except Exception:  # an older interface; or it fails again when it is stepped, and is reported there
+            return
+        if tick is None or not contiguous:
+            return
+        from formation_controllers.interface import TickInputs
+
+        inputs, own, commands, telemetry = TickInputs(*self._inputs), tick.own, self._commands, self._telemetry
+        signals = numbers_of(record).reshape(telemetry.shape)
+        function = tick.function
+        with suppress(ImportError):
+            from formation_controllers.compiled import compiled_for
+
+            function = compiled_for(function, inputs, own, commands)
+
+        def call() -> None:
+            function(inputs, own, commands)
+            telemetry[:] = signals
+
+        self._call = call
+
+
+def _gain(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _copy(part: Any) -> Any:
+    return None if part is None else part.copy()
+
+
+# The bell -----------------------------------------------------------------------------------------------------------
+
+
+class _Bell:
+    """How a host waits for requests, and answers a tick."""
+
+    def __init__(self, requests: int, replies: int) -> None:
+        self._requests, self._replies = requests, replies
+        self._board: Board | None = None
+        self._hears = self._asks = self._seen = 0
+        self._slept = True  # the harness still rings through the pipe alone
+        self._rest = self._pause = 0
+        self._core = getattr(ctypes.CDLL(None), "sched_getcpu", None) if os.name == "posix" else None
+        self._functions: tuple[Callable[..., int], ...] | None = None
+
+    def use(self, board: Board) -> None:
+        """Look at the numbers of a board from now on."""
+        self._board = board
+        self._hears, self._asks = int(board.asked.ctypes.data), int(board.answered.ctypes.data)
+        self._rest = self._pause = 0
+        self._slept = True
+        self._functions = self._functions or _atomic()
+        board.asked[1] = BY_PIPE
+
+    def wait(self) -> tuple[int, bytes] | None:
+        """Return the next request; None at the end."""
+        if not self._slept and self._look():
+            return STEP, b""
+        header = _exactly(self._requests, HEADER.size)
+        if header is None:
+            return None
+        kind, length = HEADER.unpack(header)
+        body = _exactly(self._requests, length)
+        if body is None:
+            return None
+        if self._functions is not None and self._board is not None:
+            _, swap, _, _ = self._functions
+            swap(self._hears + SAYS, AWAKE if kind == STEP else BY_PIPE)
+            self._slept = kind != STEP
+            self._seen = int(self._board.asked[0])
+        return kind, body
+
+    def answer(self) -> None:
+        """Tell that a tick is done."""
+        board = self._board
+        if board is None or self._functions is None:
+            send(self._replies, DONE)
+            return
+        board.tells[2] = -1 if self._core is None else self._core()
+        if self._functions[3](self._asks):
+            send(self._replies, DONE)
+
+    def _look(self) -> bool:
+        """Look for a new number; return False, and say that this side sleeps, if there is none for long."""
+        assert self._functions is not None
+        assert self._board is not None
+        look, _, sleep, _ = self._functions
+        hears, seen, board = self._hears, self._seen, self._board
+        found = look(hears, seen, 1)
+        if self._rest > 0:
+            self._rest -= 1
+        elif not found:
+            together = int(board.told.view("int64")[2]) == board.tells[2]
+            until = time.perf_counter() + _PATIENCE
+            while not (found := look(hears, seen, 1 if together else _ROUNDS)) and time.perf_counter() < until:
+                if together:
+                    os.sched_yield()
+            self._pause = self._pause // 2 if found else min(max(2 * self._pause, _FEWEST), _MOST)
+            self._rest = 0 if found else self._pause
+        if not found and sleep(hears, seen):
+            self._slept = True
+            return False
+        self._seen = int(board.asked[0])
+        return True
+
+
+def _atomic() -> tuple[Callable[..., int], ...] | None:
+    """Return functions of addresses that are atomic; None where nothing is compiled.
+
+    ``look(address, seen, rounds)`` tells whether another number has come, ``swap(address, value)`` exchanges one,
+    ``sleep(address, seen)`` tells whether this side may sleep, and ``ring(address)`` answers, and tells whether the pipe
+    must, too.
+    """
+    try:
+        import numba
+        from llvmlite import ir
+        from numba import types
+        from numba.extending import intrinsic
+    except ImportError:
+        return None
+    if numba.config.DISABLE_JIT or os.name != "posix":  # type: ignore[attr-defined]
+        return None
+    word = ir.IntType(64)
+
+    @intrinsic
+    def loaded(_: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.load_atomic(builder.inttoptr(values[0], word.as_pointer()), "seq_cst", 8)
+
+        return types.int64(types.int64), generate
+
+    @intrinsic
+    def exchanged(_: Any, address: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.atomic_rmw("xchg", builder.inttoptr(values[0], word.as_pointer()), values[1], "seq_cst")
+
+        return types.int64(types.int64, types.int64), generate
+
+    load: Any = loaded
+    exchange: Any = exchanged
+
+    def look(address: int, seen: int, rounds: int) -> int:
+        for _ in range(rounds):
+            if load(address) != seen:
+                return 1
+        return 0
+
+    def swap(address: int, value: int) -> int:
+        before: int = exchange(address, value)
+        return before
+
+    def sleep(address: int, seen: int) -> int:
+        exchange(address + SAYS, ASLEEP)
+        return int(load(address) == seen or exchange(address + SAYS, AWAKE) != ASLEEP)
+
+    def ring(address: int) -> int:
+        exchange(address, load(address) + 1)
+        says = load(address + SAYS)
+        return int(says == BY_PIPE or (says == ASLEEP and exchange(address + SAYS, AWAKE) == ASLEEP))
+
+    numbers = types.int64
+    return (
+        numba.njit(numbers(numbers, numbers, numbers))(look),
+        numba.njit(numbers(numbers, numbers))(swap),
+        numba.njit(numbers(numbers, numbers))(sleep),
+        numba.njit(numbers(numbers))(ring),
+    )
+
+
+# The process --------------------------------------------------------------------------------------------------------
+
+
+class _Host:
+    """The laws of this process."""
+
+    def __init__(self, requests: int, replies: int) -> None:
+        self._replies = replies
+        self._bell = _Bell(requests, replies)
+        self._laws: dict[str, type] = {}
+        self._teams: list[_Team] = []
+        self._board: Board | None = None
+        self._failure: dict[str, Any] = {}
+
+    def serve(self) -> None:
+        """Answer requests until the harness wants no more."""
+        while (request := self._bell.wait()) is not None:
+            kind, body = request
+            if kind == STEP:
+                self._tick()
+                self._bell.answer()
+                continue
+            try:
+                answer = self._asked(kind, json.loads(body) if body else None)
+            except (Exception, SystemExit) as error:
+                send(self._replies, FAILED, _refusal(error))
+            else:
+                send(self._replies, DONE, answer)
+
+    def _asked(self, kind: int, about: Any) -> Any:
+        if kind == DESCRIBE:
+            return self._described(about)
+        if kind == GAINS:
+            name, settings = about
+            gains = checked_gains(self._laws[name], [(key, _gain(value)) for key, value in settings])
+            return {key: getattr(gains, key) for key in described(self._laws[name])["gain_facts"]}
+        if kind == TEAMS:
+            return self._make(about)
+        if kind == FAILURE:
+            return self._failure
+        if kind == NOT_FINITE:
+            return self._told(about, self._teams[about].not_finite())
+        if kind == RESET:
+            return self._teams[about].restart()
+        if kind == STATE:
+            return base64.b64encode(self._teams[about].state()).decode()
+        if kind == GO_ON:
+            self._teams[about[0]].go_on(base64.b64decode(about[1]))
+        return None
+
+    def _described(self, name: str) -> dict[str, Any]:
+        from formation_controllers.registry import installed
+
+        known = installed()
+        if name not in known:
+            return {"known": sorted(known)}
+        found = known[name]
+        about = {"package": found.package, "version": found.version}
+        try:
+            self._laws[name] = law = found.load()
+        except Exception as error:
+            return {**about, "fault": not_imported(error, found.entry_point.module)}
+        return {**about, **described(law)}
+
+    def _make(self, about: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Make the teams of a run; return what is wrong with the first one that cannot be made."""
+        size, shapes = about["size"], about["shapes"]
+        memory = mmap.mmap(-1, size, about["memory"]) if os.name == "nt" else mmap.mmap(int(about["memory"]), size)
+        self._teams = []
+        self._board = board = Board(memory, about["numbers"])
+        self._how, self._tells, self._current = (part.data for part in (board.told, board.tells, board.current))
+        for number, (own, arrays) in enumerate(zip(about["teams"], parts_of(board.numbers, shapes), strict=True)):
+            law = self._laws[own["name"]]
+            self._current[0] = number
+            try:
+                self._teams.append(_Team(law, own, arrays))
+            except Exception as error:
+                self._teams = []
+                return [{"team": number, "fault": said(error, law)}]
+            finally:
+                self._current[0] = -1
+        self._bell.use(board)
+        return []
+
+    def _tick(self) -> None:
+        how, tells, current = self._how[0], self._tells, self._current
+        tells[0] = 0
+        number = -1
+        try:
+            for number, team in enumerate(self._teams):
+                current[0] = number
+                team.tick(how)
+        except (Exception, SystemExit) as error:
+            self._failure = self._told(number, error)
+            tells[0] = number + 1
+        current[0] = -1
+
+    def _told(self, number: int, error: BaseException) -> dict[str, Any]:
+        return {
+            "team": number,
+            "row": row_of(error),
+            "said": said(error, self._teams[number].law),
+            "variable": "torque" if isinstance(error, NotFinite) else "",
+        }
+
+
+def _refusal(error: BaseException) -> dict[str, Any]:
+    place = error.place if isinstance(error, GainFault) else None
+    text = str(error) if isinstance(error, GainFault) else f"{type(error).__name__}: {error}"
+    return {"said": text, "place": place}
+
+
+def send(pipe: int, kind: int, about: Any = None) -> None:
+    """Write a frame."""
+    body = b"" if about is None else json.dumps(about).encode()
+    data = HEADER.pack(kind, len(body)) + body
+    while data:
+        data = data[os.write(pipe, data) :]
+
+
+def _exactly(pipe: int, length: int) -> bytes | None:
+    data = b""
+    while len(data) < length:
+        part = os.read(pipe, length - len(data))
+        if not part:
+            return None
+        data += part
+    return data
+
+
+def _greeting() -> dict[str, Any]:
+    """Return what this environment is, and its fault if it cannot host laws."""
+    version = ".".join(map(str, sys.version_info[:3]))
+    about: dict[str, Any] = {"python": version, "implementation": sys.implementation.name, "versions": {}}
+    if sys.version_info < _OLDEST:
+        return {**about, "fault": f"it has Python {version}, and controllers need 3.11 or newer"}
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as version_of
+
+    for package in ("formation-controllers", "numpy", "numba"):
+        with suppress(PackageNotFoundError):
+            about["versions"][package] = version_of(package)
+    try:
+        from formation_controllers.interface import INTERFACE_VERSION
+    except ImportError as error:
+        if getattr(error, "name", None) == PUBLIC:
+            return {**about, "fault": "it lacks formation-controllers, which every controller needs"}
+        return {**about, "fault": f"its formation-controllers cannot be imported: {error}"}
+    except Exception as error:
+        return {**about, "fault": f"its formation-controllers cannot be imported: {type(error).__name__}: {error}"}
+    about["interface"] = str(INTERFACE_VERSION)
+    if about["interface"].partition(".")[0] != SPOKEN:
+        about["fault"] = (
+            f"its formation-controllers speak version {INTERFACE_VERSION} of the controllers' interface, and versions "
+            f"{SPOKEN}.x are spoken here"
+        )
+    return about
+
+
+def _out_of_reach(descriptor: int) -> int:
+    """Return another descriptor of a standard stream; the one that laws know leads to standard error, or nowhere."""
+    if os.name == "posix":
+        import fcntl
+
+        other = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 10)
+    else:
+        import msvcrt
+
+        other = os.dup(descriptor)
+        msvcrt.setmode(other, os.O_BINARY)  # type: ignore[attr-defined]
+    os.dup2(2 if descriptor == 1 else os.open(os.devnull, os.O_RDWR), descriptor)
+    return other
+
+
+def _leave_terminal() -> None:
+    """Let this process have no terminal: what a law wrote there would look like the command's."""
+    if os.name != "posix":
+        return
+    import fcntl
+    import termios
+
+    with suppress(OSError):
+        fcntl.ioctl(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY), termios.TIOCNOTTY)
+
+
+def _end_with(parent: int, main_thread: bool) -> None:
+    """End this process when the harness ends, also while a law works."""
+    if os.name != "posix":
+        return  # its pipe ends
+    if main_thread and sys.platform == "linux":  # the system watches a thread, not a process
+        with suppress(AttributeError, OSError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, _SIGKILL)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_ORPHAN_CHECK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def main() -> None:
+    """Serve the laws of this environment until the harness wants no more, or has ended.
+
+    The arguments are the harness's process, whether its main thread has started this one, and the text after which
+    its replies begin: until then modules that Python loads at its start may have printed.
+    """
+    parent, main_thread, begins = sys.argv[1:4]
+    del sys.argv[1:]
+    _leave_terminal()
+    replies, requests = _out_of_reach(1), _out_of_reach(0)
+    streams: list[Any] = [sys.stdout, sys.stderr]
+    for stream in streams:
+        stream.reconfigure(line_buffering=True, errors="backslashreplace")
+    _end_with(int(parent), main_thread == "1")
+    status = 0
+    try:
+        os.write(replies, begins.encode())
+        greeting = _greeting()
+        send(replies, DONE, greeting)
+        if "fault" not in greeting:
+            _Host(requests, replies).serve()
+    except BaseException:
+        traceback.print_exc()
+        status = 1
+    sys.stdout.flush()
+    os._exit(status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""A team whose law runs in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import formation_controllers as fc
+import numpy as np
+from formation_controllers.controller import Controller
+from formation_controllers.interface import CompiledTick
+from formation_controllers.vehicles import Vehicle
+from numpy.typing import NDArray
+
+from cosim.control.host import NotFinite, checked_commands, is_stated, numbers_of, row_of, said
+from cosim.control.law import Law, LawGains
+from cosim.control.team import Team, shared
+from cosim.errors import InputError, SimulationError
+
+
+class TeamHere(Team):
+    """One controller of this environment with the followers that it serves; see `Team`.
+
+    Raises
+    ------
+    InputError
+        The law does not serve this vehicle.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        gains: Sequence[LawGains],
+        robots: Sequence[str],
+        rows: Sequence[int],
+        vehicle: Vehicle,
+        leader: Vehicle,
+        period: float,
+    ) -> None:
+        super().__init__(law, gains, robots, rows, vehicle, leader, period)
+        assert law.controller_type is not None
+        self._law = law.controller_type
+        try:
+            self.controller = self._law(
+                fc.Team(vehicle, len(robots), period), gains[0] if shared(gains) else tuple(gains)
+            )
+        except Exception as error:  # a controller is other people's code
+            raise InputError(f"controller {law.source.id!r}: {said(error, self._law)}", law.source.where) from None
+        self._checks_torques = type(self.controller).step is Controller.step
+        self._record: NDArray[np.void] | None = None
+        self._numbers = np.zeros(0)
+
+    def give(
+        self,
+        pose: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        leader: NDArray[np.float64],
+        acceleration: NDArray[np.float64] | None,
+        desired: fc.Desired,
+    ) -> None:
+        """Give the law what it gets at a tick; see `Team.give`."""
+        own_pose = pose[self.poses].copy()  # a controller may keep the arrays that it gets
+        self._given = own_pose, self._seen(leader, acceleration), desired
+        self._velocity: dict[str, Any] = {"velocity": velocity[self.velocities].copy()} if self.measured else {}
+
+    def step(self, time: float, *, first: bool) -> NDArray[np.float64]:
+        """Return the commands of this tick; see `Team.step`."""
+        try:
+            if first:
+                self.controller.start(*self._given)
+            torque: NDArray[np.float64] = self.controller.step(*self._given, **self._velocity)
+            if self._checks_torques:
+                return torque
+            checked: NDArray[np.float64] = checked_commands(torque, (len(self.robots), len(self.vehicle.command)))
+        except (Exception, SystemExit) as error:
+            raise self._failed(error, time) from error
+        return checked
+
+    def telemetry(self, time: float) -> NDArray[np.float64]:
+        """Return the controller's signals at the last step; see `Team.telemetry`."""
+        try:
+            record: NDArray[np.void] = self.controller.telemetry_record
+            if record is self._record:
+                return self._numbers
+            if not self._is_stated(record):
+                raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
+        except (Exception, SystemExit) as error:
+            raise self._failed(error, time) from error
+        numbers: NDArray[np.float64] = numbers_of(record)
+        if record.flags.c_contiguous:
+            self._record, self._numbers = record, numbers
+        return numbers
+
+    def compiled_tick(self) -> CompiledTick | None:
+        """Return the law as compiled code can call it; None if it must be called from Python.
+
+        None also for a leader of another kind of vehicle, as the law sees it otherwise than it is.
+        """
+        try:
+            record = self.controller.telemetry_record
+            tick = self.controller.compiled_tick()
+        except Exception:  # it will fail again when it is stepped, and be reported there
+            return None
+        return tick if self._is_stated(record) and record.flags.c_contiguous and self.alike else None
+
+    def restart(self, *made_of: object) -> bool:
+        """Lead the law back to before its start; see `Team.restart`."""
+        try:
+            if made_of != self.made_of or self.compiled_tick() is None:
+                return False
+            self.controller.reset()
+        except Exception:  # a controller and its gains are other people's code
+            return False
+        return True
+
+    def not_finite(self, command: NDArray[np.float64], time: float) -> SimulationError:
+        """Return the failure of a controller that returned commands (n, entries) which are not finite."""
+        return self._failed(self.controller.not_finite(command), time)
+
+    def to_bytes(self, time: float) -> bytes:
+        """Return the state of the law; see `Team.to_bytes`."""
+        try:
+            return self.controller.to_bytes()
+        except (Exception, SystemExit) as error:
+            raise self._failed(error, time) from error
+
+    def from_bytes(self, state: bytes, time: float) -> None:
+        """Let the law go on from a state; see `Team.from_bytes`."""
+        try:
+            self.controller.from_bytes(state)
+        except (Exception, SystemExit) as error:
+            raise self._failed(error, time) from error
+
+    def _is_stated(self, record: NDArray[np.void]) -> bool:
+        return is_stated(record, self.telemetry_type, len(self.rows))
+
+    def _failed(self, error: BaseException, time: float) -> SimulationError:
+        variable = "torque" if isinstance(error, NotFinite) else ""
+        return self._failure(row_of(error), f"failed: {said(error, self._law)}", time, variable)
