@@ -120,6 +120,7 @@ _COMMANDS = {
     "new": "cosim.cli.new_scenario.new",
     "examples": "cosim.cli.new_scenario.copy_examples",
     "list": "cosim.cli.listing.inventory",
+    "env": "cosim.cli.environments.environments",
     "completion": "cosim.cli._completion",
 }
 """The function behind each command; it takes the options and returns the exit status."""
@@ -339,6 +340,25 @@ def _parser() -> Parser:
     examples.add_argument("--force", action="store_true", help="overwrite files")
 
     command("list", "list plants, controllers and scenarios, and the path of the schema")
+
+    env = command("env", "make a Python environment for controllers, or list the controllers in one")
+    env.add_argument("action", choices=["create", "list"], help="make the environment, or list what is in it")
+    env.add_argument("folder", type=Path, metavar="DIR", help="the folder of the environment")
+    env.add_argument(
+        "packages",
+        nargs="*",
+        metavar="PACKAGE",
+        help="packages to install: each a name with its version, as in 'my-laws==0.2', a wheel, or a project's folder",
+    )
+    env.add_argument("--python", default="", metavar="PYTHON", help="the Python of the environment (Formation's own)")
+    env.add_argument(
+        "--wheels", type=Path, metavar="DIR", help="take packages from this folder of wheels, and download nothing"
+    )
+    env.add_argument(
+        "--share",
+        action="store_true",
+        help="use NumPy, Numba and all other libraries beside Formation; only the packages that are named are installed",
+    )
 
     completion = command("completion", "print the script that makes a shell complete the command line")
     completion.add_argument("shell", choices=SHELLS)

@@ -68,6 +68,10 @@ formation new trucks.xml --vehicle tractor_trailer --followers 4""",
 formation examples
 formation examples my_folder""",
     "list": "formation list",
+    "env": """\
+formation env create envs/new my-laws==0.2
+formation env create envs/mine ./my_laws --share
+formation env list envs/new""",
     "completion": """\
 formation completion bash > ~/.local/share/bash-completion/completions/formation
 formation completion zsh > ~/.zfunc/_formation

@@ -68,7 +68,10 @@ def are_compiled(teams: Sequence[Team]) -> bool:
 
 
 def called(teams: Sequence[Team], inputs: Sequence[TickInputs]) -> Called | None:
-    """Return laws that `are_compiled`, with what each gets at a tick; None if one of them cannot be called after all."""
+    """Return laws that `are_compiled`, with what each gets at a tick; None if one of them cannot be called after all.
+
+    A law may have something of its own that is neither number nor array.
+    """
     calls, commands, signals = [], [], []
     hosted = [(team, own) for team, own in zip(teams, inputs, strict=True) if isinstance(team, TeamElsewhere)]
     elsewhere = Exchange(*zip(*hosted, strict=True)) if hosted else None
@@ -85,7 +88,7 @@ def called(teams: Sequence[Team], inputs: Sequence[TickInputs]) -> Called | None
         signals.append(team.telemetry(0.0).reshape(-1))
         try:
             calls.append(Bound(tick.function, own, tick.own, commands[-1]))
-        except TypeError:  # a law has something of its own that is neither number nor array
+        except TypeError:
             return None
     return Called(calls, commands, signals, elsewhere)
 

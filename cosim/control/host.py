@@ -4,9 +4,9 @@ It needs the standard library, NumPy and `formation_controllers` of that environ
 of the controllers' interface; the package that this file belongs to is out of its sight. The harness imports the same
 functions for laws of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
 
-Requests come through standard input and replies go through standard output, both moved out of the laws' reach first. A
-frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes of JSON. The numbers of
-a tick lie in memory that both sides share; whoever waits looks at a number there before it sleeps, as in
+Requests come through standard input and replies go through standard output, both moved out of the laws' reach first.
+A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes of JSON. The
+numbers of a tick lie in memory that both sides share; whoever waits looks at a number there before it sleeps, as in
 `cosim.plant.bells`. Numba, which the laws need anyway, makes the exchange of that number atomic; without it both sides
 ring through the pipes alone.
 """
@@ -37,11 +37,12 @@ SPOKEN = "1"
 """First number of the versions of the controllers' interface that a host speaks."""
 PUBLIC = "formation_controllers"
 
-DESCRIBE, STEP, GAINS, TEAMS, FAILURE, NOT_FINITE, RESET, STATE, GO_ON = range(9)
+DESCRIBE, STEP, GAINS, TEAMS, FAILURE, NOT_FINITE, RESET, STATE, GO_ON, LIST = range(10)
 """Requests.
 
 Describe a law; run a tick; check gains; make the teams of a run; tell why a tick has failed, or why commands are not
-finite; lead a team back to before its start; tell the state of a team as bytes, or let it go on from some.
+finite; lead a team back to before its start; tell the state of a team as bytes, or let it go on from some; list
+the laws that are installed.
 """
 DONE, FAILED = range(2)
 """Replies."""
@@ -105,18 +106,18 @@ def checked_gains(law: Any, settings: Sequence[tuple[str, float | tuple[float, .
     """
     from formation_controllers.errors import GainError
 
-    place, values = -1, {}
+    values: dict[str, Any] = {}
     try:
         if not settings:
             return law.gains_type()
-        for place, (name, value) in enumerate(settings):
+        for name, value in settings:
             values[name] = value
             gains = law.gains_type.from_mapping(values)
         return gains
     except GainError as error:
-        raise GainFault(place, str(error)) from None
+        raise GainFault(len(values) - 1, str(error)) from None
     except Exception as error:  # gains are other people's code, too
-        raise GainFault(place, told(error, law)) from None
+        raise GainFault(len(values) - 1, told(error, law)) from None
 
 
 def said(error: BaseException, law: type) -> str:
@@ -513,8 +514,8 @@ def _atomic() -> tuple[Callable[..., int], ...] | None:
     """Return functions of addresses that are atomic; None where nothing is compiled.
 
     ``look(address, seen, rounds)`` tells whether another number has come, ``swap(address, value)`` exchanges one,
-    ``sleep(address, seen)`` tells whether this side may sleep, and ``ring(address)`` answers, and tells whether the pipe
-    must, too.
+    ``sleep(address, seen)`` tells whether this side may sleep, and ``ring(address)`` answers, and tells whether the
+    pipe must, too.
     """
     try:
         import numba
@@ -604,6 +605,10 @@ class _Host:
     def _asked(self, kind: int, about: Any) -> Any:
         if kind == DESCRIBE:
             return self._described(about)
+        if kind == LIST:
+            from formation_controllers.registry import installed
+
+            return {name: [found.package, found.version] for name, found in sorted(installed().items())}
         if kind == GAINS:
             name, settings = about
             gains = checked_gains(self._laws[name], [(key, _gain(value)) for key, value in settings])

@@ -36,7 +36,7 @@ _PREFACE = 1 << 20
 class Request(IntEnum):
     """What a host is asked for, see `cosim.control.host`."""
 
-    DESCRIBE, STEP, GAINS, TEAMS, FAILURE, NOT_FINITE, RESET, STATE, GO_ON = range(9)
+    DESCRIBE, STEP, GAINS, TEAMS, FAILURE, NOT_FINITE, RESET, STATE, GO_ON, LIST = range(10)
 
 
 class HostError(Exception):

@@ -120,6 +120,28 @@ class Host:
         self._described[name] = found = self._describe(name)
         return found
 
+    def installed(self) -> dict[str, tuple[str, str]]:
+        """Return package and version of each law that is installed, by name.
+
+        Raises
+        ------
+        InputError
+            The environment cannot host laws.
+        """
+        self._serving()
+        failed = "did not list its controllers"
+        try:
+            told = self.process.sensible(self.process.request(Request.LIST, None, failed), failed)
+            try:
+                return {
+                    printable(str(name)): (printable(str(package)), printable(str(version)))
+                    for name, (package, version) in told.items()
+                }
+            except (TypeError, ValueError):
+                raise self.process.nonsense(failed) from None
+        except (HostError, Refused) as error:
+            raise self._failed(error) from None
+
     def gains(self, name: str, settings: Sequence[tuple[str, float | tuple[float, ...]]]) -> Gains:
         """Return the gains of a law with some of them set.
 

@@ -1,0 +1,534 @@
+"""Controllers in environments of their own: the same bits, several versions in one scenario, and faults that are told."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import cosim
+from cosim.cli import main
+from cosim.control import host, host_process
+from cosim.errors import InputError, SimulationError
+from cosim.master.simulation import Simulation
+from cosim.plant import bells, protocol
+
+from .commands import command, failed
+from .environments import CONTROLLERS, ROOT, distribution, environment, packages_of
+
+SHORT = ("--horizon", "0.6 s", "--no-expectations", "--no-figure", "--no-report")
+LINE = ROOT / "scenarios" / "clmr_line.xml"
+
+FAULTY = '''"""A law that does what its gain says."""
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from formation_controllers import ControllerError, Signal
+from formation_controllers.controller import Controller
+from formation_controllers.gains import Gains, gain
+
+
+@dataclass(frozen=True)
+class FaultyGains(Gains):
+    fault: float = gain(0.0, "f", "1", "what it does at tick 10", at_least=0)
+
+
+class Faulty(Controller[FaultyGains]):
+    interface = "1.1"
+    vehicles = ("car_like",)
+    gains_type = FaultyGains
+    signals = (Signal("count", "1", "ticks so far"), Signal("pair", "m, rad", "two numbers", ("range", "bearing")))
+
+    def state_shapes(self):
+        return {"count": ()}
+
+    def on_start(self, pose, leader, desired):
+        if self.gains.fault == 20:
+            os._exit(4)
+
+    def on_step(self, pose, leader, desired):
+        self._telemetry["count"] = self._state["count"]
+        self._telemetry["pair"] = pose[:, :2]
+        self._state["count"] += 1
+        if self._state["count"][0] == 11:
+            fault(self.gains.fault)
+        return np.stack([8.0 + 0.01 * pose[:, 0], -0.1 * pose[:, 3]], axis=1) * (np.nan if torn(self) else 1.0)
+
+
+def torn(law):
+    return law.gains.fault == 8 and law._state["count"][0] == 11
+
+
+def fault(number):
+    if number == 1:
+        time.sleep(1000)
+    if number == 2:
+        os.kill(os.getpid(), 11)
+    if number == 3:
+        os._exit(7)
+    if number == 4:
+        sys.exit("enough")
+    if number == 5:
+        for line in range(1_000_000):
+            print("line", line)
+    if number == 6:
+        raise ControllerError("too near", robot=1)
+    if number == 7:
+        for descriptor in range(3, 30):
+            try:
+                os.write(descriptor, b"nonsense" * 10)
+            except OSError:
+                pass
+    if number == 9:
+        1 // 0
+    if number == 10:
+        time.sleep(0.7)
+'''
+
+
+@pytest.fixture(scope="module")
+def laws(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the module of a law, as a distribution."""
+    folder = tmp_path_factory.mktemp("laws")
+    distribution(folder, "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty"], FAULTY)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory, laws: Path) -> Path:
+    """Return an environment with the controllers of the tree, and that law."""
+    return environment(tmp_path_factory.mktemp("environments") / "own", CONTROLLERS, laws)
+
+
+def written(path: Path, *controllers: str, of: Path = LINE, assigned: tuple[str, ...] = ()) -> Path:
+    """Write a scenario with other controllers, the first of which all followers have but those assigned in order."""
+    text = of.read_text(encoding="utf-8")
+    begin, end = text.index("<controller"), text.rindex("</controller>") + len("</controller>")
+    text = text[:begin] + "\n".join(controllers) + text[end:]
+    for number, name in enumerate(assigned, start=1):
+        before, follower, after = text.partition(f'<follower id="follower_{number}"')
+        text = before + follower + after.replace('controller="pid"', f'controller="{name}"', 1)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def faulty(environment: Path, fault: int = 0, more: str = "") -> str:
+    package = 'package="faulty-laws" version="~=1.2"'
+    gain = f'<gain name="fault" value="{fault}"/>'
+    return f'<controller id="pid" name="faulty" {package} environment="{environment}" {more}>{gain}</controller>'
+
+
+def inside(text: str, environment: Path) -> str:
+    return text.replace("<controller ", f'<controller environment="{environment}" ')
+
+
+def same(one: xr.Dataset, other: xr.Dataset) -> None:
+    assert one.data_vars.keys() == other.data_vars.keys()
+    for name in one.data_vars:
+        assert np.array_equal(one[name].values, other[name].values, equal_nan=True), name
+
+
+def nothing_left(folder: Path) -> bool:
+    """Return whether no process runs an interpreter of an environment any more."""
+    until = time.monotonic() + 5
+    while time.monotonic() < until:
+        found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
+        if str(folder) not in found:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+# The same numbers ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["clmr_line", "mixed_team", "convoy"])
+def test_a_law_in_an_environment_gives_the_same_bits(own: Path, tmp_path: Path, name: str) -> None:
+    file = ROOT / "scenarios" / f"{name}.xml"
+    copy = tmp_path / f"{name}.xml"
+    copy.write_text(inside(file.read_text(encoding="utf-8"), own), encoding="utf-8")
+    short: dict[str, Any] = {"horizon": 4.0, "expectations": False}
+    same(cosim.run(copy, **short), cosim.run(file, **short))
+    assert nothing_left(own)
+
+
+def test_the_segments_stay_compiled_and_a_tick_by_hand_gives_the_same(own: Path, tmp_path: Path) -> None:
+    scenario = cosim.read_scenario(written(tmp_path / "line.xml", faulty(own))).edited(horizon=1.0, expectations=False)
+    with Simulation(scenario) as simulation:
+        simulation.step()
+        assert simulation._ticks.some(20)
+        simulation.run_to_end()
+        at_once = simulation.result()
+    with Simulation(scenario) as simulation:
+        while not simulation.finished:
+            simulation.step()
+        same(simulation.result(), at_once)
+    assert at_once["count"].values[:, 0].tolist() == list(range(51))
+    assert at_once["pair"].sizes["pair_component"] == 2
+
+
+def test_a_state_goes_on_in_another_host(own: Path, tmp_path: Path) -> None:
+    scenario = cosim.read_scenario(written(tmp_path / "line.xml", faulty(own))).edited(horizon=1.0, expectations=False)
+    with Simulation(scenario) as one, Simulation(scenario) as other:
+        for _ in range(5):
+            one.step()
+        other.step()
+        (team,), (its,) = one._teams, other._teams
+        its.from_bytes(team.to_bytes(0.1), 0.1)
+        assert its.to_bytes(0.1) == team.to_bytes(0.1)
+        other.step()
+        assert other.result()["count"].values[1].tolist() == [5.0] * 4
+        with pytest.raises(SimulationError, match="the bytes are not a controller's state"):
+            its.from_bytes(b"nothing", 0.1)
+
+
+def test_prepared_runs_share_a_host(own: Path, tmp_path: Path) -> None:
+    scenario = cosim.read_scenario(written(tmp_path / "line.xml", inside(_controller_of(LINE), own))).edited(
+        horizon=0.6, expectations=False
+    )
+    changes = ("//gain[@name='K_p']/@value=9", "simulation/@seed=7", "//gain[@name='K_p']/@value=9")
+    with cosim.Prepared(scenario, "everything") as prepared:
+        (host_of,) = prepared._setup.hosts._hosts.values()
+        processes = []
+        for change in changes:
+            outcome = prepared.run([change])
+            processes.append(host_of.process.number)
+            alone = cosim.run(scenario.edited([change]))
+            assert outcome.result is not None
+            same(outcome.result.dataset, alone[list(outcome.result.dataset.data_vars)])
+    assert len(set(processes)) == 1
+    assert nothing_left(own)
+
+
+def test_a_run_after_one_that_has_ended_the_host_has_a_new_one(own: Path, tmp_path: Path) -> None:
+    scenario = cosim.read_scenario(written(tmp_path / "line.xml", faulty(own))).edited(horizon=0.4, expectations=False)
+    with cosim.Prepared(scenario) as prepared:
+        statuses = [prepared.run([f"//gain/@value={fault}"]).status for fault in (0, 3, 0, 9, 0)]
+    assert statuses == ["completed", "failed", "completed", "failed", "completed"]
+
+
+def _controller_of(file: Path) -> str:
+    text = file.read_text(encoding="utf-8")
+    return text[text.index("<controller") : text.index("</controller>") + len("</controller>")]
+
+
+# Two versions -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def versions(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return environments with a release 0.1 of the controllers, of the tree, and 0.2, a copy with one law changed."""
+    folder = tmp_path_factory.mktemp("versions")
+    copy = folder / "copy"
+    shutil.copytree(CONTROLLERS, copy, ignore=shutil.ignore_patterns("__pycache__", "tests", "benchmarks", "dist"))
+    law, project = copy / "formation_controllers" / "feedback_linearisation.py", copy / "pyproject.toml"
+    _replace(law, "torque[i, 0], torque[i, 1] = tau_1, tau_2", "torque[i, 0], torque[i, 1] = 0.9 * tau_1, tau_2")
+    _replace(project, 'version = "0.1.0"', 'version = "0.2.0"')
+    found = {}
+    for version, source in (("0.1.0", CONTROLLERS), ("0.2.0", copy)):
+        build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+        subprocess.run(build, cwd=source, check=True, capture_output=True)
+        (wheel,) = folder.glob(f"formation_controllers-{version}-*.whl")
+        assert main(["env", "create", str(folder / version), str(wheel), "--share"]) == 0
+        found[version] = folder / version
+    return found
+
+
+def _replace(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_two_versions_in_one_scenario(
+    versions: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the hosts: nothing is compiled for a test
+
+    def law(name: str, version: str) -> str:
+        about = f'name="feedback-linearisation" package="formation-controllers" version="=={version}"'
+        return f'<controller id="{name}" {about} environment="{versions[version]}"/>'.replace("/>", "></controller>")
+
+    old, new = law("pid", "0.1.0"), law("other", "0.2.0")
+    files = {
+        "mixed": written(tmp_path / "mixed.xml", old, new, assigned=("pid", "other", "pid", "other")),
+        "old": written(tmp_path / "old.xml", old),
+        "new": written(tmp_path / "new.xml", law("pid", "0.2.0")),
+    }
+    for name, file in files.items():  # each with its own name, as by a user
+        _replace(file, 'name="clmr_line"', f'name="{name}"')
+    command(capsys, "run", *files.values(), "--out", tmp_path, *SHORT)
+    results = {name: xr.load_dataset(tmp_path / name / "result.nc", engine="h5netcdf") for name in files}
+    for row, alone in enumerate(("old", "new", "old", "new")):
+        for variable in ("pose", "velocity", "torque", "measured_pose", "range_rate"):
+            here, there = results["mixed"][variable][:, row], results[alone][variable][:, row]
+            assert np.array_equal(here.values, there.values, equal_nan=True), (row, variable)
+    assert not np.array_equal(results["old"]["pose"].values, results["new"]["pose"].values)
+    told = [(one["version"], one["robots"]) for one in json.loads(results["mixed"].attrs["controllers"])]
+    assert told == [("0.1.0", ["follower_1", "follower_3"]), ("0.2.0", ["follower_2", "follower_4"])]
+    assert json.loads(results["mixed"].attrs["controllers"])[1]["environment"]["formation-controllers"] == "0.2.0"
+    page = tmp_path / "compared.html"
+    command(capsys, "report", tmp_path / "old", tmp_path / "new", "--out", page)
+    assert all(f'"version": "{v}"' in page.read_text() or f'"version":"{v}"' in page.read_text() for v in versions)
+    printed, _ = command(capsys, "check", files["mixed"])
+    assert "0.2.0" in printed
+    assert str(versions["0.2.0"]) in printed.replace("\n", "")
+
+
+def test_an_environment_is_made_whole_or_not_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    there = tmp_path / "there"
+    said = failed(capsys, 2, "env", "create", str(there), "formation-controllers==99", "--wheels", str(tmp_path))
+    assert "formation-controllers==99" in said
+    assert not there.exists()
+    (there / "file").mkdir(parents=True)
+    assert "is there already" in failed(capsys, 2, "env", "create", str(there), "some-laws")
+    assert "there is no such wheel or folder" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), "no.whl")
+    assert "name a package" in failed(capsys, 2, "env", "create", str(tmp_path / "x"))
+    assert "is no project" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), str(there))
+
+
+# Faults -------------------------------------------------------------------------------------------------------------
+
+WHO = "follower_1 and follower_2 and follower_3 and follower_4 at t = 0.2 s: the controller 'faulty' of faulty-laws 1.2"
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (1, "did not complete the tick within 2 s; its process was ended"),
+        (2, "did not complete the tick: its process crashed (SIGSEGV)"),
+        (3, "did not complete the tick: its process exited with status 7"),
+        (4, "failed: SystemExit: enough"),
+        (7, "did not complete the tick: its process answers with bytes that are no reply"),
+        (9, "failed: ZeroDivisionError: integer division or modulo by zero"),
+    ],
+)
+def test_a_law_that_misbehaves_is_named(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fault: int, sentence: str
+) -> None:
+    file = written(tmp_path / "line.xml", faulty(own, fault, 'time_limit="2 s"'))
+    said = failed(capsys, 3, "run", str(file), "--out", str(tmp_path), *SHORT)
+    assert f"{WHO} in the environment {own} {sentence}" in said
+    result = xr.load_dataset(tmp_path / "clmr_line" / "result.nc", engine="h5netcdf")
+    assert result["count"].values[:, 0].tolist() == list(range(10))
+    assert nothing_left(own)
+
+
+def test_a_law_names_its_robot(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for fault, said in ((6, "failed: too near"), (8, "failed: the torque is not finite, at count = ")):
+        file = written(tmp_path / "line.xml", faulty(own, fault))
+        robot = "follower_2" if fault == 6 else "follower_1"
+        printed = failed(capsys, 3, "run", str(file), "--out", str(tmp_path), *SHORT)
+        assert f"{robot} at t = 0.2 s: the controller 'faulty'" in printed
+        assert said in printed
+
+
+def test_a_law_may_print_and_take_its_time(
+    own: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for fault in (5, 10):  # the second takes longer than compiled code waits
+        file = written(tmp_path / "line.xml", faulty(own, fault, 'time_limit="60 s"'))
+        command(capsys, "run", file, "--out", tmp_path, *SHORT)
+    lines = [record.getMessage() for record in caplog.records if record.name == "cosim.controller"]
+    assert lines[0] == f"controllers in {own}: line 0"
+    assert lines[-1] == f"controllers in {own} prints more than 1000 lines; the others are not shown"
+    assert len(lines) == 1001
+    result = xr.load_dataset(tmp_path / "clmr_line" / "result.nc", engine="h5netcdf")
+    assert result["count"].values[:, 0].tolist() == list(range(31))
+
+
+def test_a_law_that_ends_its_process_at_the_start(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path / "line.xml", faulty(own, 20))
+    printed = failed(capsys, 3, "run", str(file), "--out", str(tmp_path), *SHORT)
+    assert "at t = 0 s: the controller 'faulty'" in printed
+    assert "its process exited with status 4" in printed
+
+
+def test_a_law_that_hangs_is_interrupted(own: Path, tmp_path: Path) -> None:
+    file = written(tmp_path / "line.xml", faulty(own, 1, 'time_limit="100 s"'))
+    run = [sys.executable, "-m", "cosim", "run", str(file), "--out", str(tmp_path), *SHORT]
+    with subprocess.Popen(run, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        children = _until(lambda: _hosts(own), 60)
+        time.sleep(3)  # it hangs by then, or Ctrl-C ends it before
+        for _ in range(2):
+            os.kill(process.pid, signal.SIGINT)
+            time.sleep(0.3)
+        _, printed = process.communicate(timeout=30)
+    assert process.returncode == 130, printed
+    assert children
+    assert nothing_left(own)
+
+
+def test_a_host_ends_with_a_harness_that_is_killed(own: Path, tmp_path: Path) -> None:
+    file = written(tmp_path / "line.xml", faulty(own, 1, 'time_limit="100 s"'))
+    run = [sys.executable, "-m", "cosim", "run", str(file), "--out", str(tmp_path), *SHORT]
+    with subprocess.Popen(run, stderr=subprocess.DEVNULL, start_new_session=True) as process:
+        assert _until(lambda: _hosts(own), 60)
+        process.kill()
+    assert nothing_left(own)
+
+
+def _hosts(folder: Path) -> list[str]:
+    found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
+    return [line for line in found.splitlines() if line.startswith(str(folder))]
+
+
+def _until(look: Callable[[], Any], seconds: float) -> Any:
+    until = time.monotonic() + seconds
+    while not (found := look()) and time.monotonic() < until:
+        time.sleep(0.05)
+    return found
+
+
+# Environments that will not do --------------------------------------------------------------------------------------
+
+
+def refused(scenario: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        cosim.run(scenario, horizon=0.2, expectations=False)
+    assert caught.value.where is not None
+    assert caught.value.where.file == str(scenario)
+    assert caught.value.where.line > 1
+    return caught.value.message
+
+
+def test_folders_that_are_no_environments(tmp_path: Path) -> None:
+    file, there = tmp_path / "line.xml", tmp_path / "there"
+    assert "there is no such folder" in refused(written(file, faulty(there)))
+    there.write_text("")
+    assert "is a file" in refused(written(file, faulty(there)))
+    there.unlink()
+    there.mkdir()
+    assert "is no virtual environment: it has no bin/python" in refused(written(file, faulty(there)))
+    (there / "bin").mkdir()
+    (there / "bin" / "python").symlink_to(tmp_path / "python3.99")
+    assert f"is broken: its bin/python leads to {tmp_path / 'python3.99'}, which is not there" in refused(file)
+
+
+@pytest.mark.parametrize(
+    ("program", "sentence"),
+    [
+        ("#!/bin/sh\nexit 3\n", "did not start: its process exited with status 3"),
+        ("#!/bin/sh\nkill -11 $$\n", "did not start: its process crashed (SIGSEGV)"),
+        ("#!/bin/sh\nyes nonsense\n", "did not start: its process answers with bytes that are no reply"),
+        ("#!/nowhere/sh\n", "cannot be started: No such file or directory"),
+        ("nothing", "cannot be started: Exec format error"),
+    ],
+)
+def test_a_python_that_is_none(tmp_path: Path, program: str, sentence: str) -> None:
+    python = tmp_path / "environment" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text(program)
+    python.chmod(0o755)
+    assert sentence in refused(written(tmp_path / "line.xml", faulty(python.parents[1])))
+
+
+@pytest.mark.parametrize(
+    ("interface", "sentence"),
+    [
+        (None, "it lacks formation-controllers, which every controller needs"),
+        (
+            'INTERFACE_VERSION = "2.0"',
+            "speak version 2.0 of the controllers' interface, and versions 1.x are spoken here",
+        ),
+        ("import nowhere", "its formation-controllers cannot be imported: No module named 'nowhere'"),
+        ("import sys; sys.exit(5)", "did not start: its process exited with status 1"),
+    ],
+)
+def test_an_environment_without_the_controllers(tmp_path: Path, interface: str | None, sentence: str) -> None:
+    there = tmp_path / "environment"
+    environment(there)
+    packages = packages_of(there)
+    (packages / "found.pth").unlink()
+    if interface is not None:
+        (packages / "formation_controllers").mkdir()
+        (packages / "formation_controllers" / "__init__.py").write_text("")
+        (packages / "formation_controllers" / "interface.py").write_text(interface)
+    assert sentence in refused(written(tmp_path / "line.xml", faulty(there)))
+
+
+def test_an_older_python_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "version_info", (3, 9, 2))
+    assert host._greeting()["fault"] == "it has Python 3.9.2, and controllers need 3.11 or newer"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('name="faulty"', 'name="fualty"', "offers a controller 'fualty': did you mean 'faulty'?"),
+        ("~=1.2", "~=1.3", "needs faulty-laws ~=1.3, but version 1.2 is installed in the environment"),
+        ("faulty-laws", "other-laws", "is installed in the environment"),
+        ('value="0"', 'value="-1"', "controller 'pid': gain 'fault' is -1: must be at least 0"),
+        ('name="fault"', 'name="faults"', "unknown gain 'faults'; did you mean 'fault'?"),
+    ],
+)
+def test_a_controller_that_is_not_there(own: Path, tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    text = faulty(own)
+    assert old in text
+    assert sentence in refused(written(tmp_path / "line.xml", text.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize(
+    ("module", "sentence"),
+    [
+        ("import os; os._exit(9)", "did not describe the controller 'own': its process exited with status 9"),
+        ("import time; time.sleep(100)", "did not describe the controller 'own' within 2 s; its process was ended"),
+        ("1 // 0", "cannot be imported: integer division or modulo by zero, at "),
+        ("Law = 3", "is 3: expected a subclass of Controller"),
+    ],
+)
+def test_a_module_that_fails(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, laws: Path, module: str, sentence: str
+) -> None:
+    monkeypatch.setattr(host_process, "START_LIMIT", 2.0)
+    distribution(tmp_path / "laws", "own-laws", "1.0", ["own = own_laws:Law"], module)
+    there = environment(tmp_path / "environment", CONTROLLERS, tmp_path / "laws")
+    text = faulty(there).replace("faulty-laws", "own-laws").replace("~=1.2", "~=1.0").replace('"faulty"', '"own"')
+    assert sentence in refused(written(tmp_path / "line.xml", text))
+
+
+def test_a_vehicle_that_a_law_does_not_serve(own: Path, tmp_path: Path) -> None:
+    scenario = ROOT / "scenarios" / "tractor_trailer_circle.xml"
+    text = scenario.read_text(encoding="utf-8")
+    name = text.partition('<controller id="')[2].partition('"')[0]
+    file = written(tmp_path / "circle.xml", faulty(own).replace('id="pid"', f'id="{name}"'), of=scenario)
+    assert "Faulty serves vehicles of kind car_like, not tractor_trailer" in refused(file)
+
+
+def test_a_time_limit_needs_an_environment(tmp_path: Path) -> None:
+    text = _controller_of(LINE).replace("<controller ", '<controller time_limit="1 s" ')
+    assert "time_limit of a <controller> is for one with an environment" in refused(written(tmp_path / "l.xml", text))
+
+
+# Words that both sides share ----------------------------------------------------------------------------------------
+
+
+def test_both_sides_speak_the_same() -> None:
+    assert [int(request) for request in host_process.Request] == [
+        getattr(host, request.name) for request in host_process.Request
+    ]
+    assert tuple(protocol.Reply) == (host.DONE, host.FAILED)
+    assert host.HEADER.format == protocol.HEADER.format
+    assert (host.AWAKE, host.ASLEEP, host.BY_PIPE, host.SAYS) == (bells.AWAKE, bells.ASLEEP, bells.BY_PIPE, bells.SAYS)
+    assert int(host.STEP) == protocol.Request.STEP
+
+
+def test_the_host_starts_with_the_standard_library_alone() -> None:
+    program = f"import sys; sys.path.insert(0, {str(Path(host.__file__).parent)!r}); import host; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
