@@ -1,4 +1,4 @@
-"""Controllers in environments of their own: the same bits, several versions in one scenario, and faults that are told."""
+"""Controllers in environments of their own: the same bits, several versions in a scenario, faults that are told."""
 
 import json
 import os
@@ -529,6 +529,7 @@ def test_both_sides_speak_the_same() -> None:
 
 
 def test_the_host_starts_with_the_standard_library_alone() -> None:
-    program = f"import sys; sys.path.insert(0, {str(Path(host.__file__).parent)!r}); import host; print('numpy' in sys.modules)"
+    folder = str(Path(host.__file__).parent)
+    program = f"import sys; sys.path.insert(0, {folder!r}); import host; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import cosim.plant.companion
 import cosim.plant.process
 from cosim.cli import main
 from cosim.errors import InputError
@@ -721,7 +722,7 @@ def test_other_answers_to_a_step(
     sentence: str,
     compiled: bool,
 ) -> None:
-    monkeypatch.setattr(cosim.plant.process, "_EXIT_LIMIT", 0.2)
+    monkeypatch.setattr(cosim.plant.companion, "_EXIT_LIMIT", 0.2)
     process = answering(STARTED, f"frame = sys.stdin.buffer.read(5)\n{program}\nsys.stdin.read()")
     process.wait_until_started()
     if compiled:
@@ -747,7 +748,7 @@ def test_messages_without_end(make: Make, run: Run) -> None:
 def test_an_interpreter_that_does_not_come(
     answering: Callable[..., PlantProcess], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cosim.plant.process, "_LAUNCH_LIMIT", 0.2)
+    monkeypatch.setattr(cosim.plant.companion, "_LAUNCH_LIMIT", 0.2)
     plant = answering(b"", "time.sleep(100)")
     assert reason(plant.wait_until_started) == "its process did not start within 0.2 s; its process was ended"
 

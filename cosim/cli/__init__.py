@@ -357,7 +357,7 @@ def _parser() -> Parser:
     env.add_argument(
         "--share",
         action="store_true",
-        help="use NumPy, Numba and all other libraries beside Formation; only the packages that are named are installed",
+        help="use NumPy, Numba and other libraries beside Formation; only the packages that are named are installed",
     )
 
     completion = command("completion", "print the script that makes a shell complete the command line")

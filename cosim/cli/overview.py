@@ -73,6 +73,8 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     console.print(robots)
     for text in described:
         say(console, safe(text))
+    for text in _described_laws(setup):
+        say(console, safe(text))
     for what, text in (("sensor", sensors), ("actuator", actuators)):
         say(console, f"{what} of followers without one of their own: {safe(text)}")
     for text in _inputs(scenario.inputs):
@@ -114,6 +116,14 @@ def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
             roles.append(f"all {'other ' if players else ''}roles by their names")
         version = f"FMI {fmu.description.fmiVersion} {NAMES[fmu.interface]}"
         yield f"plant {name}: {fmu.path.name}, {version}{solver}, {how}{late}; {'; '.join(roles)}"
+
+
+def _described_laws(setup: Setup) -> Iterator[str]:
+    """Return where each law runs that has an environment of its own."""
+    for name, law in setup.laws.items():
+        if law.host is not None:
+            versions = ", ".join(f"{of} {version}" for of, version in law.environment.items())
+            yield f"controller {name}: {law.package} {law.version} in {law.host.shown}, with {versions}"
 
 
 # In words ---------------------------------------------------------------------------------------------------

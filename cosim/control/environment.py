@@ -39,16 +39,14 @@ def environment_at(folder: Path) -> Environment:
     """
     if not os.path.isdir(folder):
         if os.path.exists(folder):
-            raise InputError(f'environment="{folder}" is a file: name the folder of a virtual environment; {REMEDY}')
-        raise InputError(f'environment="{folder}": {absent(folder).replace("file", "folder")}; {REMEDY}')
+            raise InputError(f"the environment {folder} is a file: name the folder of a virtual environment; {REMEDY}")
+        raise InputError(f"there is no environment {folder}: {absent(folder).replace('file', 'folder')}; {REMEDY}")
     interpreter = interpreter_in(folder)
     if not os.path.lexists(interpreter):
-        raise InputError(
-            f'environment="{folder}" is no virtual environment: it has no {interpreter.relative_to(folder)}; {REMEDY}'
-        )
+        raise InputError(f"{folder} is no virtual environment: it has no {interpreter.relative_to(folder)}; {REMEDY}")
     if not os.path.exists(interpreter):
         raise InputError(
-            f'environment="{folder}" is broken: its {interpreter.relative_to(folder)} leads to '
+            f"the environment {folder} is broken: its {interpreter.relative_to(folder)} leads to "
             f"{os.path.realpath(interpreter)}, which is not there (any more); {REMEDY}"
         )
     return Environment(folder, interpreter)

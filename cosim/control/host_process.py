@@ -29,7 +29,7 @@ LOG = logging.getLogger("cosim.controller")
 
 START_LIMIT = 300.0
 """Time limit [s] for all that comes before the second tick: a law may be compiled there."""
-_PREFACE = 1 << 20
+_PREFACE = 1 << 16
 """Bytes that modules may print before the host begins."""
 
 
@@ -104,7 +104,8 @@ class HostProcess(Companion):
         while not read.endswith(begins):
             if len(read) > _PREFACE:
                 raise self._nonsense(failed)
-            read += self._exactly(1 if read else len(begins), failed)
+            begun = next(n for n in range(len(begins) - 1, -1, -1) if read.endswith(begins[:n]))
+            read += self._exactly(len(begins) - begun, failed)  # and nothing of what comes after it
         self._working()
         told = self._receive(failed)
         self._launching = False

@@ -276,6 +276,11 @@ def _plants(result: Result) -> Json:
     }
 
 
+def _environment(versions: object) -> str:
+    """Return the versions of a controller's own environment in words; empty without one."""
+    return ", ".join(f"{name} {version}" for name, version in versions.items()) if isinstance(versions, dict) else ""
+
+
 def _controllers(result: Result) -> list[Json]:
     """Return the controllers, each with its robots."""
     told = _loaded(result, "controllers")
@@ -283,6 +288,7 @@ def _controllers(result: Result) -> list[Json]:
         {
             **{key: str(law.get(key, "unknown")) for key in ("name", "package", "version")},
             "robots": [str(robot) for robot in law.get("robots") or ()],
+            "environment": _environment(law.get("environment")),
         }
         for law in (told if isinstance(told, list) else ())
         if isinstance(law, dict)

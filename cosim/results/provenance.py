@@ -42,12 +42,15 @@ class Provenance:
     def of(cls, attributes: Mapping[Any, Any]) -> Self:
         """Read the attributes of a result."""
         failure = json.loads(attributes.get("failure", "null"))
-        laws = json.loads(attributes.get("controllers", "[]"))
+        packages: dict[str, dict[str, None]] = {}  # of controllers, which may have several versions of one
+        for law in json.loads(attributes.get("controllers", "[]")):
+            packages.setdefault(law["package"], {})[law["version"]] = None
         return cls(
             file=attributes.get("scenario_file", ""),
             changes=tuple(json.loads(attributes.get("changes", "[]"))),
             seed=int(attributes["seed"]) if "seed" in attributes else None,
-            versions=json.loads(attributes.get("versions", "{}")) | {law["package"]: law["version"] for law in laws},
+            versions=json.loads(attributes.get("versions", "{}"))
+            | {package: " and ".join(versions) for package, versions in packages.items()},
             failure=Failure(**failure) if failure else None,
         )
 

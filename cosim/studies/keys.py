@@ -52,6 +52,7 @@ def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
         yield f"{library} {version(library)}"
     for name, law in setup.laws.items():
         yield f"law {name} {law.package} {law.version}"
+        yield from (f"of {name} {library} {its}" for library, its in law.environment.items())
     for name, fmu in setup.opened.items():
         yield f"plant {name} {fmu.sha256}"
     for path, (other, its) in setup.others.items():

@@ -149,7 +149,7 @@ function showProvenance(place, runs) {
       ["seed", told.seed],
       ...Object.entries(told.plants || {}).map(([id, plant]) => [
         `plant ${id}`, `${plant.file}, FMI ${plant.fmi_version}, SHA-256 ${plant.sha256}`]),
-      ...(told.controllers || []).map((law) => ["controller", `${law.name} of ${law.package} ${law.version} (${law.robots.join(", ")})`]),
+      ...(told.controllers || []).map((law) => ["controller", `${law.name} of ${law.package} ${law.version} (${law.robots.join(", ")})${law.environment ? `, in an environment of its own: ${law.environment}` : ""}`]),
       ["versions", Object.entries(told.versions).map(([name, version]) => `${name} ${version}`).join(", ")],
     ].filter(([, text]) => text !== null && text !== undefined && text !== "");
     if (runs.length > 1) place.append(element("h3", {}, `${number + 1}: ${run.name}`));
