@@ -14,7 +14,7 @@ from formation_controllers.controller import Controller, G
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain_records
 from formation_controllers.geometry import first_range_bearing
-from formation_controllers.interface import CompiledTick, Desired, Floats, Leader, Team, TickInputs
+from formation_controllers.interface import CompiledStart, CompiledTick, Desired, Floats, Leader, Team, TickInputs
 from formation_controllers.kinematics import geometry_of
 from formation_controllers.robot_view import SEEN
 from formation_controllers.team_records import TeamRecords
@@ -30,12 +30,24 @@ class CompiledLaw(Controller[G], Generic[G]):
     """A law of range and bearing whose tick is one compiled function.
 
     It serves every vehicle that states its `FormationGeometry` and its `TorqueMap`, whatever its kind. To write one,
-    state `tick`, `gains_type` and `signals`, and implement `own_state_shapes`.
+    state `tick`, `begin`, `gains_type` and `signals`, and implement `own_state_shapes`.
+
+    Attributes
+    ----------
+    tick : callable
+        One tick of a team: a compiled function of inputs, records and the torques to fill in.
+    begin : callable or None
+        The start of a team: a compiled function of inputs and records, which sets the state; it is zero before, but for
+        the states `prepared`. A law that has none implements `start_states`.
+    prepared : tuple of str
+        States that `begin` leaves as they are: a law with such states sets them in its `on_start`.
     """
 
-    interface: ClassVar[str] = "1.3"
+    interface: ClassVar[str] = "1.4"
     vehicles: ClassVar[tuple[str, ...]] = (*(vehicle.kind for vehicle in VEHICLES), OTHERS)
     tick: ClassVar[staticmethod[[TickInputs, TeamRecords, Floats], None]]
+    begin: ClassVar[staticmethod[[TickInputs, TeamRecords], None] | None] = None
+    prepared: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, team: Team, gains: G | Sequence[G] | None = None) -> None:
         super().__init__(team, gains)
@@ -68,25 +80,33 @@ class CompiledLaw(Controller[G], Generic[G]):
         return {}
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
-        """Choose the turn of the bearing; then `start_states`."""
-        q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
-        self._state["bearing"] = q[:, 1]
-        self.start_states(q, desired)
+        """Set the states by `begin`, without one the turn of the bearing; then by `start_states`."""
+        begin, more = type(self).begin, type(self).start_states is not CompiledLaw.start_states
+        if begin is not None:
+            inputs = self._inputs(pose, leader, desired)
+            compiled_for(begin, inputs, self._records)(inputs, self._records)
+        if begin is None or more:
+            q = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)
+            self._state["bearing"] = q[:, 1]
+            self.start_states(q, desired)
 
     def start_states(self, q: Floats, desired: Desired) -> None:
-        """Set those states that do not start at zero, given range and bearing at time zero."""
+        """Set those states that do not start at zero and that `begin` does not set, given range and bearing."""
 
     def on_step(self, pose: Floats, leader: Leader, desired: Desired) -> Floats:
         """Return the torques of this tick, then advance the states."""
-        leader_pose, leader_velocity, acceleration = leader
-        if acceleration is None:
-            acceleration = self._no_acceleration
-        inputs = TickInputs(pose, self._velocity, leader_pose, leader_velocity, acceleration, *desired)
+        inputs = self._inputs(pose, leader, desired)
         torque = np.empty(self._command_shape)
         if self._call is None:
             self._call = compiled_for(type(self).tick, inputs, self._records, torque)
         self._call(inputs, self._records, torque)
         return torque
+
+    def _inputs(self, pose: Floats, leader: Leader, desired: Desired) -> TickInputs:
+        leader_pose, leader_velocity, acceleration = leader
+        if acceleration is None:
+            acceleration = self._no_acceleration
+        return TickInputs(pose, self._velocity, leader_pose, leader_velocity, acceleration, *desired)
 
     def compiled_tick(self) -> CompiledTick | None:
         """Return the law's tick and its records, unless a subclass steps in another way."""
@@ -94,6 +114,14 @@ class CompiledLaw(Controller[G], Generic[G]):
         if own.step is not Controller.step or own.on_step is not CompiledLaw.on_step:
             return None
         return CompiledTick(own.tick, self._records)
+
+    def compiled_start(self) -> CompiledStart | None:
+        """Return the law's start and its records, unless it has none or a subclass starts in another way."""
+        own = type(self)
+        is_plain = own.on_start is CompiledLaw.on_start or bool(own.prepared)
+        if own.begin is None or not is_plain or own.start_states is not CompiledLaw.start_states:
+            return None
+        return CompiledStart(own.begin, self._records, own.prepared)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the compiled code, which another process has at another place."""

@@ -22,7 +22,7 @@ from formation_controllers.input_checks import (
     finite,
     fits,
 )
-from formation_controllers.interface import CompiledTick, Desired, Floats, Leader, Signal, Team
+from formation_controllers.interface import CompiledStart, CompiledTick, Desired, Floats, Leader, Signal, Team
 from formation_controllers.vehicles import OTHERS, Vehicle, names, states_all
 
 G = TypeVar("G", bound=Gains)
@@ -215,6 +215,10 @@ class Controller(ABC, Generic[G]):
         The caller starts the controller by `start`, gives inputs of the right shapes that are finite, and checks that
         the commands are.
         """
+        return None
+
+    def compiled_start(self) -> CompiledStart | None:
+        """Return what `start` does as compiled code can call it, with the same numbers; None if it cannot."""
         return None
 
     def telemetry(self) -> dict[str, Floats]:

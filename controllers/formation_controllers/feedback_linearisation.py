@@ -93,6 +93,7 @@ class FeedbackLinearisation(CompiledLaw[FeedbackLinearisationGains]):
     """
 
     tick = staticmethod(tick)
+    begin = staticmethod(robot_view.begin)
     needs: ClassVar[tuple[str, ...]] = ("velocity",)
     gains_type = FeedbackLinearisationGains
     signals: ClassVar[tuple[Signal, ...]] = (

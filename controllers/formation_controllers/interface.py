@@ -15,13 +15,14 @@ from formation_controllers.vehicles import Vehicle, is_positive, vehicle_fault
 
 Floats: TypeAlias = NDArray[np.float64]
 
-INTERFACE_VERSION: Final = "1.3"
+INTERFACE_VERSION: Final = "1.4"
 """Version of the interface: of the types below and of `formation_controllers.controller.Controller`.
 
 It is not the package's. The minor number grows when something is added that older controllers need not know,
 the major number when they must be rewritten: a controller can be used if it speaks the same major and no
 later minor number. 1.1 added to 1.0: gains of each follower's own, laws that need
-measured velocities, and how near to zero a signal tells of a singularity. 1.3 added `CompiledTick`.
+measured velocities, and how near to zero a signal tells of a singularity. 1.3 added `CompiledTick`, 1.4
+`CompiledStart`.
 """
 
 MEASUREMENTS: Final = ("velocity",)
@@ -125,6 +126,24 @@ class CompiledTick(NamedTuple):
 
     function: Callable[[TickInputs, Any, Floats], None]
     own: Any
+
+
+class CompiledStart(NamedTuple):
+    """The start of a law as compiled code, or a translation to C, calls it: ``function(inputs, own)``.
+
+    Attributes
+    ----------
+    function : callable
+        Sets the state of a team at time zero, given the inputs of the first tick and a state of zeros; returns nothing.
+    own : tuple
+        Its second argument, that of `CompiledTick`.
+    prepared : tuple of str
+        States that the function leaves as it finds them: `Controller.start` sets them from gains and desired places.
+    """
+
+    function: Callable[[TickInputs, Any], None]
+    own: Any
+    prepared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

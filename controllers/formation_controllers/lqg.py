@@ -25,7 +25,7 @@ from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal, Team, TickInputs
+from formation_controllers.interface import Desired, Floats, Leader, Signal, Team, TickInputs
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
 from formation_controllers.vehicles import Vehicle
@@ -121,6 +121,15 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
             own["bearing"] = view.sight.bearing
 
 
+@borrowing
+def begin(inputs: TickInputs, team: TeamRecords) -> None:
+    """Set the state of a team at time zero, given the design: the estimate is the measured error, its rate zero."""
+    for i in range(len(inputs.pose)):
+        own = team.state[i]
+        rho, own["bearing"] = robot_view.first_sight(inputs, team, i)
+        own["x_hat"][0], own["x_hat"][1] = rho - inputs.q_d[i, 0], own["bearing"] - inputs.q_d[i, 1]
+
+
 class Lqg(CompiledLaw[LqgGains]):
     """Linear-quadratic control with a Kalman filter and integral action; needs python-control, the extra ``lqg``.
 
@@ -131,6 +140,8 @@ class Lqg(CompiledLaw[LqgGains]):
     """
 
     tick = staticmethod(tick)
+    begin = staticmethod(begin)
+    prepared: ClassVar[tuple[str, ...]] = ("Phi", "Gamma", "K", "L", "M")
     gains_type = LqgGains
     signals: ClassVar[tuple[Signal, ...]] = (
         Signal("range_estimate", "m", "estimated range"),
@@ -162,16 +173,16 @@ class Lqg(CompiledLaw[LqgGains]):
         """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
         return {"x": (STATES + 2,)}
 
-    def start_states(self, q: Floats, desired: Desired) -> None:
-        """Design for the desired range and bearing; the estimate starts at the measured error, its rate at zero."""
-        self._state["x_hat"][:, :2] = q - desired.q
+    def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
+        """Design for the desired range and bearing, then start the estimate."""
         for robot, (own, gains) in enumerate(zip(self._state, self.robot_gains, strict=True)):
             try:
                 design = _design(self.team.vehicle, gains, self.team.period, *map(float, desired.q[robot]))
             except ControllerError as error:
                 raise ControllerError(error.message, robot=robot) from None
-            for name, matrix in zip(("Phi", "Gamma", "K", "L", "M"), design, strict=True):
+            for name, matrix in zip(self.prepared, design, strict=True):
                 own[name] = matrix
+        super().on_start(pose, leader, desired)
 
 
 @lru_cache(maxsize=1024)

@@ -79,6 +79,6 @@ def basis(c: np.void, gains: NDArray[np.void], first: int, count: int) -> None:
 def output(W: Floats, sigma: Floats, m: int) -> float:
     """Return entry m of W sigma, (11)."""
     total = 0.0
-    for k in range(len(sigma)):
+    for k in range(W.shape[1]):
         total += W[m, k] * sigma[k]
     return total

@@ -13,7 +13,7 @@ from formation_controllers.compiled import borrowing, vectors_of_four
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.errors import GainError
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal, Team, TickInputs
+from formation_controllers.interface import Floats, Signal, Team, TickInputs
 from formation_controllers.network import NetworkGains
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
@@ -88,7 +88,7 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
             # Weights (58) and observer (59): explicit Euler, values of this tick
             for j in range(2):
                 if not held:
-                    for k in range(len(S)):
+                    for k in range(Theta.shape[1]):
                         Theta[j, k] -= team.period * g["Gamma"] * (S[k] * z_2[j, r] + g["sigma"] * Theta[j, k])
                 pi_2 = own["pi_2"][j]
                 own["pi_2"][j] += team.period / g["epsilon"] * (q[j, r] - own["pi_1"][j] - g["gamma_1"] * pi_2)
@@ -96,6 +96,15 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
                 own["alpha_1"][j] = alpha[j, r]
             own["ticks"] += 1
             own["bearing"] = q[1, r]
+
+
+@borrowing
+def begin(inputs: TickInputs, team: TeamRecords) -> None:
+    """Set the state of a team at time zero: pi_1(0) = q(0); everything else starts at zero."""
+    for i in range(len(inputs.pose)):
+        own = team.state[i]
+        own["pi_1"][0], own["pi_1"][1] = robot_view.first_sight(inputs, team, i)
+        own["bearing"] = own["pi_1"][1]
 
 
 class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
@@ -108,6 +117,7 @@ class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
     """
 
     tick = staticmethod(tick)
+    begin = staticmethod(begin)
     gains_type = NeuralHighGainGains
     signals: ClassVar[tuple[Signal, ...]] = (
         Signal("range_rate_estimate", "m/s", "estimated rate of the range, first entry of q_hat_dot, (59)"),
@@ -148,7 +158,3 @@ class NeuralHighGain(CompiledLaw[NeuralHighGainGains]):
         """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
         pairs = dict.fromkeys(("z_1", "z_2", "alpha", "q_hat_dot", "v_hat"), (2,))
         return {**pairs, **network.columns(NETWORK_INPUTS, len(self.robot_gains[0].centres))}
-
-    def start_states(self, q: Floats, desired: Desired) -> None:
-        """Set pi_1(0) = q(0); everything else starts at zero."""
-        self._state["pi_1"] = q

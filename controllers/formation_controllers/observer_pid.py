@@ -13,7 +13,7 @@ from formation_controllers.columns import BLOCK
 from formation_controllers.compiled import borrowing, part
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.gains import gain
-from formation_controllers.interface import Desired, Floats, Signal, TickInputs
+from formation_controllers.interface import Floats, Signal, TickInputs
 from formation_controllers.robot_view import RobotView
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
@@ -123,10 +123,20 @@ def tick(inputs: TickInputs, team: TeamRecords, torque: Floats) -> None:
             own["bearing"] = view.sight.bearing
 
 
+@borrowing
+def begin(inputs: TickInputs, team: TeamRecords) -> None:
+    """Set the state of a team at time zero: q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
+    for i in range(len(inputs.pose)):
+        own = team.state[i]
+        own["q_hat"][0], own["q_hat"][1] = robot_view.first_sight(inputs, team, i)
+        own["bearing"] = own["q_hat"][1]
+
+
 class ObserverPid(CompiledLaw[ObserverPidGains]):
     """Observer-based PID formation control: (24), (32) to (34) with W = 0 and theta = 0, by explicit Euler steps."""
 
     tick = staticmethod(tick)
+    begin = staticmethod(begin)
     gains_type: type[ObserverPidGains] = ObserverPidGains
     signals: ClassVar[tuple[Signal, ...]] = (*OBSERVER_SIGNALS, *TORQUE_SIGNALS, HELD_SIGNAL)
 
@@ -143,7 +153,3 @@ class ObserverPid(CompiledLaw[ObserverPidGains]):
     def own_columns(self) -> dict[str, tuple[int, ...]]:
         """Return name and shape, per robot, of what the law's tick works out besides `robot_view.see`."""
         return {**ERRORS}
-
-    def start_states(self, q: Floats, desired: Desired) -> None:
-        """Set q_hat(0) = q(0), so that q_tilde(0) = 0; everything else starts at zero."""
-        self._state["q_hat"] = q

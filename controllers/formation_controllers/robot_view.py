@@ -106,6 +106,25 @@ def see(inputs: TickInputs, team: TeamRecords, first: int, count: int) -> None:
     _see(c, inputs.leader_pose, inputs.leader_velocity[0], team.vehicle, count)
 
 
+@part
+def first_sight(inputs: TickInputs, team: TeamRecords, i: int) -> tuple[float, float]:
+    """Return range and bearing of a follower at time zero, the bearing on the turn nearest to the desired one."""
+    pose, leader = (
+        kinematics.pose_of(inputs.pose[i], team.vehicle),
+        kinematics.pose_of(inputs.leader_pose, team.vehicle),
+    )
+    error = kinematics.posture_error(pose, kinematics.direction_of(pose.heading), leader)
+    rho, phi = kinematics.line_of_sight(error.e_1, error.e_2, team.vehicle.ahead)
+    return rho, kinematics.unwrapped(phi - kinematics.steering_angle(pose, team.vehicle), inputs.q_d[i, 1])
+
+
+@borrowing
+def begin(inputs: TickInputs, team: TeamRecords) -> None:
+    """Set the bearing of a team at time zero, for a law whose other states start at zero."""
+    for i in range(len(inputs.pose)):
+        _, team.state[i]["bearing"] = first_sight(inputs, team, i)
+
+
 @borrowing
 def _see(c: np.void, leader_pose: Floats, v_d: float, vehicle: Geometry, count: int) -> None:
     """Measure the formation of a block, given pose, last bearing and guard: the same code for every law."""

@@ -32,7 +32,7 @@ from formation_controllers.columns import BLOCK
 from formation_controllers.controller import Controller
 from formation_controllers.dynamics import DIFFERENTIAL_DRIVE_MODEL, TRACTOR_TRAILER_MODEL
 from formation_controllers.feedback_linearisation import FeedbackLinearisation, FeedbackLinearisationGains
-from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
+from formation_controllers.geometry import first_range_bearing, formation_rates, input_matrix, range_bearing
 from formation_controllers.interface import TickInputs
 from formation_controllers.lqg import Lqg, LqgGains
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid, NeuralAdaptivePidGains
@@ -596,6 +596,44 @@ def test_plain_python_gives_the_same_bits(
         courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation, other.DifferentialSimulation
         found = [other.bits(name, course) for name in names for course in courses]
     assert found == compiled
+
+
+# The start ---------------------------------------------------------------------------------------------------
+
+
+@ALL
+def test_the_compiled_start_sets_what_start_does(name):
+    pytest.importorskip("control") if name == "lqg" else None
+    for vehicle in (CarLike(1.2), DifferentialDrive(0.1, 0.25)):
+        _, pose, leader, desired = situation(5, vehicle)
+        controller = load(name)(Team(vehicle, 5, 0.02))
+        controller.start(pose, leader, desired)
+        expected = controller.to_bytes()
+        q = first_range_bearing(pose, leader.pose, desired.q, vehicle)
+        assert controller.get_state()["bearing"].tobytes() == q[:, 1].tobytes()
+
+        function, own, prepared = controller.compiled_start()
+        for field in own.state.dtype.names:
+            if field not in prepared:
+                own.state[field] = 0.0
+        velocity = np.full((5, len(vehicle.velocity)), np.nan)
+        function(TickInputs(pose, velocity, leader.pose, leader.velocity, np.zeros(2), *desired), own)
+        assert controller.to_bytes() == expected
+
+
+def test_a_law_may_still_start_in_python():
+    class Older(load("observer-pid")):
+        def start_states(self, q, desired):
+            super().start_states(q, desired)
+            self._state["p"] = 2 * q
+
+    _, pose, leader, desired = situation(3, CAR)
+    older = Older(Team(CAR, 3, 0.02))
+    older.start(pose, leader, desired)
+    state, q = older.get_state(), first_range_bearing(pose, leader.pose, desired.q, CAR)
+    assert np.array_equal(state["q_hat"], q)
+    assert np.array_equal(state["p"], 2 * q)
+    assert older.compiled_start() is None
 
 
 # An older controller ---------------------------------------------------------------------------------------

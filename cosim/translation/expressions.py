@@ -620,7 +620,7 @@ class Expressions:
         if function in meanings.FLOAT_TESTS:
             number = as_float(self.scalar(self._arguments(node, 1)[0]))
             text = f"{meanings.FLOAT_TESTS[function]}({number.text})"
-            return Number(BOOL, f"{text} != 0", values.EQUAL, number.reads)
+            return Number(BOOL, f"{text} != 0", values.EQUAL, number.reads, condition=text)
         name, count = meanings.FLOAT_FUNCTIONS[function]
         given = [as_float(self.scalar(argument)) for argument in self._arguments(node, count)]
         return Number(FLOAT, f"{name}({', '.join(n.text for n in given)})", values.ATOM, _all_reads(given))
@@ -888,6 +888,8 @@ def by_value(value: StructValue) -> str:
 
 def along(axis: Axis, index: Number) -> Number:
     """Return the index in C of an entry of a dimension."""
+    if axis.start.constant == 0 and axis.step.constant == 1:
+        return index
     return _sum([axis.start, _product(index, axis.step)])
 
 

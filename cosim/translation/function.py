@@ -13,7 +13,7 @@ import numpy as np
 from cosim.translation import meanings, values
 from cosim.translation.expressions import Expressions, along, by_value, is_gapless, kind_of
 from cosim.translation.kinds import BOOL, FLOAT, INT, Array, Kind, Record, Records, Scalar, Several, Struct
-from cosim.translation.layout import Block, Compound, Line, comment, wrapped
+from cosim.translation.layout import Block, Compound, Line, comment, is_read, wrapped
 from cosim.translation.liveness import ends, loaded, needed, needed_in_loop, returns, stored, times_stored
 from cosim.translation.python_function import PythonFunction, plain
 from cosim.translation.shared import Shared
@@ -138,7 +138,7 @@ class Function(Expressions):
         used = set(re.findall(r"\w+", re.sub(r"/\*.*?\*/", "", " ".join(body.lines(1)))))
         more = self._more(used)
         parameters = list(self._declared(more))
-        unused = [c for c in (self.c_name(name) for name in self._names) if c not in used]
+        unused = [c for c in (self.c_name(name) for name in self._names) if not is_read(c, body.items)]
         body.items[:0] = [Line(f"(void){name};") for name in unused]
         result = (
             self._result.name
@@ -793,7 +793,8 @@ class Function(Expressions):
         gapless = is_gapless(value)
         if gapless and len(free) == 1:
             line = self.block.add("", c)
-            self.views.append((line, value.root, f"@{item} *{c} = {self.pointer(value)};"))
+            place = _bare(self.pointer(value))
+            self.views.append((line, value.root, f"@{item} *{c} = {place};"))
             return replace(value, base=c, axes=(full(int(value.sizes[0].constant or 0)),))
         if gapless and not value.is_flat:
             self.rows.add(value.root)
@@ -807,7 +808,8 @@ class Function(Expressions):
         if len(value.axes) == 1:
             axis = value.axes[0]
             start = axis.start
-            place = value.base if start.constant == 0 else f"{value.base} + {start.within(values.ADD)}"
+            base = _bare(value.base)
+            place = base if start.constant == 0 else f"{base} + {start.within(values.ADD)}"
             line = self.block.add("", c)
             self.views.append((line, value.root, f"@{item} *{c} = {place};"))
             size = axis.size
@@ -844,6 +846,11 @@ class Function(Expressions):
         sign, _ = meanings.ARITHMETIC[type(statement.op)]
         value = as_float(value) if own.kind is FLOAT else value
         self.block.add(f"{own.text} {sign}= {value.text};")
+
+
+def _bare(pointer: str) -> str:
+    """Return a pointer without the parentheses about the whole of a conversion."""
+    return pointer[1:-1] if re.fullmatch(r"\(\([^()]*\*\)[^()]*\)", pointer) else pointer
 
 
 class OtherResult(Exception):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 WIDTH: Final = 120
@@ -57,6 +58,8 @@ class Block:
             if isinstance(item, Compound):
                 item = Compound([(head, block.without_unused()) for head, block in item.parts])
             later.update(_words(item))
+            if isinstance(item, Line) and item.declares and not is_read(item.declares, kept):
+                kept.append(Line(f"(void){item.declares};"))
             kept.append(item)
         return Block(kept[::-1])
 
@@ -83,6 +86,19 @@ def _compound(item: Compound, depth: int) -> Iterator[str]:
         yield from wrapped(opened, INDENT * depth)
         yield from block.lines(depth + 1)
     yield f"{margin}}}"
+
+
+def is_read(name: str, items: Iterable[Line | Compound]) -> bool:
+    """Tell whether statements read a name, and do not only assign it."""
+    for item in items:
+        if isinstance(item, Compound):
+            if any(name in re.findall(r"\w+", head) or is_read(name, block.items) for head, block in item.parts):
+                return True
+        else:
+            text = re.sub(rf"^{name} [-+*/]?= ", "", item.text)
+            if name in _words(Line(text)):
+                return True
+    return False
 
 
 def _words(item: Line | Compound) -> set[str]:
@@ -115,37 +131,68 @@ def comment(text: str, indent: int) -> str:
 
 
 def wrapped(text: str, indent: int) -> Iterator[str]:
-    """Yield a statement in lines that are broken where it nests least, aligned behind the bracket that is open."""
+    """Yield a statement in lines, broken where it nests least and binds least, and aligned there."""
     if text.startswith("/* ") and text.endswith(" */"):
         yield from comment(text[3:-3], indent).splitlines()
         return
-    margin = " " * indent
-    line = margin
+    first, *rest = _broken(text, indent, indent + INDENT)
+    yield " " * indent + first
+    yield from rest
+
+
+def _broken(text: str, column: int, align: int) -> list[str]:
+    """Return the lines of a text that begins at a column; the first lacks its margin."""
+    if column + len(text) <= WIDTH:
+        return [text]
+    assignment = re.match(r"[^(){}=!<>]* [-+*/]?= ", text)
+    if assignment:  # what follows is aligned behind the sign
+        start = assignment.end()
+        inner = _broken(text[start:], column + start, column + start)
+        return [text[:start] + inner[0], *inner[1:]]
+    places = list(_places(text))
+    if not places:
+        return [text]
+    depth, binding = min((depth, binding) for _, depth, binding, _ in places)
+    chosen = [(place, opened) for place, own, strength, opened in places if (own, strength) == (depth, binding)]
+    opened = chosen[0][1]
+    margin = align if opened is None else column + opened + 1
+    cuts = [0, *(place for place, _ in chosen), len(text)]
+    parts = [text[begin:end] for begin, end in pairwise(cuts)]
+    one_each = any(part.startswith(".") for part in parts[1:])
+    lines: list[str] = []
+    line, at = "", column
+    for place, part in enumerate(parts):
+        is_last = place == len(parts) - 1
+        if place and (one_each or at + len(line) + len(part.rstrip()) > WIDTH):
+            lines.append(line.rstrip())
+            line, at = "", margin
+        begins = at + len(line)
+        if begins + len(part.rstrip()) > WIDTH:
+            inner = _broken(part if is_last else part.rstrip(), begins, margin)
+            lines += [line + inner[0], *inner[1:-1]] if len(inner) > 1 else []
+            line, at = (inner[-1] + ("" if is_last else " "), 0) if len(inner) > 1 else (line + part, at)
+        else:
+            line += part
+    lines.append(line.rstrip())
+    first, *others = lines
+    return [first, *(own if own.startswith(" " * 8) else " " * margin + own for own in others)]
+
+
+_STRENGTHS: Final = {",": 0, "?": 1, ":": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 4, ">": 4, "<=": 4, ">=": 4}
+
+
+def _places(text: str) -> Iterator[tuple[int, int, int, int | None]]:
+    """Yield where a text may be broken: the place, how deep it nests, how strongly it binds, and the bracket around."""
     opened: list[int] = []
-    for piece in _pieces(text):
-        if len(line.rstrip()) + len(piece.rstrip()) > WIDTH and line.strip():
-            yield line.rstrip()
-            line = " " * (opened[-1] if opened else indent + INDENT)
-        for letter in piece:
-            line += letter
-            if letter in "([{":
-                opened.append(len(line))
-            elif letter in ")]}" and opened:
-                opened.pop()
-    yield line.rstrip()
-
-
-def _pieces(text: str) -> list[str]:
-    """Return the parts of a statement between which a line may be broken."""
-    pattern = r"(?<=, )|(?= (?:\+|-|\*|/|&&|\|\||\?|:|<|>|<=|>=|==|!=|&|\||\^) )|(?<=[^=!<>] = )"
-    pieces = [part for part in re.split(pattern, text) if part]
-    return [piece.lstrip(" ") if place and piece.startswith(" ") else piece for place, piece in _spaced(pieces)]
-
-
-def _spaced(pieces: list[str]) -> list[tuple[int, str]]:
-    """Move the blank before an operator to the end of the piece before it."""
-    moved = [
-        piece + (" " if place + 1 < len(pieces) and pieces[place + 1].startswith(" ") else "")
-        for place, piece in enumerate(pieces)
-    ]
-    return list(enumerate(moved))
+    for place, letter in enumerate(text):
+        if letter in "([{":
+            opened.append(place)
+        elif letter in ")]}" and opened:
+            opened.pop()
+        around = opened[-1] if opened else None
+        if letter == "," and text[place + 1 : place + 2] == " ":
+            yield place + 2, len(opened), 0, around
+        elif letter == " ":
+            found = re.match(r" (\?|:|\|\||&&|==|!=|<=|>=|<|>|\+|-|\*|/|%|<<|>>|&|\||\^) ", text[place:])
+            if found:
+                yield place + 1, len(opened), _STRENGTHS.get(found[1], 6 if found[1] in "*/%" else 5), around

@@ -43,6 +43,8 @@ class Number:
         Whether it is known to be a whole number that is not negative.
     root : Root or None
         The path to the memory that it stands in, if it stands somewhere.
+    condition : str
+        A shorter expression that is good enough for a condition.
     """
 
     kind: Scalar
@@ -52,6 +54,7 @@ class Number:
     constant: float | None = None
     is_natural: bool = False
     root: Root | None = None
+    condition: str = ""
 
     def within(self, level: int) -> str:
         """Return the text, in parentheses where it holds together less tightly than that."""
