@@ -1,32 +1,41 @@
-"""Python functions become C with the same bits."""
+"""Python functions become C with the same bits, or are refused."""
 
 import ctypes
+import importlib.util
 import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, Team, elementary, load
+from formation_controllers import CarLike, DifferentialDrive, Team, TractorTrailer, elementary, load
 from formation_controllers.interface import TickInputs
-from formation_controllers.vehicles import DifferentialDrive, TractorTrailer, Vehicle
+from formation_controllers.vehicles import Vehicle
 
-from cosim.translation import CSource, Entry, translate
+from cosim.signals.effects import bias, delay, dropout, effectiveness, quantisation, rate, saturation
+from cosim.tests import random_functions
+from cosim.translation import CSource, Entry, Untranslatable, translate
 
 FLAGS = (
     *("-std=c11", "-ffp-contract=off", "-shared", "-fPIC", "-Werror"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Wmissing-prototypes"),
 )
-LAWS = ("neural-adaptive-pid", "observer-pid", "neural-high-gain", "feedback-linearisation")
-VEHICLES = (CarLike(0.5), TractorTrailer(0.4, 0.1, 0.25), DifferentialDrive(0.1, 0.25))
+CAR, TRACTOR, DIFFERENTIAL = CarLike(0.5), TractorTrailer(0.4, 0.1, 0.25), DifferentialDrive(0.1, 0.25)
+LIMITED = {"guard": 0.1, "torque_limit": 5.0}
+SIZE = 3
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="compiles with gcc's options")
 
 
-def compiled(source: CSource, folder: Path, optimised: str) -> ctypes.CDLL:
-    folder.mkdir(exist_ok=True)
+def compiled(source: CSource, folder: Path, optimised: str, *flags: str) -> ctypes.CDLL:
     (folder / source.header_name).write_text(source.header, encoding="utf-8")
     (folder / source.source_name).write_text(source.source, encoding="utf-8")
-    library = folder / f"library{optimised}.so"
-    subprocess.run(["gcc", *FLAGS, optimised, source.source_name, "-o", library, "-lm"], cwd=folder, check=True)
+    library = folder / f"{source.source_name}{optimised}.so"
+    command = ["gcc", *FLAGS, *flags, optimised, source.source_name, "-o", library, "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
     return ctypes.CDLL(str(library))
 
 
@@ -50,63 +59,266 @@ def address(array: np.ndarray[Any, Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def bits(array: np.ndarray[Any, Any]) -> bytes:
+def bits(array: Any) -> bytes:
     """Return all bits; of NaN just that it is one, as neither IEEE 754 nor a compiler keeps its sign."""
     numbers = np.ascontiguousarray(array).view(np.float64)
     return np.where(np.isnan(numbers), np.nan, numbers).tobytes()
 
 
-def random_inputs(vehicle: Vehicle, size: int, random: np.random.Generator) -> TickInputs:
+# Laws --------------------------------------------------------------------------------------------------------
+
+
+def random_inputs(vehicle: Vehicle, random: np.random.Generator) -> TickInputs:
     poses, velocities = len(vehicle.pose), len(vehicle.velocity)
     return TickInputs(
-        random.normal(0, 3, (size, poses)),
-        random.normal(0, 2, (size, velocities)),
+        random.normal(0, 3, (SIZE, poses)),
+        random.normal(0, 2, (SIZE, velocities)),
         random.normal(0, 3, poses),
         *(random.normal(0, 1, velocities) for _ in range(2)),
-        *(random.normal(0, 1, (size, 2)) for _ in range(3)),
+        *(random.normal(0, 1, (SIZE, 2)) for _ in range(3)),
     )
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_law_in_c_has_the_same_bits(law: str, tmp_path: Path) -> None:
+def driven_inputs(vehicle: Vehicle, step: int) -> TickInputs:
+    """Return a team that follows its leader along a wavy path."""
+    poses, t = len(vehicle.pose), 0.02 * step
+    places = np.array([[-1.0 - i, 0.5 * i, 0.1 * i, 0.2] for i in range(SIZE)])
+    waves = np.array([0.3 * t, np.sin(0.2 * t), 0.2 * np.sin(t), 0.1 * np.cos(t)])
+    q = np.array([[1.0 + i, 0.3 - 0.2 * i] for i in range(SIZE)])
+    velocity = np.full((SIZE, 2), 0.3)
+    leader = 0.3 * t, np.sin(0.2 * t), 0.2, 0.0
+    none = np.zeros((SIZE, 2))
+    return TickInputs(
+        *((places + waves)[:, :poses].copy(), velocity, np.array(leader)[:poses].copy()),
+        *(np.array([0.3, 0.05]), np.array([0.01, 0.0]), q, none, none + 0.01),
+    )
+
+
+@pytest.mark.parametrize(
+    ("law", "vehicle", "gains"),
+    [
+        ("neural-adaptive-pid", CAR, {"W_m": 5.0}),
+        ("neural-adaptive-pid", DIFFERENTIAL, LIMITED),
+        ("observer-pid", TRACTOR, LIMITED),
+        ("neural-high-gain", TRACTOR, {}),
+        ("neural-high-gain", DIFFERENTIAL, LIMITED),
+        ("feedback-linearisation", CAR, {"guard": 0.1}),
+        ("feedback-linearisation", DIFFERENTIAL, {}),
+        ("lqg", CAR, LIMITED),
+    ],
+    ids=lambda value: value if isinstance(value, str) else getattr(value, "kind", None) or "-".join(value) or "plain",
+)
+def test_law_in_c_has_the_same_bits(law: str, vehicle: Vehicle, gains: dict[str, float], tmp_path: Path) -> None:
+    if law == "lqg":
+        pytest.importorskip("control")
     random = np.random.default_rng(3)
     name = law.replace("-", "_")
-    for place, vehicle in enumerate(VEHICLES):
-        size = 3
-        gains: dict[str, float] = {"guard": 0.1} if place == 1 else {}
-        if place and law != "feedback-linearisation":
-            gains["torque_limit"] = 5.0
-        controller = load(law)(Team(vehicle, size, 0.02), load(law).gains_type(**gains))
-        tick = controller.compiled_tick()
-        example = random_inputs(vehicle, size, random), tick.own, np.zeros((size, 2))
-        source = translate(name, [Entry("tick", tick.function, example)], primitives=elementary.PRIMITIVES)
-        libraries = [compiled(source, tmp_path / str(place), optimised) for optimised in ("-O0", "-O2")]
-        inputs_type, records_type = (
-            next(dtype for own, dtype in source.structs.items() if own.endswith(tail))
-            for tail in ("TickInputs", "TeamRecords")
-        )
-        guarded = held = unfinite = 0
-        for step in range(120):
-            inputs = random_inputs(vehicle, size, random)
-            if step % 10 == 0:
-                inputs.pose[0] = inputs.leader_pose
-            if step % 20 == 0:
-                for field in tick.own.state.dtype.names:
-                    tick.own.state[field] = random.normal(0, 1, tick.own.state[field].shape)
-            records = [as_struct(tick.own, records_type) for _ in libraries]
-            torques = [np.full((size, 2), np.nan) for _ in libraries]
-            for library, own, torque in zip(libraries, records, torques, strict=True):
-                given = as_struct(inputs, inputs_type)
-                getattr(library, f"{name}_tick")(address(given), address(own), address(torque))
-            expected = np.full((size, 2), np.nan)
-            tick.function(inputs, tick.own, expected)
-            for own, torque in zip(records, torques, strict=True):
-                assert bits(torque) == bits(expected)
-                assert bits(own["state"]) == bits(tick.own.state)
-                assert bits(own["telemetry"]) == bits(tick.own.telemetry)
-            guarded += bool(tick.own.telemetry["guarded"].any())
-            held += "held" in tick.own.telemetry.dtype.names and bool(tick.own.telemetry["held"].any())
-            unfinite += not np.isfinite(expected).all()
-        assert guarded or "guard" not in gains
-        assert held or "torque_limit" not in gains
-        assert unfinite or vehicle.kind != "differential_drive"
+    controller = load(law)(Team(vehicle, SIZE, 0.02), load(law).gains_type(**gains))
+    tick, start = controller.compiled_tick(), controller.compiled_start()
+    example = random_inputs(vehicle, random), tick.own
+    entries = [Entry("start", start.function, example), Entry("tick", tick.function, (*example, np.zeros((SIZE, 2))))]
+    source = translate(name, entries, primitives=elementary.PRIMITIVES)
+    libraries = [compiled(source, tmp_path, optimised) for optimised in ("-O0", "-O2")]
+    inputs_type, records_type = (
+        next(dtype for own, dtype in source.structs.items() if own.endswith(tail))
+        for tail in ("TickInputs", "TeamRecords")
+    )
+    own, guarded, held, unfinite = tick.own, 0, 0, 0
+    for step in range(200):
+        inputs = driven_inputs(vehicle, step) if step < 100 else random_inputs(vehicle, random)
+        if step > 100 and step % 10 == 0:
+            inputs.pose[0] = inputs.leader_pose
+            for field in own.state.dtype.names:
+                own.state[field] = random.normal(0, 1, own.state[field].shape)
+        torques = [np.full((SIZE, 2), np.nan) for _ in libraries]
+        expected = np.full((SIZE, 2), np.nan)
+        records = [as_struct(own, records_type) for _ in libraries]
+        given = as_struct(inputs, inputs_type)
+        for library, record, torque in zip(libraries, records, torques, strict=True):
+            if step in (0, 150):
+                getattr(library, f"{name}_start")(address(given), address(record))
+            getattr(library, f"{name}_tick")(address(given), address(record), address(torque))
+        if step in (0, 150):
+            start.function(inputs, own)
+        tick.function(inputs, own, expected)
+        for record, torque in zip(records, torques, strict=True):
+            assert bits(torque) == bits(expected)
+            assert bits(record["state"]) == bits(own.state)
+            assert bits(record["telemetry"]) == bits(own.telemetry)
+        guarded += bool((own.telemetry["guarded"] > 0).any())
+        held += "held" in own.telemetry.dtype.names and bool((own.telemetry["held"] > 0).any())
+        unfinite += not np.isfinite(expected).all()
+    assert guarded or "guard" not in gains
+    assert held or "torque_limit" not in gains
+    assert unfinite or vehicle is not DIFFERENTIAL or gains
+
+
+def test_header_serves_c_plus_plus_and_stands_alone(tmp_path: Path) -> None:
+    controller = load("observer-pid")(Team(CAR, SIZE, 0.02))
+    tick = controller.compiled_tick()
+    example = random_inputs(CAR, np.random.default_rng(0)), tick.own, np.zeros((SIZE, 2))
+    source = translate(
+        "observer_pid", [Entry("tick", tick.function, example)], about="The law.", primitives=elementary.PRIMITIVES
+    )
+    library = compiled(source, tmp_path, "-O2")
+    assert library.observer_pid_tick
+    (tmp_path / "user.cpp").write_text('#include "observer_pid.h"\n#include "observer_pid.h"\n', encoding="utf-8")
+    subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-c", "user.cpp"], cwd=tmp_path, check=True)
+    assert source.header.startswith("/* The law. Translated from the Python of formation_controllers.observer_pid;")
+    assert source.prototypes["tick"].startswith("void observer_pid_tick(const ObserverPidTickInputs *inputs, ")
+    assert "/* Estimate (32)" not in source.header
+    assert "own->q_hat[j] += period * c->q_hat_dot[j][r];" in source.source
+    assert max(map(len, (source.header + source.source).splitlines())) <= 120
+    assert "malloc" not in source.source
+
+
+# Effects -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("act", "remembers"),
+    [
+        (delay.hold_back, 4),
+        (delay.hold_back_from_first, 4),
+        (bias.add, 0),
+        (dropout.hold, 1),
+        (effectiveness.keep_part, 0),
+        (quantisation.to_steps, 0),
+        (rate.follow, 1),
+        (saturation.clip, 0),
+    ],
+)
+def test_effect_in_c_has_the_same_bits(act: Callable[..., None], remembers: int, tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    shape = 3, 2
+    memory = np.zeros((remembers, *shape))
+    source = translate("effect", [Entry("act", act, (0, np.zeros(shape), np.zeros(shape), memory))])
+    library = compiled(source, tmp_path, "-O2")
+    kept = memory.copy()
+    for tick in range(12):
+        values, amount = random.normal(0, 2, shape), random.choice([0.0, 1.0, 2.0, 3.0], shape)
+        if act is rate.follow and tick % 3 == 0:
+            amount[0] = np.inf
+        own = values.copy()
+        library.effect_act(ctypes.c_int64(tick), address(own), address(amount), address(kept))
+        act(tick, values, amount, memory)
+        assert own.tobytes() == values.tobytes()
+        assert kept.tobytes() == memory.tobytes()
+
+
+# Refusals, and random functions --------------------------------------------------------------------------------
+
+
+def module_of(text: str, folder: Path, name: str) -> ModuleType:
+    path = folder / f"{name}.py"
+    path.write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+REFUSED = {
+    "return 1.0 if 0.0 < x < 1.0 else 0.0": "a chained comparison: write 0.0 < x and x < 1.0",
+    "if x > 0.0:\n        z = 1.0\n    return z": "z may have no value here",
+    "for j in range(3):\n        z = 1.0 * j\n    return z": "z may have no value here",
+    "for j in range(3):\n        pass\n    return j": "j is needed behind its loop",
+    "for j in range(3):\n        j = 2\n    return x": "the loop's j is assigned within the loop: take another name",
+    "for j in range(i):\n        for j in range(2):\n            a[0] = x\n    return x": "the loop's j is assigned",
+    "for value in a:\n        x += value\n    return x": "a loop runs over range",
+    "return math.sin(x)": "math.sin has no translation to C with the same bits everywhere",
+    "return x ** 2": "a power is rounded differently",
+    "return x % 2.0": "needs whole numbers",
+    "return [x][0]": "a list has no translation",
+    "return {'x': x}['x']": "a dictionary has no translation",
+    "try:\n        x = 1.0\n    except ValueError:\n        x = 2.0\n    return x": "try has no translation",
+    "with x:\n        pass\n    return x": "with has no translation",
+    "f = lambda z: z\n    return f(x)": "a lambda has no translation",
+    "def inner(z):\n        return z\n    return inner(x)": "a function within a function has no translation",
+    "return function(x, i, a)": "function calls itself",
+    "total = 0\n    for j in range(i):\n        total += x\n    return total": "total is a whole number",
+    "if x:\n        return 1.0\n    return 0.0": "x is a float, not a truth value",
+    "return x and 1.0": "x is a float, not a truth value",
+    "return a": "an array is passed in to be filled",
+    "if x > 0.0:\n        return x": "ends with a return on every way",
+    "a[:] = a[::-1]\n    return x": "a slice has a positive step",
+    "a[1:3] = a[0:2]\n    return x": "an array is copied onto a part of itself",
+    "shift(a[0:2], a[1:3])\n    return x": "two arguments may be parts of one array, a, which is written",
+    "return push(a) + a[0]": 'push(a)" writes into an array|push writes into an array',
+    "b = a[0:2] if x > 0.0 else a[2:4]\n    return b[0]": "is not a number",
+    "b = a[i % 2:]\n    i = 1\n    return b[0]": "the place of this view may change",
+    "q = a\n    q = a[1:]\n    return q[0]": "q names several arrays",
+    "return a[7]": "there are only 4 entries",
+    "return unknown": "unknown is not known here",
+    "return sum(a)": "sum has no translation",
+    "return x if x is not None else 0.0": "only numbers are compared",
+    "x = y = 1.0\n    return x": "several assignments at once",
+    "(x, y), z = (1.0, 2.0), 3.0\n    return x": "targets within targets",
+    "b = np.empty(i)\n    return b[0]": "the sizes of an array are positive constants",
+    "assert x > 0.0\n    return x": "assert has no translation",
+    "raise ValueError\n    return x": "raise has no translation",
+    "return 9223372036854775807 + 1": "has more than 64 bits",
+    "global HALF\n    HALF = x\n    return x": "global has no translation",
+    "NUMBERS[0] = x\n    return x": "NUMBERS is a constant",
+    "while x > 0.0:\n        x -= 1.0\n    else:\n        x = 5.0\n    return x": "else of a loop",
+    "return (x := 2.0)": "an assignment within an expression",
+    "i = 0.5\n    return i": "i is a whole number before, and a float here",
+}
+
+
+@pytest.mark.parametrize("body", REFUSED)
+def test_what_is_outside_of_the_subset_is_refused(body: str, tmp_path: Path) -> None:
+    text = (
+        "import math\nimport numpy as np\n\nHALF = 0.5\nNUMBERS = np.zeros(3)\n\n\n"
+        "def shift(to, of):\n    for j in range(len(to)):\n        to[j] = of[j]\n\n\n"
+        "def push(to):\n    to[0] += 1.0\n    return to[0]\n\n\n"
+        f"def function(x, i, a):\n    {body}\n"
+    )
+    module = module_of(text, tmp_path, "refused")
+    with pytest.raises(Untranslatable, match=REFUSED[body].replace("(", "\\(").replace(")", "\\)")) as refused:
+        translate("refused", [Entry("function", module.function, (0.5, 2, np.zeros(4)))])
+    where = refused.value.where
+    assert where is not None
+    assert where.file == str(tmp_path / "refused.py")
+    assert refused.value.text == text.splitlines()[where.line - 1].strip()
+    assert refused.value.text in str(refused.value)
+
+
+def test_random_functions_have_the_same_bits_in_c(tmp_path: Path) -> None:
+    count = 150
+    text = "".join(random_functions.Text(seed).function(f"f_{seed}") for seed in range(count))
+    module = module_of(random_functions.HEAD + text, tmp_path, "fuzzed")
+    example = 0.5, 0.5, 1, np.zeros(4), np.zeros((2, 3)), np.zeros(3, np.int64)
+    accepted = []
+    for seed in range(count):
+        entry = Entry(f"f_{seed}", getattr(module, f"f_{seed}"), example)
+        try:
+            translate("one", [entry])
+        except Untranslatable:
+            continue
+        accepted.append(entry)
+    assert len(accepted) > count / 2
+    source = translate("fuzzed", accepted)
+    for optimised in ("-O0", "-O2"):
+        library = compiled(source, tmp_path, optimised, "-Wno-tautological-compare")
+        for entry in accepted:
+            random = np.random.default_rng(int(entry.name[2:]))
+            function = getattr(library, f"fuzzed_{entry.name}")
+            function.restype = ctypes.c_double
+            for _ in range(4):
+                x, y = random.normal(0, 2, 2).tolist()
+                i = int(random.integers(-9, 10))
+                arrays = random.normal(0, 2, 4), random.normal(0, 2, (2, 3)), random.integers(-5, 9, 3)
+                own = [array.copy() for array in arrays]
+                numbers = ctypes.c_double(x), ctypes.c_double(y), ctypes.c_int64(i)
+                result = function(*numbers, *map(address, own))
+                try:
+                    with np.errstate(all="ignore"):
+                        expected = entry.function(x, y, i, *arrays)
+                except (OverflowError, ValueError):  # a whole number of an infinity or of NaN
+                    continue
+                assert bits(np.float64(result)) == bits(np.float64(expected)), entry.name
+                assert [bits(array) for array in own[:2]] == [bits(array) for array in arrays[:2]], entry.name
+                assert np.array_equal(own[2], arrays[2]), entry.name

@@ -312,8 +312,9 @@ class Expressions:
 
     def _comparison(self, node: ast.Compare) -> Value:
         if len(node.ops) > 1:
-            first, second = ast.unparse(node.left), ast.unparse(node.comparators[0])
-            self.refuse(node, f"a chained comparison: write {first} ... {second} and {second} ... each by itself")
+            terms = [node.left, *node.comparators]
+            links = [ast.Compare(a, [op], [b]) for a, op, b in zip(terms, node.ops, terms[1:], strict=False)]
+            self.refuse(node, f"a chained comparison: write {' and '.join(map(ast.unparse, links))}")
         if type(node.ops[0]) not in meanings.COMPARISONS:
             self.refuse(node, "only numbers are compared, by <, <=, >, >=, == and !=")
         sign, level = meanings.COMPARISONS[type(node.ops[0])]

@@ -381,14 +381,12 @@ class Function(Expressions):
         ):
             self.refuse(loop, "a loop runs over range(...) with one name")
         name = loop.target.id
-        if name in self.env and name in self.assigned and isinstance(self.env[name], Number) and name in self._loops:
-            self.refuse(loop, f"{name} is the name of a loop around: take another")
         if name in self.env or name in self._hoisted:
             self.refuse(
                 loop, f"{name} has a value before the loop or is needed behind it: take another name for the loop"
             )
         if times_stored(loop.body, name):
-            self.refuse(loop, f"the loop's {name} is assigned within the loop")
+            self.refuse(loop, f"the loop's {name} is assigned within the loop: take another name there")
         if name in live:
             self.refuse(loop, f"{name} is needed behind its loop: keep it under another name")
         bounds = [self.integer(argument) for argument in call.args]
