@@ -38,6 +38,7 @@ CONTENT = {
     "plant": "the fleet, in compiled code",
     "scenario": "the language, as plain data",
     "vehicle": "kinds of vehicle, each once",
+    "translation": "Python of laws, as C",
 }
 STRANGERS = {"fmpy": "FMPy", "formation_controllers": "controllers", "plants": "plants"}
 
