@@ -142,7 +142,7 @@ def _interfaces(root: etree._Element, major: int) -> dict[str, Interface | None]
     implementation = root.find("Implementation")
     identifier = root.get("modelIdentifier")
     if implementation is None:
-        exchanged = Interface(identifier, False, False, True, None, False)
+        exchanged = Interface(identifier, False, False, True, None, False, False)
         return {"coSimulation": None, "modelExchange": exchanged, "scheduledExecution": None}
     said = implementation.find("*/Capabilities")
     once, variable = (
@@ -150,7 +150,7 @@ def _interfaces(root: etree._Element, major: int) -> dict[str, Interface | None]
         for name in ("canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize")
     )
     tool = implementation.find("CoSimulation_Tool") is not None
-    coupled = Interface(identifier, tool, once, variable, None, False)
+    coupled = Interface(identifier, tool, once, variable, None, False, False)
     return {"coSimulation": coupled, "modelExchange": None, "scheduledExecution": None}
 
 
@@ -167,6 +167,7 @@ def _interface(element: etree._Element, major: int) -> Interface:
         exchange or true("canHandleVariableCommunicationStepSize"),
         element.get("fixedInternalStepSize"),
         exchange and completed,
+        all(true(f"can{ability}FMU{'State' if major == 3 else 'state'}") for ability in ("GetAndSet", "Serialize")),
     )
 
 

@@ -163,6 +163,7 @@ class Interface:
     canHandleVariableCommunicationStepSize: bool
     fixedInternalStepSize: str | None
     needsCompletedIntegratorStep: bool
+    canSerializeFMUState: bool
 
 
 @dataclass(slots=True, eq=False)

@@ -16,6 +16,7 @@ from cosim.plant.fleet import Fleet
 from cosim.plant.fleet_step import CompiledFleet
 from cosim.plant.member import Member
 from cosim.plant.message import RobotMessage
+from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 
 
@@ -44,6 +45,12 @@ class AnyFleet(Protocol):
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Give parameters of a plant other values."""
+
+    def saved(self, time: float) -> FleetState:
+        """Return the state of all plants at a communication point [s]."""
+
+    def restore(self, state: FleetState, tick: int, step: float) -> None:
+        """Let plants that have just been started go on from a saved state."""
 
 
 StartFleet: TypeAlias = Callable[

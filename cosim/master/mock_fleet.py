@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.master.robot import RobotSetup
 from cosim.plant.fleet import HARNESS
 from cosim.plant.message import RobotMessage
+from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 
 Motion: TypeAlias = Callable[[float, NDArray[np.float64]], NDArray[np.float64]]
@@ -67,6 +68,14 @@ class MockFleet:
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         """Take note of parameters that change."""
         self.changes.append((time, self._names[index], values))
+
+    def saved(self, time: float) -> FleetState:
+        """Return nothing but the messages: the motion is a function."""
+        return FleetState((), tuple(self.messages), tuple(self.logged), ())
+
+    def restore(self, state: FleetState, tick: int, step: float) -> None:
+        """Take over the messages."""
+        self.messages, self.logged = list(state.messages), list(state.logged)
 
     def __enter__(self) -> Self:
         """Return the plants."""

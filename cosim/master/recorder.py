@@ -129,6 +129,10 @@ class Recorder:
         """The arrays into which ticks are recorded."""
         return tuple(self._memory[: self._used])
 
+    def numbers(self, first: int, last: int) -> list[NDArray[np.float64]]:
+        """Return the numbers of ticks, from one to before another, of each place: views (ticks, numbers)."""
+        return [place[first:last].reshape(last - first, -1).view(np.float64) for place in self.places]
+
     @property
     def ticks(self) -> slice:
         """The recorded ticks."""

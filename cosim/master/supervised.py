@@ -47,6 +47,7 @@ from cosim.plant.member import Member
 from cosim.plant.message import Message, RobotMessage
 from cosim.plant.printed import Printed
 from cosim.plant.protocol import HEADER, send
+from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 from cosim.plant.start_check import not_started
 from cosim.results.result import Result
@@ -421,3 +422,9 @@ class _Elsewhere:
 
     def change(self, index: int, values: Sequence[Value], time: float) -> None:
         raise NotImplementedError("the plants are in another process")
+
+    def saved(self, time: float) -> FleetState:
+        raise NotImplementedError("the plants are in another process")
+
+    def restore(self, state: FleetState, tick: int, step: float) -> None:
+        self.messages, self.logged = list(state.messages), list(state.logged)

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from cosim.compiled import entry_of
 from cosim.control.team import Team
+from cosim.errors import InputError
 from cosim.master.fleets import AnyFleet
 from cosim.master.loop import Ended, Loop, Part, Stage, Wiring, advance
 from cosim.master.moves import spots, spots_by_tick
 from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
+from cosim.master.run_state import NUMBERS, RunState
 from cosim.master.setup import Setup
 from cosim.master.team_arrays import TeamArrays
 from cosim.master.wiring import wire_acting, wire_laws, wire_path, wire_plants
@@ -32,7 +34,7 @@ Floats = NDArray[np.float64]
 class Ticks:
     """What a tick of a run does: sense, control, actuate, record and step the plants.
 
-    Legal call order: `one` and `some`, in any number, until `tick` is beyond the scenario's last one. After an
+    Legal call order: `restore` at first, if at all; `one`, `some` and `saved`, in any number, until `tick` is beyond the scenario's last one. After an
     exception none of them.
 
     Parameters
@@ -173,6 +175,57 @@ class Ticks:
             self._control()  # says why
             raise RuntimeError("the compiled code of a controller has failed, which its Python code does not")
         return True
+
+    def saved(self) -> RunState:
+        """Return the state before the next tick.
+
+        Raises
+        ------
+        SimulationError
+            A plant or a controller does not return its own.
+        """
+        time = self.tick * self._scenario.step
+        return RunState(
+            tick=self.tick,
+            numbers={name: getattr(self._now, name).copy() for name in NUMBERS},
+            sensors=self._sensors.saved(),
+            actuators=self._actuators.saved(),
+            laws=tuple(team.to_bytes(time) for team in self._teams) if self.tick > 0 else (),
+            fleet=self._fleet.saved(time),
+        )
+
+    def restore(self, state: RunState, *, same_seed: bool = True) -> None:
+        """Go on from a state of a run with the same structure, in place of the first tick.
+
+        Parameters
+        ----------
+        state
+            The state; its earlier ticks are recorded already.
+        same_seed
+            Whether that run had the same seed; otherwise noise begins anew.
+
+        Raises
+        ------
+        InputError
+            An effect remembers numbers that the run did not have.
+        SimulationError
+            A plant or a controller refuses its state.
+        """
+        tick, step = state.tick, self._scenario.step
+        if tick > 0:
+            self._fleet.restore(state.fleet, tick, step)
+            for chain, own in ((self._sensors, state.sensors), (self._actuators, state.actuators)):
+                try:
+                    chain.restore(own, tick, same_seed=same_seed)
+                except ValueError as error:
+                    raise InputError(
+                        f"<{error}> cannot be added or changed in the course of a run: it depends on earlier ticks"
+                    ) from None
+            for team, law in zip(self._teams, state.laws, strict=True):
+                team.from_bytes(law, tick * step)
+            for name, values in state.numbers.items():
+                getattr(self._now, name)[:] = values
+        self.tick = self.recorder.recorded = tick
 
     def _control(self) -> None:
         if self.tick % self._scenario.period:

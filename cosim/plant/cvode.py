@@ -22,6 +22,7 @@ from cosim.plant.exchange import give, take
 from cosim.plant.failures import COMPLETE, DISCARD, END, ITERATE, PlantError, failure
 from cosim.plant.instance import Instance
 from cosim.plant.message import Message
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 
 _CLOSE = 1e-9
@@ -98,6 +99,22 @@ class CvodePlant:
     def change(self, values: Sequence[Value]) -> None:
         """See `Instance.change`."""
         self._instance.change(values)
+
+    def saved(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> PlantState:
+        """Return the state after the last step.
+
+        CVODE's own memory is no part of it: at the start of each communication step it is begun anew, with the states
+        and nominal values of the FMU, because the inputs jump there.
+        """
+        numbers = tuple(inputs.tolist()), tuple(outputs.tolist()), tuple(self._given.tolist())
+        return PlantState(self._instance.saved(), *numbers, self._instance.next_event)
+
+    def restore(self, state: PlantState) -> list[float]:
+        """Go on from a saved state, and return the outputs there."""
+        self._instance.restore(state.fmu)
+        self._instance.next_event = state.next_event
+        self._given = np.array(state.given)
+        return self._outputs()
 
     def take_messages(self) -> str:
         """Return the FMU's messages since the last call."""

@@ -15,6 +15,7 @@ from cosim.plant.local import NotStarted
 from cosim.plant.member import Member
 from cosim.plant.message import Message
 from cosim.plant.process import PlantProcess, end
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import Value
 from cosim.plant.stepping import Rows
 
@@ -118,9 +119,20 @@ class Elsewhere:
 
     def change(self, index: int, values: Sequence[Value]) -> None:
         """Give parameters of a plant other values; see `PlantProcess.change`."""
-        for home in self._homes:
-            if index in home.plants:
-                home.process.change(home.plants.index(index), values)
+        home = self._home_of(index)
+        home.process.change(home.plants.index(index), values)
+
+    def saved(self, index: int) -> PlantState:
+        """Return the state of a plant; see `PlantProcess.saved`."""
+        home = self._home_of(index)
+        return home.process.saved(home.plants.index(index))
+
+    def restore(self, index: int, state: PlantState) -> None:
+        """Let a plant go on from a saved state; see `PlantProcess.restore`."""
+        home, rows = self._home_of(index), self._rows
+        home.process.restore(home.plants.index(index), state)
+        rows.inputs_of(index)[:], rows.outputs_of(index)[:] = state.inputs, state.outputs
+        home.process.board.inputs[:] = rows.inputs[home.inputs]
 
     def messages(self) -> Iterator[tuple[int, str, list[Message]]]:
         """Take the messages of the plants since the last time; see `LocalPlants.messages`."""
@@ -132,6 +144,9 @@ class Elsewhere:
         """End all plants with their processes."""
         processes, self._processes, self._homes = self._processes, [], []
         end(processes)
+
+    def _home_of(self, index: int) -> _Home:
+        return next(home for home in self._homes if index in home.plants)
 
     def _restarted(self, members: Sequence[Member]) -> bool:
         """Put the plants at the start of another run; return whether that was possible."""

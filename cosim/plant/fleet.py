@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,11 @@ from cosim.plant.local import LocalPlants, NotStarted
 from cosim.plant.log import Log
 from cosim.plant.member import Link, Member
 from cosim.plant.message import Message, RobotMessage
+from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
+
+T = TypeVar("T")
 
 HARNESS = "the harness"
 """The process of plants that run where the harness does."""
@@ -47,8 +50,9 @@ KEPT_MESSAGES = 20
 class Fleet:
     """Plants that are stepped together.
 
-    Legal call order: `step`, `run` and `change` in any number, at successive ticks; `restart` for another run, also
-    after a failure; `close` at the end. After a SimulationError only these two.
+    Legal call order: `restore` before the first step, if at all; `step`, `run`, `change` and `saved` in any number, at
+    successive ticks; `restart` for another run, also after a failure; `close` at the end. After a SimulationError only
+    these two.
 
     Parameters
     ----------
@@ -275,6 +279,58 @@ class Fleet:
                 self._local.change(index, values)
         except PlantError as error:
             raise SimulationError(*self._failures({index: str(error)}, time)) from None
+
+    def saved(self, time: float) -> FleetState:
+        """Return the state of all plants at a communication point [s], with what they have logged so far.
+
+        What FMUs log of being saved is dropped: the run goes on as if nobody had asked.
+
+        Raises
+        ------
+        SimulationError
+            An FMU does not return its state.
+        """
+        states = [self._called(index, time, self._from(index).saved) for index in range(len(self.members))]
+        self._drop_messages()
+        return FleetState(tuple(states), tuple(self.messages), tuple(self.logged), tuple(self._kept))
+
+    def restore(self, state: FleetState, tick: int, step: float) -> None:
+        """Let plants that have just been started go on from a state that was saved after a step.
+
+        Parameters
+        ----------
+        state
+            That of the same FMUs.
+        tick, step
+            It was saved at the communication point ``tick * step`` [s].
+
+        Raises
+        ------
+        SimulationError
+            An FMU refuses its state.
+        """
+        for index, own in enumerate(state.plants):
+            self._called(index, tick * step, self._from(index).restore, own)
+        self._drop_messages()
+        take_outputs(self._arrays)
+        self._late = []
+        self._clock[:] = (tick - 1) * step, step  # of the last step, for whoever looks on
+        self.messages, self.logged, self._kept = list(state.messages), list(state.logged), list(state.kept)
+
+    def _from(self, index: int) -> LocalPlants | Elsewhere:
+        return self._elsewhere if self.members[index].isolated else self._local
+
+    def _called(self, index: int, time: float, function: Callable[..., T], *arguments: object) -> T:
+        """Call a function for a plant; SimulationError if the FMU refuses."""
+        try:
+            return function(index, *arguments)
+        except PlantError as error:
+            raise SimulationError(*self._failures({index: str(error)}, time)) from None
+
+    def _drop_messages(self) -> None:
+        for source in (self._local, self._elsewhere):
+            for _ in source.messages():
+                pass
 
     def close(self) -> None:
         """End all plants."""

@@ -6,7 +6,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from fmpy import fmi1, fmi2, fmi3
 from fmpy.fmi1 import FMICallException
@@ -29,6 +29,7 @@ from cosim.plant.failures import (
 )
 from cosim.plant.log import Log
 from cosim.plant.missing_library import why_not_loaded
+from cosim.plant.saved import restore, serialised
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.unloading import keep, threads, unload
 
@@ -45,6 +46,9 @@ _SETTERS = {
     "String": "setString",
     **{f"{sign}Int{bits}": f"set{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)},
 }
+
+
+T = TypeVar("T")
 
 
 class _NotReset(Exception):
@@ -245,6 +249,36 @@ class Instance:
                 self._fmu.enterContinuousTimeMode()
         except FMICallException as error:
             raise PlantError(self.failure(EVENT, error.status)) from None
+
+    def saved(self) -> bytes:
+        """Return the state of the FMU, serialised.
+
+        Raises
+        ------
+        PlantError
+            The FMU does not return it.
+        """
+        with kept_arithmetic():
+            return self._told(lambda: serialised(self._fmu))
+
+    def restore(self, state: bytes) -> None:
+        """Put the FMU into a state that an instance of the same FMU has saved.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses it.
+        """
+        with kept_arithmetic():
+            self._told(lambda: restore(self._fmu, state))
+
+    def _told(self, function: Callable[[], T]) -> T:
+        """Call a function; where it raises a PlantError, add what the FMU has logged."""
+        try:
+            return function()
+        except PlantError as error:
+            said = self.log.take()
+            raise PlantError(f"{error}: {said}" if said else str(error)) from None
 
     def failure(self, what: int, status: int) -> str:
         """Return a failure (a number of `cosim.plant.failures`) in words, with the status of the FMI call."""

@@ -14,6 +14,7 @@ from cosim.plant.failures import FINE, PlantError
 from cosim.plant.fleet_step import FleetArrays, advance_all
 from cosim.plant.instance import Instance
 from cosim.plant.message import Message
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 from cosim.plant.stepping import Rows
 from cosim.plant.stepwise import StepwisePlant, stepper
@@ -38,8 +39,8 @@ class NotStarted(Picklable, PlantError):
 class LocalPlants:
     """The plants of a fleet whose FMUs are called in this process, by their numbers in the fleet.
 
-    Legal call order: `start`, then `advance`, `change` and `messages` in any number; `start` again for another run;
-    `close` at the end.
+    Legal call order: `start`, then `advance`, `change`, `saved`, `restore` and `messages` in any number; `start` again
+    for another run; `close` at the end.
 
     Parameters
     ----------
@@ -128,6 +129,44 @@ class LocalPlants:
             plant.change(values)
         if isinstance(plant, Instance):
             self.rows.rows["next_event"][index] = plant.next_event
+
+    def saved(self, index: int) -> PlantState:
+        """Return the state of a plant at a communication point.
+
+        Raises
+        ------
+        PlantError
+            The FMU does not return it.
+        """
+        row, inputs, outputs = self.rows.rows[index], self.rows.inputs_of(index), self.rows.outputs_of(index)
+        with self._activity.of(index):
+            if (plant := self.stepwise.get(index)) is not None:
+                return plant.saved(inputs, outputs)
+            fmu = self._instances[index].saved()
+        numbers = tuple(inputs.tolist()), tuple(outputs.tolist())
+        return PlantState(fmu, *numbers, (), float(row["next_event"]), bool(row["in_changed"]))
+
+    def restore(self, index: int, state: PlantState) -> None:
+        """Let a plant that has just been started go on from a saved state.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses the state, or comes back with other outputs than it had.
+        """
+        row, outputs = self.rows.rows[index], self.rows.outputs_of(index)
+        self.rows.inputs_of(index)[:], outputs[:] = state.inputs, state.outputs
+        with self._activity.of(index):
+            if (plant := self.stepwise.get(index)) is not None:
+                found = plant.restore(state)
+            else:
+                instance = self._instances[index]
+                instance.restore(state.fmu)
+                row["in_changed"] = state.changed
+                row["next_event"] = instance.next_event = state.next_event
+                found = instance.take()
+        if not np.array_equal(found, outputs, equal_nan=True):
+            raise PlantError("comes back with other outputs than it had when it saved its state")
 
     def messages(self) -> Iterator[tuple[int, str, list[Message]]]:
         """Take the messages of each plant since the last time: its number, one text, and all that is not taken yet."""

@@ -26,6 +26,7 @@ from cosim.plant.interpreter import environment, launch
 from cosim.plant.local import NotStarted
 from cosim.plant.message import Message
 from cosim.plant.protocol import Request
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 from cosim.shared_memory import MappedMemory
 
@@ -198,6 +199,31 @@ class PlantProcess(Companion):
         """
         self._ask(Request.CHANGE, [index, [asdict(value) for value in values]])
         self._receive("did not change its parameters")
+
+    def saved(self, index: int) -> PlantState:
+        """Return the state of a plant at a communication point.
+
+        Raises
+        ------
+        PlantError
+            The FMU does not return it, or the process ended.
+        """
+        failed = "did not save its state"
+        self._ask(Request.SAVE, [index])
+        told = self._receive(failed)
+        with self._sense(failed):
+            return PlantState.from_json(told)
+
+    def restore(self, index: int, state: PlantState) -> None:
+        """Let a plant that has just been started go on from a saved state.
+
+        Raises
+        ------
+        PlantError
+            The FMU refuses it, or the process ended.
+        """
+        self._ask(Request.RESTORE, [index, state.to_json()])
+        self._receive("did not take up the state that it has saved")
 
     def messages(self) -> list[tuple[int, str, list[Message]]]:
         """Take the FMUs' messages since the last time: by plant, one text, and all that is not taken yet."""

@@ -22,10 +22,10 @@ class Request(IntEnum):
     """Kinds of requests.
 
     Start plants, or change values of one; take a step; the words of the failures in it; the messages of the FMUs; end;
-    put the plants at the start of another run.
+    put the plants at the start of another run; save the state of one; let one go on from a saved state.
     """
 
-    START, STEP, CHANGE, FAILURES, MESSAGES, END, RESTART = range(7)
+    START, STEP, CHANGE, FAILURES, MESSAGES, END, RESTART, SAVE, RESTORE = range(9)
 
 
 class Reply(IntEnum):

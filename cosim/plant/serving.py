@@ -41,6 +41,7 @@ from cosim.plant.fleet_step import (
 )
 from cosim.plant.foreign_modules import make_room
 from cosim.plant.local import LocalPlants, NotStarted
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, values_from
 from cosim.plant.stepwise import stepper
 from cosim.shared_memory import MappedMemory
@@ -145,6 +146,14 @@ class Served:
     def change(self, index: int, values: Any) -> None:
         """Give parameters of a plant other values; see `LocalPlants.change`."""
         self._local.change(index, values_from(values))
+
+    def saved(self, index: int) -> dict[str, Any]:
+        """Return the state of a plant; see `LocalPlants.saved`."""
+        return self._local.saved(index).to_json()
+
+    def restore(self, index: int, state: Any) -> None:
+        """Let a plant go on from a saved state; see `LocalPlants.restore`."""
+        self._local.restore(index, PlantState.from_json(state))
 
     def messages(self) -> list[object]:
         """Take the messages of all plants."""

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.plant.message import Message
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 
 
 class StepwisePlant(Protocol):
     """A plant that is stepped one call at a time.
 
-    Legal call order: `step`, `change` and `take_messages` in any number, `close` once.
+    Legal call order: `step`, `change`, `take_messages`, `saved` and `restore` in any number, `close` once.
     """
 
     first_outputs: list[float]
@@ -25,6 +26,12 @@ class StepwisePlant(Protocol):
 
     def change(self, values: Sequence[Value]) -> None:
         """Change parameters, or raise PlantError."""
+
+    def saved(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> PlantState:
+        """Return the state after the last step, which had these inputs and outputs, or raise PlantError."""
+
+    def restore(self, state: PlantState) -> list[float]:
+        """Go on from a saved state, and return the outputs there, or raise PlantError."""
 
     def take_messages(self) -> str:
         """Return the messages since the last call, as one text."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.plant.failures import FINE, PlantError
 from cosim.plant.instance import Instance
 from cosim.plant.message import Message
+from cosim.plant.saved import PlantState
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.stepping import Rows, advance
 
@@ -62,6 +63,18 @@ class TypedPlant:
         """See `Instance.change`."""
         self._instance.change(values)
         self._rows.rows["next_event"] = self._instance.next_event
+
+    def saved(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> PlantState:
+        """Return the state after the last step."""
+        numbers = tuple(inputs.tolist()), tuple(outputs.tolist()), tuple(self._given.tolist())
+        return PlantState(self._instance.saved(), *numbers, float(self._rows.rows["next_event"][0]))
+
+    def restore(self, state: PlantState) -> list[float]:
+        """Go on from a saved state, and return the outputs there."""
+        self._instance.restore(state.fmu)
+        self._rows.rows["next_event"] = self._instance.next_event = state.next_event
+        self._given = np.array(state.given)
+        return self._instance.take()
 
     def take_messages(self) -> str:
         """Return the FMU's messages since the last call."""

@@ -77,6 +77,10 @@ def _not_started(served: Served, start: Callable[[], None]) -> tuple[int, str, b
 def _asked(served: Served, kind: int, body: bytes) -> object:
     if kind == Request.CHANGE:
         served.change(*json.loads(body))
+    elif kind == Request.SAVE:
+        return served.saved(*json.loads(body))
+    elif kind == Request.RESTORE:
+        served.restore(*json.loads(body))
     elif kind == Request.FAILURES:
         return served.failures()
     elif kind == Request.MESSAGES:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from cosim.compiled import address_of, borrowing, call
 from cosim.signals.effects import EFFECTS
 from cosim.signals.effects.effect import Floats, Rows
+
+Streams: TypeAlias = Mapping[str, NDArray[np.uint64]]
+"""The states of streams of random numbers, by their names."""
 
 WINDOW = 1024
 """Number of ticks for which amounts are made at once, a power of two: making them takes its time whatever it is."""
@@ -76,12 +80,38 @@ class Chain:
             effect.restart(rows)
         return True
 
+    def saved(self) -> dict[str, tuple[Floats, Streams]]:
+        """Return what each kind of effect remembers, and its streams before the window of the last tick."""
+        memories = (memory[: e.remembers].copy() for e, memory in zip(self._effects, self.arrays.memory, strict=True))
+        return {effect.element: (memory, effect.marked) for effect, memory in zip(self._effects, memories, strict=True)}
+
+    def restore(self, state: Mapping[str, tuple[Floats, Streams]], tick: int, *, same_seed: bool) -> None:
+        """Go on before a tick from a saved state, as far as the effects are the same.
+
+        Streams that had another seed, or that were not there, begin with the window of the tick.
+
+        Raises
+        ------
+        ValueError
+            An effect remembers numbers that the state does not have; the text is its element.
+        """
+        for effect, memory in zip(self._effects, self.arrays.memory, strict=True):
+            before, streams = state.get(effect.element, (memory[:0], {}))
+            if before.shape != memory[: effect.remembers].shape:
+                raise ValueError(effect.element)
+            memory[: effect.remembers] = before
+            if same_seed:
+                effect.go_on(streams)
+        self._ready = -1
+        self.make_ready(tick - 1)  # the window of the last tick, as before
+
     def make_ready(self, tick: int) -> int:
         """Make the amounts of the window in which a tick lies; return the first tick behind the window."""
         length = int(self.arrays.amounts.shape[1])
         if tick // length != self._ready:
             self._ready = tick // length
             for effect, amounts in zip(self._effects, self.arrays.amounts, strict=True):
+                effect.mark()
                 effect.amounts(self._ready * length, amounts)
         return (self._ready + 1) * length
 

@@ -7,7 +7,7 @@ makes whole numbers, and the ziggurat of Marsaglia and Tsang (doi:10.18637/jss.v
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import COMPILED, compiled, part
-from cosim.signals.random import random_stream, words_of, words_of_names
+from cosim.signals.random import go_on, random_stream, state_of, words_of, words_of_names
 
 Floats: TypeAlias = NDArray[np.float64]
 Words: TypeAlias = NDArray[np.uint64]
@@ -41,6 +41,7 @@ class NormalStreams:
         self._names = names
         self._words = np.array([words_of_names(*name) for name in names], dtype=np.uint32).reshape(len(names), -1)
         self._states = np.zeros((4, len(names)), dtype=np.uint64)
+        self._marked = self._states
         self._plain: list[np.random.Generator] = []
 
     def begin(self, seed: int) -> None:
@@ -49,6 +50,26 @@ class NormalStreams:
             begin_all(words_of(seed), self._words, self._states)
         else:
             self._plain = [random_stream(seed, *name) for name in self._names]
+
+    def mark(self) -> None:
+        """Keep the states of the streams as they are, for `marked`."""
+        if ZIGGURAT is not None:
+            self._marked = self._states.copy()
+        else:
+            self._marked = np.array([state_of(stream) for stream in self._plain], dtype=np.uint64).reshape(-1, 4).T
+
+    @property
+    def marked(self) -> dict[str, Words]:
+        """The states of the streams that were kept, by their names; see `cosim.signals.random.state_of`."""
+        return {"/".join(name): self._marked[:, index] for index, name in enumerate(self._names)}
+
+    def go_on(self, states: Mapping[str, Words]) -> None:
+        """Let those streams go on from a state that have one there."""
+        for index, name in enumerate(map("/".join, self._names)):
+            if name in states and ZIGGURAT is not None:
+                self._states[:, index] = states[name]
+            elif name in states:
+                go_on(self._plain[index], states[name])
 
     def draw(self, deviations: Floats, out: Floats, columns: NDArray[np.int64]) -> None:
         """Write the next numbers of each stream, times its standard deviation, into its column (ticks, ...)."""

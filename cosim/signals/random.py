@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+_WORD = (1 << 64) - 1
 _POOL = 4
 """Words of the pool of NumPy's `SeedSequence`, up to which a seed before a spawn key is filled with zeros."""
 
@@ -20,6 +21,20 @@ def random_stream(seed: int, robot: str, channel: str) -> np.random.Generator:
     # As NumPy puts seed and spawn key together, SeedSequence(seed, spawn_key=names), in half the time.
     sequence = np.random.SeedSequence(np.concatenate((words_of(seed), words_of_names(robot, channel))))
     return np.random.Generator(np.random.PCG64(sequence))
+
+
+def state_of(stream: np.random.Generator) -> NDArray[np.uint64]:
+    """Return the state of a stream of `random_stream`: two words of PCG64's state, and two of its increment."""
+    state = stream.bit_generator.state["state"]
+    words = [part >> shift & _WORD for part in (state["state"], state["inc"]) for shift in (64, 0)]
+    return np.array(words, dtype=np.uint64)
+
+
+def go_on(stream: np.random.Generator, state: NDArray[np.uint64]) -> None:
+    """Let a stream of `random_stream` go on from a state."""
+    high, low, more, less = map(int, state)
+    numbers = {"state": high << 64 | low, "inc": more << 64 | less}
+    stream.bit_generator.state = {"bit_generator": "PCG64", "state": numbers, "has_uint32": 0, "uinteger": 0}
 
 
 @lru_cache(64)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.clock import tick_at
 from cosim.compiled import compiled
 from cosim.signals.effects.effect import Floats, Part, Rows
-from cosim.signals.random import random_stream
+from cosim.signals.random import go_on, random_stream, state_of
 
 
 @compiled
@@ -37,6 +40,8 @@ class Dropout(Part):
         """Begin all streams anew."""
         super().restart(rows)
         own = [[effect for effect in effects if effect.kind == self.element] for effects in rows.effects]
+        self._names = [f"{rows.robots[row]}/{index}" for row, each in enumerate(own) for index, _ in enumerate(each)]
+        self._marked: list[NDArray[np.uint64]] = []
         self._losses = [
             (
                 random_stream(rows.seed, rows.robots[row], f"pose.dropout.{index}"),
@@ -49,6 +54,21 @@ class Dropout(Part):
             for row, effects in enumerate(own)
             for index, effect in enumerate(effects)
         ]
+
+    def mark(self) -> None:
+        """Keep the states of the streams."""
+        self._marked = [state_of(stream) for stream, *_ in self._losses]
+
+    @property
+    def marked(self) -> dict[str, NDArray[np.uint64]]:
+        """The states that were kept."""
+        return dict(zip(self._names, self._marked, strict=True))
+
+    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:
+        """Let the streams go on from states."""
+        for name, (stream, *_) in zip(self._names, self._losses, strict=True):
+            if name in streams:
+                go_on(stream, streams[name])
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write one where a measurement is lost; each effect draws a number a tick for all of its channels.

@@ -138,6 +138,17 @@ class EffectKind(ABC):
     def check(cls, effects: Sequence[Effect], channels: Mapping[str, str], times: Times) -> None:
         """Check all effects of this kind on a robot together."""
 
+    def mark(self) -> None:  # noqa: B027
+        """Keep the states of the streams of random numbers that it draws from, as they are now."""
+
+    @property
+    def marked(self) -> dict[str, NDArray[np.uint64]]:
+        """The states that were kept, by the streams' names."""
+        return {}
+
+    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:  # noqa: B027
+        """Let those streams go on from a state that have one there."""
+
     @abstractmethod
     def amounts(self, first: int, out: Floats) -> None:
         """Write the amounts (ticks, robots, channels) from a tick on, which `act` gets; in order, from tick 0 on."""

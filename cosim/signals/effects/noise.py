@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.signals.effects.bias import add
 from cosim.signals.effects.effect import Floats, OfEntries, Rows
@@ -35,6 +38,19 @@ class Noise(OfEntries):
         """Begin all streams anew."""
         super().restart(rows)
         self._streams.begin(rows.seed)
+
+    def mark(self) -> None:
+        """Keep the states of the streams."""
+        self._streams.mark()
+
+    @property
+    def marked(self) -> dict[str, NDArray[np.uint64]]:
+        """The states that were kept."""
+        return self._streams.marked
+
+    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:
+        """Let the streams go on from states."""
+        self._streams.go_on(streams)
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write random numbers with the standard deviations; channels without noise stay at zero."""
