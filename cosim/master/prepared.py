@@ -12,7 +12,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import Failure, InputError, Location, OtherStructure, SimulationError, nearest
+from cosim.errors import Failure, InputError, OtherStructure, SimulationError, nearest
 from cosim.known import Known
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.foreign import contained
@@ -22,6 +22,7 @@ from cosim.master.recorder import Recorder
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup, set_up
 from cosim.master.simulation import Simulation
+from cosim.master.structure import structure
 from cosim.master.ticks import driven_robots
 from cosim.plant.fleet import Fleet
 from cosim.results.expectations import judge, needed, needs_outlines
@@ -31,7 +32,7 @@ from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.edits import Change
 from cosim.scenario.reader import Variations
-from cosim.scenario.scenario import LEADER, PlantSource, Scenario
+from cosim.scenario.scenario import Scenario
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ class Prepared:
         self._record = record
         self._isolate = isolate
         self._variations, self._known = Variations(scenario), Known()
-        self._structure = _structure(self._placed(scenario))
+        self._structure = structure(self._placed(scenario))
         self._fleet: Fleet | None = None
         self._before: Simulation | None = None  # the last run, if it has reached its end
         self._memory: list[NDArray[Any]] = []
@@ -234,33 +235,13 @@ class Prepared:
                 raise InputError(f"the run records no signal {name!r}: {nearest(name, list(self._setup.signals))}")
 
     def _check_structure(self, scenario: Scenario) -> None:
-        asked = _structure(scenario)
+        asked = structure(scenario)
         for what, prepared in self._structure.items():
             if asked.get(what) != prepared:
                 raise OtherStructure(
                     f"{scenario.name!r} cannot be run as a variation of {self.scenario.name!r}, as {what} differs: "
                     "prepare it on its own"
                 )
-
-
-def _structure(scenario: Scenario) -> dict[str, object]:
-    """Return what all runs of a scenario share, by its name."""
-    plants = scenario.plants
-    return {
-        "the step": scenario.step,
-        "the sample period": scenario.period,
-        "the horizon": scenario.ticks,
-        "whether the leader's motion is given": scenario.leader.trajectory is not None,
-        "the list of followers": [follower.id for follower in scenario.followers],
-        "the list of plants": list(plants),
-        **{f"the plant {name!r}": _without_values(plant) for name, plant in plants.items()},
-        f"the plant of {LEADER}": scenario.leader.plant,
-        **{f"the plant of {follower.id}": follower.plant for follower in scenario.followers},
-    }
-
-
-def _without_values(plant: PlantSource) -> PlantSource:
-    return replace(plant, parameters=(), where=Location(""))
 
 
 def _equal(one: Mapping[str, Floats], other: Mapping[str, Floats]) -> bool:

@@ -96,12 +96,13 @@ def _provenance(
             ]
         ),
         "plant_messages": json.dumps(fleet.messages),
-        "versions": _versions(),
+        "versions": versions(),
     }
 
 
 @cache
-def _versions() -> str:
+def versions() -> str:
+    """Return the versions of Python and of the libraries, as a result keeps them."""
     return json.dumps({"python": platform.python_version(), **{library: version(library) for library in LIBRARIES}})
 
 

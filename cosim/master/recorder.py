@@ -131,7 +131,8 @@ class Recorder:
 
     def numbers(self, first: int, last: int) -> list[NDArray[np.float64]]:
         """Return the numbers of ticks, from one to before another, of each place: views (ticks, numbers)."""
-        return [place[first:last].reshape(last - first, -1).view(np.float64) for place in self.places]
+        shapes = [(last - first, math.prod(place.shape[1:])) for place in self.places]
+        return [p[first:last].reshape(shape).view(np.float64) for p, shape in zip(self.places, shapes, strict=True)]
 
     @property
     def ticks(self) -> slice:

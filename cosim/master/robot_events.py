@@ -40,13 +40,24 @@ def changes_of(
     changes = {tick: list(values) for tick, values in inputs.discrete.items() if tick > 0}
     for event in scenario.events_by_robot.get(robot, ()):
         values = understood(fmu, source, event.parameters)
-        for value in values:
-            if value.variable.variability != "tunable" and not value.is_input:
-                raise InputError(
-                    f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
-                    "tunable parameter can change during a run",
-                    value.where,
-                )
+        check_tunable(fmu, values)
         inputs.check_free(values)
         changes.setdefault(tick_at(event.time, scenario.step), []).extend(values)
     return {tick: tuple(values) for tick, values in changes.items()}
+
+
+def check_tunable(fmu: Fmu, values: Iterable[ParameterValue]) -> None:
+    """Refuse to change parameters of an FMU during a run that are fixed for it.
+
+    Raises
+    ------
+    InputError
+        With the place in the scenario.
+    """
+    for value in values:
+        if value.variable.variability != "tunable" and not value.is_input:
+            raise InputError(
+                f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
+                "tunable parameter can change during a run",
+                value.where,
+            )

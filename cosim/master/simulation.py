@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -15,14 +18,18 @@ from numpy.typing import NDArray
 from cosim.control.team import Team
 from cosim.control.teams import begin, companions, team_of
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
+from cosim.master.branch import branched
+from cosim.master.checkpoint import Checkpoint, Snapshot, Start
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
 from cosim.master.observer import Observer, Progress, Watched, read_only
+from cosim.master.origin import Origin
 from cosim.master.pacing import Pacer
 from cosim.master.recorded_result import MakeResult, part_of_result, recorded_result
 from cosim.master.recorder import Recorder
 from cosim.master.records import Records
+from cosim.master.savable import check_savable
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import TeamArrays
@@ -30,7 +37,9 @@ from cosim.master.ticks import Ticks, driven_robots
 from cosim.master.timing import timed
 from cosim.plant.fleet import returning
 from cosim.plant.one_core import OneCore
+from cosim.results.provenance import Part
 from cosim.results.result import Result
+from cosim.scenario.edits import Change
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import forget
 
@@ -45,7 +54,8 @@ _NUMBERS = {1: "one", 2: "two", 3: "three"}
 class Simulation:
     """A scenario in the course of being run.
 
-    Legal call order: `step` until `finished`, or `run`; `result` at any time; `close` at the end (or use ``with``).
+    Legal call order: `step` until `finished`, or `run`; `result`, `save` and `fork` at any time; `close` at the end (or
+    use ``with``).
 
     Parameters
     ----------
@@ -67,6 +77,8 @@ class Simulation:
         it, as the arrays in which robots have their numbers, laws and wiring.
     here
         Whether the run happens in this process; if not, laws in environments of their own are not started here.
+    start
+        From where the run goes on, in place of its first tick. A set-up must be one that `branched` has returned.
 
     Attributes
     ----------
@@ -95,6 +107,7 @@ class Simulation:
         make_result: MakeResult = recorded_result,
         before: Simulation | None = None,
         here: bool = True,
+        start: Start | None = None,
     ) -> None:
         self.scenario = scenario = contained(scenario) if setup is None else scenario
         self._make_result = make_result
@@ -104,7 +117,11 @@ class Simulation:
         self._signals = HeldSignals()
         self._observers: list[Observer] = []
         with ExitStack() as cleanup:
-            self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
+            if setup is None:
+                setup = set_up(scenario, cleanup, self.timing)
+                setup = setup if start is None else branched(setup, scenario, start)
+            self.setup = setup
+            self.parts = () if start is None else start.parts
             robots = (self.setup.leader, *self.setup.followers)
             kinds = tuple(robot.kind for robot in robots)
             now = before._now if before is not None and before._now.kinds == kinds else TeamArrays(kinds)
@@ -125,9 +142,12 @@ class Simulation:
                 *(scenario, self.setup, now, self._teams, self._fleet, recorder),
                 None if before is None else before._ticks,
             )
+            if start is not None:
+                start.fill(recorder)
+                self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed)
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
             self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
-            self._next_forget = self._kept
+            self._next_forget = self.tick + self._kept
             for observer in observers:
                 self._watch(observer)
             self._cleanup = cleanup.pop_all()
@@ -318,7 +338,10 @@ class Simulation:
     def recorded(self, failure: Failure | None) -> Result:
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
         recorder = self._ticks.recorder
-        return self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
+        result = self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
+        if not self.parts:
+            return result
+        return replace(result, attrs={**result.attrs, "parts": json.dumps([part.as_data for part in self.parts])})
 
     @property
     def records(self) -> Records:
@@ -341,6 +364,95 @@ class Simulation:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    # Left and taken up again -------------------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> None:
+        """Write a checkpoint, from which `load` goes on with the same bits, also in another process.
+
+        Parameters
+        ----------
+        path
+            The file; it is written whole or not at all.
+
+        Raises
+        ------
+        InputError
+            The FMU of a robot cannot save its state; or the run has failed or been closed.
+        OutputError
+            The file cannot be written.
+        SimulationError
+            A plant or a controller does not return its state.
+        """
+        self._require_open("be saved")
+        check_savable(self.setup)
+        origin = Origin.of(self.scenario, self.setup, self.parts)
+        Snapshot.of(origin, self._ticks.saved(), self._ticks.recorder).write(Path(path))
+
+    @classmethod
+    def load(
+        cls, path: str | Path, changes: Iterable[str | Change] = (), *, observers: Iterable[Observer] = ()
+    ) -> Simulation:
+        """Return a simulation that goes on from a checkpoint.
+
+        Parameters
+        ----------
+        path
+            The file that `save` or ``formation run --checkpoint`` has written.
+        changes
+            Changes of the scenario from there on, as for `cosim.scenario.scenario.Scenario.edited`.
+        observers
+            Who watches the run from there on.
+
+        Raises
+        ------
+        InputError
+            The checkpoint is damaged, or was written with other versions, for other FMUs, or before a file of the
+            scenario was edited; or a change cannot happen in the course of a run.
+        SimulationError
+            A plant or a controller refuses its state.
+        """
+        checkpoint = Checkpoint(Path(path))
+        checkpoint.origin.check_surroundings(checkpoint.path)
+        changes = list(changes)
+        scenario = checkpoint.scenario.edited(changes)
+        made = cls(scenario, observers=observers, start=checkpoint.start(bool(changes)))
+        try:
+            checkpoint.origin.check_parts(made.setup, checkpoint.path)
+        except BaseException:
+            made.close()
+            raise
+        return made
+
+    def fork(self, changes: Iterable[str | Change] = (), *, observers: Iterable[Observer] = ()) -> Simulation:
+        """Return another simulation in the same state, with plants of its own; both go on independently.
+
+        Parameters
+        ----------
+        changes, observers
+            As for `load`: what if the payload grows now?
+
+        Raises
+        ------
+        InputError, SimulationError
+            As `save` and `load`.
+        """
+        self._require_open("be forked")
+        check_savable(self.setup)
+        changes = list(changes)
+        part = Part(self.time, self.scenario.changes, self.scenario.text if changes else "")
+        recorder, tick = self._ticks.recorder, self.tick
+
+        def fill(other: Recorder) -> None:
+            for place, own in zip(other.numbers(0, tick), recorder.numbers(0, tick), strict=True):
+                place[:] = own
+
+        start = Start(self.scenario, self._ticks.saved(), fill, (*self.parts, part))
+        return type(self)(self.scenario.edited(changes), observers=observers, start=start)
+
+    def _require_open(self, what: str) -> None:
+        if self._ended:
+            raise InputError(f"the run cannot {what}: {self._ended}")
 
     # Setting up --------------------------------------------------------------------------------------------
 

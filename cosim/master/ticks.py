@@ -34,8 +34,8 @@ Floats = NDArray[np.float64]
 class Ticks:
     """What a tick of a run does: sense, control, actuate, record and step the plants.
 
-    Legal call order: `restore` at first, if at all; `one`, `some` and `saved`, in any number, until `tick` is beyond the scenario's last one. After an
-    exception none of them.
+    Legal call order: `restore` at first, if at all; `one`, `some` and `saved`, in any number, until `tick` is beyond
+    the scenario's last one. After an exception none of them.
 
     Parameters
     ----------

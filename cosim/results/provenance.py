@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,6 +12,35 @@ from cosim.errors import Failure
 
 HOUSE = ("formation-cosim", "formation-controllers")
 """Distributions whose versions are shown, besides the packages of the control laws."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a run that was left and taken up again.
+
+    Attributes
+    ----------
+    until : float
+        The communication point [s] at which the next part goes on.
+    changes : tuple of str
+        Changes of the scenario in this part, as options of the command line.
+    scenario : str
+        Its resolved text; empty if the next part goes on with the same scenario.
+    """
+
+    until: float
+    changes: tuple[str, ...] = ()
+    scenario: str = ""
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Self:
+        """Return the part of which `as_data` has told."""
+        return cls(float(data["until"]), tuple(map(str, data["changes"])), str(data["scenario"]))
+
+    @property
+    def as_data(self) -> dict[str, Any]:
+        """The part as a result keeps it, in JSON."""
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -30,6 +59,8 @@ class Provenance:
         Version by distribution, of the libraries and of each control law's package.
     failure : Failure or None
         Why the run did not reach its end; None if it did.
+    parts : tuple of Part
+        The parts before the last one, if the run was left and taken up again; without their texts.
     """
 
     file: str = ""
@@ -37,6 +68,7 @@ class Provenance:
     seed: int | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
     failure: Failure | None = None
+    parts: tuple[Part, ...] = ()
 
     @classmethod
     def of(cls, attributes: Mapping[Any, Any]) -> Self:
@@ -52,6 +84,7 @@ class Provenance:
             versions=json.loads(attributes.get("versions", "{}"))
             | {package: " and ".join(versions) for package, versions in packages.items()},
             failure=Failure(**failure) if failure else None,
+            parts=tuple(replace(Part.of(part), scenario="") for part in json.loads(attributes.get("parts", "[]"))),
         )
 
     @property
@@ -62,7 +95,16 @@ class Provenance:
     @property
     def changed(self) -> str:
         """The changes, in words."""
-        return f"changed by {' '.join(self.changes)}" if self.changes else "unchanged"
+        return _in_words(self.changes)
+
+    @property
+    def resumed(self) -> str:
+        """Where the run was taken up again, and the changes up to there, in words; empty if it was not."""
+        told = [
+            f"at {part.until:g} s" + (f" ({_in_words(part.changes)} before)" if part.changes != self.changes else "")
+            for part in self.parts
+        ]
+        return f"resumed {' and '.join(told)}" if told else ""
 
     @property
     def basis(self) -> str:
@@ -71,6 +113,10 @@ class Provenance:
         shown = ", ".join(f"{name} {self.versions[name]}" for name in (*HOUSE, *laws) if name in self.versions)
         seed = "" if self.seed is None else f"seed {self.seed}"
         return "; ".join(part for part in (seed, shown) if part)
+
+
+def _in_words(changes: tuple[str, ...]) -> str:
+    return f"changed by {' '.join(changes)}" if changes else "unchanged"
 
 
 def attributes(file: Path, changes: tuple[str, ...], failure: Failure | None) -> dict[str, str]:

@@ -26,7 +26,7 @@ from cosim.scenario.scenario import LEADER, Event, Expectation, Scenario
 MAX_EVENTS = 100_000
 """Of all robots together."""
 
-__all__ = ["Variations", "read_binding", "read_expectations", "read_scenario", "scenario_in"]
+__all__ = ["Variations", "read_binding", "read_expectations", "read_resolved", "read_scenario", "scenario_in"]
 
 
 @without_collection()
@@ -118,6 +118,26 @@ def scenario_in(document: Document, untrusted: Iterable[str | Path] = (), change
         tuple(changes),
         Known(),
     )
+
+
+def read_resolved(
+    text: str,
+    path: Path,
+    folder: Path,
+    places: Sequence[Location] = (),
+    untrusted: Sequence[Path] = (),
+    changes: Sequence[str] = (),
+) -> Scenario:
+    """Read a scenario from its resolved text; the parameters are the attributes of the `Scenario` that had it.
+
+    Raises
+    ------
+    InputError
+        The text is no scenario.
+    """
+    document = parse_document(text, folder / path.name, places)
+    root = Element.root(document)
+    return _scenario(root, path, folder, text, tuple(places), tuple(untrusted), tuple(changes), Known())
 
 
 def read_expectations(text: str, path: str | Path) -> tuple[Expectation, ...]:

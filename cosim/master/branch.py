@@ -1,0 +1,103 @@
+"""A run that goes on from a moment with another scenario: what the change comes to, and what cannot change."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+
+from cosim.errors import InputError
+from cosim.fmu.parameters import ParameterValue
+from cosim.master.checkpoint import Start
+from cosim.master.robot import RobotSetup
+from cosim.master.robot_events import check_tunable
+from cosim.master.setup import Setup, set_up
+from cosim.master.structure import structure
+from cosim.scenario.scenario import Scenario
+
+
+def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
+    """Refuse a scenario with which a run cannot go on.
+
+    Parameters
+    ----------
+    before, scenario
+        The scenarios up to a tick, and from there on.
+    tick
+        The tick.
+
+    Raises
+    ------
+    InputError
+        It has another structure, or ends before the tick.
+    """
+    there, here = _shared(before), _shared(scenario)
+    for what in dict.fromkeys((*there, *here)):
+        if there.get(what) != here.get(what):
+            raise InputError(f"{what} cannot change in the course of a run: run the scenario from its start")
+    if tick > scenario.ticks:
+        raise InputError(
+            f"the run is at {tick * scenario.step:g} s, which is after its new end at {scenario.horizon:g} s"
+        )
+
+
+def branched(setup: Setup, scenario: Scenario, start: Start) -> Setup:
+    """Return the set-up of a scenario with which a run goes on, with the values that change at once.
+
+    Parameters that differ from those up to then, in the scenario and by its events, change at the tick as an event
+    changes them. Gains, sensors, actuators, places and torques are those of the scenario from the tick on.
+
+    Parameters
+    ----------
+    setup, scenario
+        The scenario with its set-up.
+    start
+        From where it goes on.
+
+    Raises
+    ------
+    InputError
+        It has another structure, or a parameter differs that cannot change.
+    """
+    tick = start.state.tick
+    if scenario.text == start.scenario.text or tick == 0:
+        return setup
+    check_branch(start.scenario, scenario, tick)
+    with ExitStack() as cleanup:
+        before = set_up(start.scenario, cleanup, {})
+    robots = [
+        _changed(one, earlier, tick)
+        for one, earlier in zip((setup.leader, *setup.followers), (before.leader, *before.followers), strict=True)
+    ]
+    return replace(setup, leader=robots[0], followers=tuple(robots[1:]))
+
+
+def _shared(scenario: Scenario) -> dict[str, object]:
+    """Return what scenarios must share of which one goes on from another."""
+    plants = {name: replace(plant, contained=False) for name, plant in scenario.plants.items()}
+    shared = structure(replace(scenario, plants=plants))
+    del shared["the horizon"]
+    laws = {name: (law.name, law.package) for name, law in scenario.controllers.items()}
+    return shared | {f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers}
+
+
+def _changed(robot: RobotSetup, before: RobotSetup, tick: int) -> RobotSetup:
+    """Return a robot whose changes at a tick lead from the values of another scenario to its own."""
+    there, here = _values(before, tick), _values(robot, tick)
+    for name, value in there.items():
+        if name not in here:
+            raise InputError(
+                f"{robot.name} has the value of {name!r} from earlier in the run: give it another one rather than none",
+                value.where,
+            )
+    found = [value for name, value in here.items() if name not in there or there[name].value != value.value]
+    check_tunable(robot.fmu, found)
+    own = robot.changes.get(tick, ())
+    return replace(robot, changes={**robot.changes, tick: (*found, *own)}) if found else robot
+
+
+def _values(robot: RobotSetup, tick: int) -> dict[str, ParameterValue]:
+    """Return the values that were set of a robot's FMU before a tick, by the variables' names."""
+    values = [*robot.parameters, *robot.held]
+    for when in sorted(robot.changes):
+        values += robot.changes[when] if when < tick else ()
+    return {value.variable.name or "": value for value in values}
