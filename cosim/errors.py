@@ -112,7 +112,7 @@ class Failure:
     Attributes
     ----------
     robot : str
-        The robot that failed; empty if the run was interrupted.
+        The robot that failed; empty if the run was interrupted or left.
     time : float
         Communication point [s] at which the failure was noticed.
     variable : str
@@ -129,11 +129,16 @@ class Failure:
     @property
     def interrupted(self) -> bool:
         """Whether the user stopped the run."""
-        return not self.robot
+        return not self.robot and not self.left
+
+    @property
+    def left(self) -> bool:
+        """Whether the run was to go no further."""
+        return self == leave(self.time)
 
     def __str__(self) -> str:
         """Return robot, time and message in a line."""
-        if self.interrupted:
+        if not self.robot:
             return f"{self.message} at t = {self.time:.6g} s"
         return f"{self.robot} at t = {self.time:.6g} s: {self.message}"
 
@@ -182,6 +187,11 @@ class RunInterrupted(Picklable, KeyboardInterrupt):
 def interruption(time: float) -> Failure:
     """Return the failure of a run that the user has stopped at a time [s]."""
     return Failure(robot="", time=time, variable="", message="interrupted")
+
+
+def leave(time: float) -> Failure:
+    """Return why a run that was to go up to a time [s] only has not reached its end."""
+    return Failure(robot="", time=time, variable="", message="left as asked")
 
 
 def printable(text: str) -> str:

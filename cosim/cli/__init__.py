@@ -107,6 +107,7 @@ def _completion(options: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": "cosim.cli.run.run",
+    "resume": "cosim.cli.resuming.resume",
     "study": "cosim.cli.studying.study",
     "show": "cosim.cli.show.show",
     "report": "cosim.cli.reporting.report",
@@ -165,6 +166,31 @@ def _parser() -> Parser:
         "--paused", action="store_true", help="wait at the first tick until the live page lets the run go on"
     )
     run.add_argument("--timing", action="store_true", help="print where the time went")
+    _add_course(run)
+
+    resume = command("resume", "go on with a run that was killed, interrupted or left, or branch off from a moment")
+    resume.add_argument("folder", type=Path, metavar="DIR", help="the folder of a run with checkpoints, runs/NAME")
+    resume.add_argument("--at", metavar="TIME", help="the moment from which the run goes on (the last checkpoint)")
+    resume.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="XPATH=VALUE",
+        help="from there on, set the attribute or text that an XPath selects; the result goes to a folder of its own",
+    )
+    resume.add_argument("--horizon", metavar="TIME", help="another end of the run, such as '200 s'")
+    resume.add_argument(
+        "--no-expectations", dest="expectations", action="store_false", help="leave out all expectations"
+    )
+    _add_course(resume)
+    resume.add_argument("--out", type=Path, metavar="DIR", help="folder of a run with changes (beside DIR)")
+    resume.add_argument("--no-figure", dest="figure", action="store_false", help="draw no figure")
+    resume.add_argument("--no-report", dest="report", action="store_false", help="write no page for the browser")
+    resume.add_argument(
+        "--pace", type=float, metavar="FACTOR", help="keep pace with FACTOR times real time (1: real time)"
+    )
+    resume.add_argument("--timing", action="store_true", help="print where the time went")
+    resume.set_defaults(strict=False)
 
     study = command("study", "make the many runs of a study, and judge them together")
     study.add_argument("study", type=Path, metavar="STUDY.xml")
@@ -369,6 +395,17 @@ def _parser() -> Parser:
 
 def _add_strict(command: argparse.ArgumentParser, otherwise: str = " (default: a warning)") -> None:
     command.add_argument("--strict", action="store_true", help=f"refuse an FMU that breaks a rule of FMI{otherwise}")
+
+
+def _add_course(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--checkpoint",
+        metavar="every=TIME",
+        help="write a checkpoint every TIME of the run, such as every=10s, from which formation resume goes on",
+    )
+    command.add_argument(
+        "--until", metavar="TIME", help="leave the run at this time, after a checkpoint; nothing is judged yet"
+    )
 
 
 def _add_scenarios(command: argparse.ArgumentParser) -> None:

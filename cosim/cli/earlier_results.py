@@ -8,26 +8,41 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shutil
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from cosim.errors import InputError
+from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest
 from cosim.results.netcdf import attributes_of
 from cosim.results.provenance import Provenance
 
 RESULT, VERDICTS = "result.nc", ("summary.json", "figure.png", "report.html")
 FILES = (*VERDICTS, RESULT)
 """The files of a run. The result is moved last, because it identifies the run."""
-BEFORE = "result.before.nc"
-"""The result of an earlier run of the same file and changes, until the new one is complete."""
+BEFORE, CHECKPOINTS_BEFORE = "result.before.nc", f"{FOLDER}.before"
+"""The result and the checkpoints of an earlier run of the same file and changes, until the new one is complete."""
 _LONGEST = 60
 
 
-def set_aside(folder: Path, file: Path, changes: tuple[str, ...]) -> tuple[Path, Provenance] | None:
+def set_aside(
+    folder: Path, file: Path, changes: tuple[str, ...], checkpoints: bool = True
+) -> tuple[Path, Provenance] | None:
     """Take the files of an earlier run away before a run begins; all but a result can be made anew from it.
 
     If it was of another file or changed otherwise, they go to a folder beside it that is named after its changes. If
-    not, its result is renamed to `BEFORE`, the other files are removed, and `replaced` removes that result.
+    not, its result and its checkpoints are renamed to `BEFORE` and `CHECKPOINTS_BEFORE`, the other files are removed,
+    and `replaced` removes these.
+
+    Parameters
+    ----------
+    folder
+        The folder of the run.
+    file, changes
+        The scenario's file and its changes.
+    checkpoints
+        Whether the checkpoints there are those of the earlier run; otherwise they stay.
 
     Returns
     -------
@@ -38,34 +53,71 @@ def set_aside(folder: Path, file: Path, changes: tuple[str, ...]) -> tuple[Path,
     ------
     OSError
         They cannot be kept.
+    InputError
+        Another command writes checkpoints there.
     """
     if not folder.is_dir():
         return None
     if not (folder / RESULT).exists():  # the last run has left none: the one before has not been replaced
         with suppress(FileNotFoundError):
             os.replace(folder / BEFORE, folder / RESULT)
-    earlier = _provenance(folder / RESULT)
+    result = _provenance(folder / RESULT)
+    checkpoints = checkpoints and (folder / FOLDER).is_dir()
+    earlier = result or (_of_checkpoints(folder / FOLDER) if checkpoints else None)
     if earlier is not None and earlier.variant != (file.name, changes):
-        place = folder.with_name(f"{folder.name}+{_label(earlier, folder.name)}")
+        place = folder.with_name(f"{folder.name}+{label(earlier, folder.name)}")
         try:
             place.mkdir(exist_ok=True)
             for name in FILES:
                 (place / name).unlink(missing_ok=True)
                 if (folder / name).exists():
                     os.replace(folder / name, place / name)
+            if checkpoints:
+                _move(folder / FOLDER, place / FOLDER)
         except OSError:
             _remove(folder, VERDICTS)
             raise
         return place, earlier
     _remove(folder, VERDICTS)
-    if earlier is not None:
+    if result is not None:
         os.replace(folder / RESULT, folder / BEFORE)
+    if checkpoints:
+        set_checkpoints_aside(folder)
     return None
 
 
 def replaced(folder: Path) -> None:
     """Remove the result of an earlier run of the same file and changes, as there is a new one."""
     _remove(folder, (BEFORE,))
+    shutil.rmtree(folder / CHECKPOINTS_BEFORE, ignore_errors=True)
+
+
+def set_checkpoints_aside(folder: Path) -> None:
+    """Take the checkpoints of an earlier run away, until `replaced` removes them.
+
+    Raises
+    ------
+    OSError, InputError
+        As `set_aside`.
+    """
+    if (folder / FOLDER).is_dir():
+        _move(folder / FOLDER, folder / CHECKPOINTS_BEFORE)
+
+
+def _move(folder: Path, place: Path) -> None:
+    """Move checkpoints to another place, unless a command writes them."""
+    with HeldFolder(folder):
+        shutil.rmtree(place, ignore_errors=True)
+        if folder.exists():
+            os.replace(folder, place)
+
+
+def _of_checkpoints(folder: Path) -> Provenance | None:
+    """Return the provenance of a run that has left checkpoints only, as it was killed."""
+    with suppress(InputError):
+        if (found := latest(folder)) is not None:
+            return Provenance(str(found.scenario.path), found.scenario.changes)
+    return None
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:
@@ -83,7 +135,7 @@ def _provenance(path: Path) -> Provenance | None:
         return None
 
 
-def _label(provenance: Provenance, name: str) -> str:
+def label(provenance: Provenance, name: str) -> str:
     """Return a short name of a file and changes, another one for others."""
     stem = Path(provenance.file).stem
     parts = [stem] if stem != name else []

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from cosim.cli.checkpointing import Course
 from cosim.cli.console import err, out, report, safe, table, taking_a_while, warn
 from cosim.cli.earlier_results import RESULT, replaced, set_aside
 from cosim.cli.ending import ended_by
@@ -94,8 +95,8 @@ def _run_scenario(
                 "folder: give one of them another name"
             )
         names[scenario.name] = path
-        _run_one(scenario, options, outcome, figures, live, ending)
-        return 0 if outcome.summary is None or outcome.summary.passed else EXPECTATION_FAILED
+        run_one(scenario, options, outcome, figures, live, ending, Course.of(options, scenario))
+        return status_of_run(outcome)
     except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are run
         outcome.error, status = ended_by(error, path)
         return status
@@ -110,39 +111,66 @@ def _run_scenario(
                 write(options.junit, junit_xml(outcomes))
 
 
-def _run_one(
+def status_of_run(outcome: Outcome) -> int:
+    """Return the exit status of a run that has ended as it should."""
+    return 0 if outcome.summary is None or outcome.summary.passed or outcome.left else EXPECTATION_FAILED
+
+
+def run_one(
     scenario: Scenario,
     options: argparse.Namespace,
     outcome: Outcome,
     figures: FigureProcess,
     live: LiveView | None,
     ending: ExitStack,
+    course: Course,
 ) -> None:
+    """Run a scenario, write and judge its result, and print its summary.
+
+    Parameters
+    ----------
+    scenario, options
+        The scenario, and the options of the command.
+    outcome
+        Gets the summary.
+    figures, live
+        Draw and show it.
+    ending
+        Receives the clean-up callbacks.
+    course
+        From where to where it goes.
+    """
+    out_folder, place = course.place.parent, course.place
     timing = {"imports": options.imports}
     failure: SimulationError | RunInterrupted | None = None
     pacer = _pacer(options.pace, scenario)
     if options.figure:
         figures.start()  # loads its libraries beside the run
     with timed(timing, "total"):
-        kept = _set_aside(options.out / scenario.name, scenario)
+        resumed = course.checkpoint is not None
+        kept = None if resumed else _set_aside(place, scenario)
         with (
-            _told_if_refused(kept, options.out),
+            _told_if_refused(kept, out_folder),
             taking_a_while("building and loading plants, which is slow the first time"),
         ):
-            storage = Storage(options.out / scenario.name)
+            storage = Storage(place)
             ending.callback(storage.release)
             scenario = for_whole_run(scenario)
             setup = set_up(scenario, ending, timing, storage=storage)
             for fmu in setup.fmus.values() if options.strict else ():
                 rules_kept(fmu, strict=True)  # before any is started
+            setup, start = course.begin(scenario, setup, ending)
             storage.reserve(size_of_result(scenario, setup.result_variables))
-            simulation = whole_run(scenario, setup, None if live is None else live.gate)
+            gate = None if live is None else live.gate
+            simulation = whole_run(scenario, setup, gate, start, course.checkpoints)
             ending.callback(simulation.close)
+        if resumed:  # it can go on
+            kept = _set_aside(place, scenario, checkpoints=False)
         if live is not None:
             live.show(simulation.records)
         with HeldSignals() as signals:
             # Absolute, as an FMU may change the working directory.
-            folder = writable_folder(options.out / scenario.name, "--out").absolute()
+            folder = writable_folder(place, "--out").absolute()
             try:
                 with _progress(scenario) as progress:
                     result = simulation.run_to_end(progress, pacer)
@@ -165,6 +193,8 @@ def _run_one(
         # Judging may run other scenarios, to compare with: the result is safe by now.
         with timed(timing, "expectations"), taking_a_while("judging the expectations"):
             outcome.summary = summary = summarise(scenario, result, partial(run_other, simulation.setup))
+        told = summary.provenance.failure
+        outcome.left = str(told) if told is not None and told.left else ""
         if live is not None:
             live.finish(result, summary)
         write(folder / "summary.json", summary.to_json().encode())
@@ -183,11 +213,12 @@ def _run_one(
 
     if pacer is not None:
         console.print(str(pacer.report), soft_wrap=True)
-    console.print(f"results in {options.out / scenario.name}/", markup=False, soft_wrap=True)
+    console.print(f"results in {place}/", markup=False, soft_wrap=True)
     if kept is not None:
-        console.print(safe(_where(kept, options.out)), soft_wrap=True)
+        console.print(safe(_where(kept, out_folder)), soft_wrap=True)
     if options.timing:
         _print_timing(console, timing, result.sizes["time"])
+    course.tell(told, scenario)
     if failure is not None:
         warn(
             f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; "
@@ -208,10 +239,10 @@ def _pacer(factor: float | None, scenario: Scenario) -> Pacer | None:
 # Files ------------------------------------------------------------------------------------------------------
 
 
-def _set_aside(folder: Path, scenario: Scenario) -> tuple[Path, Provenance] | None:
+def _set_aside(folder: Path, scenario: Scenario, checkpoints: bool = True) -> tuple[Path, Provenance] | None:
     """Take the results of the run before away; see `set_aside`."""
     try:
-        return set_aside(folder, scenario.path, scenario.changes)
+        return set_aside(folder, scenario.path, scenario.changes, checkpoints)
     except OSError as error:  # a run that can be computed is not refused for this
         warn(f"the results of the run before could not be kept and are overwritten: {error}")
         return None

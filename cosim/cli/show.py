@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from cosim.cli.console import out, report, safe, warn
+from cosim.cli.console import out, report, safe, say, warn
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
 from cosim.results.files import load_result
@@ -46,6 +46,9 @@ def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
         return error.exit_status
     if not summary.completed:
         failure = summary.provenance.failure
+        if failure is not None and failure.left:
+            say(out(), safe(f"{failure}: nothing is judged yet, and formation resume goes on"))
+            return 0
         warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:g} s'}")
         return INTERRUPTED if failure is not None and failure.interrupted else NOT_TO_THE_END
     return 0 if summary.passed else EXPECTATION_FAILED

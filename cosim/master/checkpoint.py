@@ -59,7 +59,15 @@ class Snapshot:
     tick: int
 
     @classmethod
-    def of(cls, origin: Origin, state: RunState, recorder: Recorder, first: int = 0, before: str = "") -> Self:
+    def of(
+        cls,
+        origin: Origin,
+        state: RunState,
+        recorder: Recorder,
+        first: int = 0,
+        before: str = "",
+        every: int | None = None,
+    ) -> Self:
         """Return the checkpoint of a state.
 
         Parameters
@@ -74,12 +82,14 @@ class Snapshot:
             The first tick whose records are kept here.
         before
             The name of the file beside it that holds those before.
+        every
+            How many ticks lie between two checkpoints of the run, if it writes some.
         """
         about, arrays = state.to_parts()
         numbers = recorder.numbers(first, state.tick)
         arrays |= {f"records/{index}": place for index, place in enumerate(numbers)}
         arrays["origin"] = np.frombuffer(origin.as_json, np.uint8)
-        return cls({"state": about, "first": first, "before": before}, arrays, state.tick)
+        return cls({"state": about, "first": first, "before": before, "every": every}, arrays, state.tick)
 
     def write(self, path: Path) -> None:
         """Write it whole or not at all; OutputError if that fails."""
@@ -100,6 +110,8 @@ class Checkpoint:
         Where it comes from.
     state : RunState
         The state.
+    every : int or None
+        How many ticks lie between two checkpoints of the run, if it wrote some.
 
     Raises
     ------
@@ -115,6 +127,8 @@ class Checkpoint:
             self.origin = Origin.from_json(last.array("origin").tobytes())
             arrays = {name: last.array(name) for name in last.names if not name.startswith("records/")}
             self.state = RunState.from_parts(last.facts["state"], arrays)
+            every = last.facts["every"]
+            self.every = None if every is None else int(every)
             ends = [self.state.tick, *(int(file.facts["first"]) for file in self._files)]
             if any(one < other for one, other in pairwise(ends)) or ends[-1] != 0:
                 raise ValueError("its records are not those of all ticks up to it")

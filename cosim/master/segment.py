@@ -20,14 +20,14 @@ class Segment:
     def __init__(self) -> None:
         self.ticks = 8
 
-    def run(self, ticks: Ticks) -> bool:
-        """Run a segment; return whether that was possible."""
-        started = time.perf_counter()
-        if not ticks.some(self.ticks):
+    def run(self, ticks: Ticks, most: int) -> bool:
+        """Run a segment of so many ticks at most; return whether that was possible."""
+        started, count = time.perf_counter(), min(self.ticks, most)
+        if not ticks.some(count):
             return False
         taken = time.perf_counter() - started
-        if taken < SHORTEST:
-            self.ticks = min(2 * self.ticks, MOST)
+        if taken < SHORTEST and count == self.ticks:
+            self.ticks = min(2 * count, MOST)
         elif taken > LONGEST:
-            self.ticks = max(int(self.ticks * SHORTEST / taken), 1)
+            self.ticks = max(int(count * SHORTEST / taken), 1)
         return True

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from cosim.control.team import Team
 from cosim.control.teams import begin, companions, team_of
-from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, nearest
+from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, leave, nearest
 from cosim.master.branch import branched
 from cosim.master.checkpoint import Checkpoint, Snapshot, Start
+from cosim.master.checkpoints import Checkpoints
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
@@ -79,6 +80,8 @@ class Simulation:
         Whether the run happens in this process; if not, laws in environments of their own are not started here.
     start
         From where the run goes on, in place of its first tick. A set-up must be one that `branched` has returned.
+    checkpoints
+        Are written while the run goes on by `run`, `run_to_end` and `record`.
 
     Attributes
     ----------
@@ -108,9 +111,11 @@ class Simulation:
         before: Simulation | None = None,
         here: bool = True,
         start: Start | None = None,
+        checkpoints: Checkpoints | None = None,
     ) -> None:
         self.scenario = scenario = contained(scenario) if setup is None else scenario
         self._make_result = make_result
+        self._checkpoints = checkpoints
         self.timing: dict[str, float] = {}
         self._ended = ""  # why there are no more steps
         self._failure: Failure | None = None
@@ -145,6 +150,8 @@ class Simulation:
             if start is not None:
                 start.fill(recorder)
                 self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed)
+            if checkpoints is not None:
+                checkpoints.try_out(self._ticks.saved)
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
             self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
             self._next_forget = self.tick + self._kept
@@ -302,31 +309,54 @@ class Simulation:
         watching: list[Observer] = [Progress(progress)] if progress else []
         watching += [pacer] if pacer else []
         self._signals = signals
-        signals.breakable(lambda: self._run_ticks(watching))
-        stopped = interruption(self.time) if signals.received and not self.finished else None
+        stopped: Failure | None = None
+        try:
+            signals.breakable(lambda: self._run_ticks(watching))
+            if not self.finished:
+                stopped = interruption(self.time) if signals.received else leave(self.time)
+                signals.breakable(self._leave)
+        finally:
+            if self._checkpoints is not None:
+                self._checkpoints.finish()
         signals.breakable(lambda: self._end(stopped, watching))
         return stopped
+
+    def _leave(self) -> None:
+        """Write a checkpoint from which a run can go on that is interrupted or left."""
+        if self._checkpoints is not None:
+            self._checkpoints.leave(self.tick, self._ticks.saved, self._ticks.recorder)
 
     def _run_ticks(self, watching: Sequence[Observer]) -> None:
         """Run ticks up to the horizon, or to a signal."""
         for observer in watching:
             self._watch(observer)
-        if not self.finished and not self._signals.received:
+        if self._goes_on():
             with timed(self.timing, "first tick"):
                 self.step()
         segment = Segment()
         with OneCore((*self._fleet.companions, *companions(self._teams))) as core:
-            while not self.finished and not self._signals.received:
+            while self._goes_on():
                 with self._failing():
                     self._segment(segment)
                 core.settle(self.tick)
 
+    def _goes_on(self) -> bool:
+        """Return whether there is another tick, and write a checkpoint where one is due."""
+        if self.finished or self._signals.received:
+            return False
+        checkpoints = self._checkpoints
+        return checkpoints is None or not checkpoints.reach(self.tick, self._ticks.saved, self._ticks.recorder)
+
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""
+        last = self.scenario.ticks
+        stop = last + 1 if self._checkpoints is None else self._checkpoints.next_stop(self.tick, last)
         if self.tick >= self._next_forget:
             forget()
             self._next_forget = self.tick + self._kept
-        if any(getattr(observer, "every_tick", True) for observer in self._observers) or not segment.run(self._ticks):
+        if any(getattr(observer, "every_tick", True) for observer in self._observers) or not segment.run(
+            self._ticks, stop - self.tick
+        ):
             self._ticks.one({}, self._tell)
         else:
             self._tell(self.tick - 1)

@@ -27,6 +27,9 @@ from numpy.typing import NDArray
 
 from cosim import process_tree
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
+from cosim.master.branch import branched
+from cosim.master.checkpoint import Start
+from cosim.master.checkpoints import Checkpoints
 from cosim.master.fleets import AnyFleet, members_of
 from cosim.master.foreign import is_foreign, is_supervised
 from cosim.master.gate import Gate
@@ -62,15 +65,22 @@ _MOST = 64 * 1024**2
 """Bytes of a message from the process."""
 
 
-def whole_run(scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None) -> Simulation | SupervisedRun:
+def whole_run(
+    scenario: Scenario,
+    setup: Setup | None = None,
+    gate: Gate | None = None,
+    start: Start | None = None,
+    checkpoints: Checkpoints | None = None,
+) -> Simulation | SupervisedRun:
     """Return a run that goes to its end in one piece, ready to begin: supervised if FMU files are among its plants.
 
     A scenario that is set up already is one `for_whole_run`. A gate that holds the run must be in memory that processes
-    share.
+    share. For `start` and `checkpoints` see `Simulation`.
     """
     if is_supervised(scenario):
-        return SupervisedRun(scenario, setup, gate)
-    return Simulation(scenario, setup, observers=[gate] if gate is not None else ())
+        return SupervisedRun(scenario, setup, gate, start, checkpoints)
+    watching = [gate] if gate is not None else ()
+    return Simulation(scenario, setup, observers=watching, start=start, checkpoints=checkpoints)
 
 
 class SupervisedRun:
@@ -86,6 +96,8 @@ class SupervisedRun:
         With which set-up; without one, the scenario is set up here.
     gate
         Holds the run where somebody closes it; in memory that processes share.
+    start, checkpoints
+        As for `Simulation`.
 
     Raises
     ------
@@ -95,8 +107,16 @@ class SupervisedRun:
         A plant returns no finite pose at the start.
     """
 
-    def __init__(self, scenario: Scenario, setup: Setup | None = None, gate: Gate | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        setup: Setup | None = None,
+        gate: Gate | None = None,
+        start: Start | None = None,
+        checkpoints: Checkpoints | None = None,
+    ) -> None:
         self.scenario = scenario
+        self._checkpoints = checkpoints
         self.timing: dict[str, float] = {}
         self._gate = gate
         self._status: int | None = None
@@ -108,14 +128,18 @@ class SupervisedRun:
         self._printed: Printed | None = None
         self._left = False  # whether the process has ended all that it has started, and leaves
         with ExitStack() as cleanup:
-            self.setup = set_up(scenario, cleanup, self.timing) if setup is None else setup
+            if setup is None:
+                setup = set_up(scenario, cleanup, self.timing)
+                setup = setup if start is None else branched(setup, scenario, start)
+            self.setup = setup
             memory: list[NDArray[Any]] = []
             allocate = self.setup.storage.shared
             self._recorder = Recorder(scenario.ticks + 1, self.setup.result_variables, None, memory, allocate)
             self._fleet = _Elsewhere()
             self._records = Simulation(
-                scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder, here=False
+                scenario, self.setup, fleet=self._fleet.lend, recorder=self._recorder, here=False, start=start
             )
+            self._first = self._recorder.recorded
             self.setup.hosts.stop()  # the process has hosts of its own
             limits = [robot.source.time_limit for robot in driven_robots(self.setup)]
             self._limits = [SUPERVISED_TIME_LIMIT if limit is None else limit for limit in limits]
@@ -123,7 +147,7 @@ class SupervisedRun:
             self._seen, self._since = (-1, 0.0), time.monotonic()
             cleanup.callback(self._kill)
             with timed(self.timing, "load"):
-                self._fork(partial(child, scenario, self.setup, memory, self._activity, gate))
+                self._fork(partial(child, scenario, self.setup, memory, self._activity, gate, start, checkpoints))
                 provide(memory, new=True)
                 self._begin()
             self._cleanup = cleanup.pop_all()
@@ -220,6 +244,10 @@ class SupervisedRun:
                 failure = None if body["failure"] is None else Failure(**body["failure"])
                 self._fleet.take(body)
                 self._recorder.recorded = int(body["recorded"])
+                if self._checkpoints is not None:
+                    written, fault = body["checkpoints"]
+                    self._checkpoints.written = None if written is None else int(written)
+                    self._checkpoints.fault = str(fault)
                 self.timing |= {part: float(seconds) for part, seconds in body["timing"].items()}
                 return failure
             except (KeyError, TypeError, ValueError):
@@ -248,7 +276,7 @@ class SupervisedRun:
     def _tick(self) -> int:
         """The tick at which the plants were stepped last; it is recorded if they were stepped."""
         now, step = self._activity.clock.tolist()
-        return round(now / self.scenario.step) if step > 0.0 else -1
+        return round(now / self.scenario.step) if step > 0.0 else self._first - 1
 
     def _how(self) -> str:
         if self._nonsense:

@@ -14,7 +14,7 @@ import signal
 import sys
 import traceback
 from contextlib import AbstractContextManager, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from enum import IntEnum
 from functools import partial
 from itertools import pairwise
@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 from cosim import process_tree
 from cosim.errors import InputError, SimulationError
+from cosim.master.checkpoint import Start
+from cosim.master.checkpoints import Checkpoints
 from cosim.master.fleets import members_of
 from cosim.master.gate import Gate
 from cosim.master.interrupt import HeldSignals
@@ -60,6 +62,8 @@ def child(
     memory: list[NDArray[Any]],
     activity: Activity,
     gate: Gate | None,
+    start: Start | None,
+    checkpoints: Checkpoints | None,
     printed: int,
     orders: int,
     tells: int,
@@ -76,6 +80,8 @@ def child(
         Shows what the plants are about.
     gate
         Holds the run, if there is one.
+    start, checkpoints
+        As for `Simulation`; what was recorded up to the start is in the memory already.
     printed
         A pipe to the process that supervises this one, for everything that is printed here.
     orders, tells
@@ -92,13 +98,23 @@ def child(
         recorder = Recorder(scenario.ticks + 1, setup.result_variables, None, memory)
         started: list[Fleet] = []
 
-        def start(robots: Any, horizon: float, state: Any, columns: Any) -> AbstractContextManager[Fleet]:
+        def lend(robots: Any, horizon: float, state: Any, columns: Any) -> AbstractContextManager[Fleet]:
             started.append(Fleet(members_of(robots, horizon, columns), state, activity))
             return closing(started[0])
 
         try:
             watching = [gate] if gate is not None else []
-            simulation = Simulation(scenario, setup, observers=watching, fleet=start, recorder=recorder)
+            if start is not None:
+                start = replace(start, fill=lambda _: None)
+            simulation = Simulation(
+                scenario,
+                setup,
+                observers=watching,
+                fleet=lend,
+                recorder=recorder,
+                start=start,
+                checkpoints=checkpoints,
+            )
         except InputError as error:
             where = None if error.where is None else [error.where.file, error.where.line, error.where.column]
             tell(Told.REFUSED, message=error.message, where=where)
@@ -111,7 +127,7 @@ def child(
         while (order := _order(orders)) is not None:
             kind, body = order
             if kind == Order.RUN:
-                tell(Told.ENDED, **_run(simulation, started[0], recorder, body["pace"]))
+                tell(Told.ENDED, **_run(simulation, started[0], recorder, body["pace"], checkpoints))
             else:
                 simulation.close()
                 process_tree.end_descendants(os.getpid())
@@ -122,7 +138,9 @@ def child(
     os._exit(0)  # without the FMU's exit handlers
 
 
-def _run(simulation: Simulation, fleet: Fleet, recorder: Recorder, pace: float | None) -> dict[str, Any]:
+def _run(
+    simulation: Simulation, fleet: Fleet, recorder: Recorder, pace: float | None, checkpoints: Checkpoints | None
+) -> dict[str, Any]:
     """Run to the end; return what there is to be told."""
     pacer = None if pace is None else Pacer(simulation.scenario.step, pace)
     try:
@@ -136,6 +154,7 @@ def _run(simulation: Simulation, fleet: Fleet, recorder: Recorder, pace: float |
         "messages": fleet.messages,
         "logged": [asdict(entry) for entry in fleet.logged],
         "timing": {part: seconds for part, seconds in simulation.timing.items() if part == "first tick"},
+        "checkpoints": None if checkpoints is None else (checkpoints.written, checkpoints.fault),
         "pace": None if pacer is None else asdict(pacer.report),
     }
 

@@ -42,6 +42,8 @@ class Outcome:
         How long that took.
     error : BaseException or None
         Why there is no complete result, if there is none.
+    left : str
+        Where the run was left, if it was to go no further.
     summary : Judged or None
         Its verdicts, if it was run.
     """
@@ -50,6 +52,7 @@ class Outcome:
     path: Path
     seconds: float = 0.0
     error: BaseException | None = None
+    left: str = ""
     summary: Judged | None = None
 
 
@@ -57,8 +60,9 @@ def junit_xml(outcomes: Sequence[Outcome]) -> bytes:
     """Return a JUnit document.
 
     Each suite begins with a case "run", which fails with an error if the scenario is wrong or its run did not reach
-    the end. An expectation that could not be judged is an error, too. One that fails as it is known to is skipped,
-    with the reason; one that holds although it is marked as failing is a failure.
+    the end; it is skipped if the run was left as asked. An expectation that could not be judged is an error, too. One
+    that fails as it is known to is skipped, with the reason; one that holds although it is marked as failing is a
+    failure.
     """
     root = etree.Element("testsuites")
     for outcome in outcomes:
@@ -76,6 +80,8 @@ def _suite(outcome: Outcome) -> etree._Element:
     if outcome.error:
         said = str(outcome.error) or "the run was ended"
         etree.SubElement(run, "error", type=type(outcome.error).__name__, message=_text(said))
+    elif outcome.left:
+        etree.SubElement(run, "skipped", message=_text(outcome.left))
     for verdict in outcome.summary.verdicts if outcome.summary else ():
         about = f"{verdict.expectation} [{verdict.robot}]" if verdict.robot else verdict.expectation
         _judged(_case(suite, outcome, about, verdict.where, 0.0), verdict)

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from cosim.errors import InputError, OutputError
+from cosim.file_lock import lock
 from cosim.studies.row import Row
 
 FILE = "rows.jsonl"
@@ -60,7 +59,7 @@ class Store:
         except OSError as error:
             raise OutputError(f"{self._path} cannot be opened: {error.strerror}") from error
         try:
-            _lock(self._file, self._path)
+            lock(self._file, self._path)
             self._read(name)
         except BaseException:
             self._file.close()
@@ -159,17 +158,3 @@ class Store:
                 self._file.truncate(size)
             raise OutputError(f"{self._path} cannot be written: {error.strerror}") from error
         return size
-
-
-def _lock(file: FileIO, path: Path) -> None:
-    """Refuse a file that another process has open; elsewhere than on POSIX nothing is locked."""
-    if sys.platform == "win32":
-        return
-    import fcntl
-
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(f"{path} is in use by another command: wait until it ends, or give another --out") from None
-    except OSError:  # a file system without locks
-        pass

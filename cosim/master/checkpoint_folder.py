@@ -1,0 +1,105 @@
+"""The folder of a run's checkpoints, in which one command at a time writes."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from cosim.errors import InputError, OutputError
+from cosim.file_lock import lock
+from cosim.master.checkpoint import Checkpoint
+
+FOLDER = "checkpoints"
+"""Its name in the folder of a run."""
+_LOCK = "lock"
+_NAME = re.compile(r"([0-9]{10,})\.checkpoint")
+
+
+def name_of(tick: int) -> str:
+    """Return the name of the checkpoint before a tick."""
+    return f"{tick:010d}.checkpoint"
+
+
+def ticks_in(folder: Path) -> list[int]:
+    """Return the ticks of the checkpoints in a folder, in their order."""
+    names = (path.name for path in folder.iterdir()) if folder.is_dir() else ()
+    return sorted(int(match[1]) for name in names if (match := _NAME.fullmatch(name)))
+
+
+def latest(folder: Path, tick: int | None = None) -> Checkpoint | None:
+    """Return the last checkpoint in a folder, or the last one up to a tick; None if there is none.
+
+    Raises
+    ------
+    InputError
+        It is damaged; the message names an earlier one, if there is one.
+    """
+    ticks = [own for own in ticks_in(folder) if tick is None or own <= tick]
+    if not ticks:
+        return None
+    try:
+        return Checkpoint(folder / name_of(ticks[-1]))
+    except InputError as error:
+        if len(ticks) == 1:
+            raise
+        step = _step(folder / name_of(ticks[-2]))
+        hint = f"; the one before is at {ticks[-2] * step:g} s: --at '{ticks[-2] * step:g} s'" if step else ""
+        raise InputError(f"{error.message}{hint}") from None
+
+
+def _step(path: Path) -> float:
+    """Return the communication step of a checkpoint's run [s]; zero if it is damaged."""
+    with suppress(InputError):
+        return Checkpoint(path).scenario.step
+    return 0.0
+
+
+class HeldFolder:
+    """A folder of checkpoints that no other command writes to, until it is closed.
+
+    Parameters
+    ----------
+    path
+        The folder, which is made if it does not exist, and removed in the end if it holds no checkpoint.
+
+    Raises
+    ------
+    InputError
+        Another command writes to it.
+    OutputError
+        It cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._file = FileIO(path / _LOCK, "a")
+        except OSError as error:
+            raise OutputError(f"checkpoints cannot be written to {path}: {error.strerror}") from None
+        try:
+            lock(self._file, path, "wait until it ends")
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        """Let other commands write to it."""
+        if not ticks_in(self.path):
+            with suppress(OSError):
+                (self.path / _LOCK).unlink()
+                self.path.rmdir()
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        """Return the folder; it is closed at the end of the block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,138 @@
+"""Checkpoints that a run writes as it goes on: when, where, and at what cost."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cosim.errors import InputError, OutputError, SimulationError
+from cosim.master.checkpoint import Snapshot
+from cosim.master.checkpoint_folder import name_of
+from cosim.master.origin import Origin
+from cosim.master.recorder import Recorder
+from cosim.master.run_state import RunState
+
+_SHARE = 0.04
+"""Part of a run's time that its checkpoints may take: one that would take more is left out."""
+
+
+@dataclass
+class Checkpoints:
+    """The checkpoints of a run in a folder, each with what was recorded since the one before.
+
+    A checkpoint is taken between two ticks and written beside the loop, in a thread. One that is due is left out while
+    the one before is still being written, and where all of them would take more than a twenty-fifth of the time.
+
+    Legal call order: `try_out`; then `next_stop` and `reach` in turn; `leave` if the run ends before its horizon;
+    `finish`.
+
+    Parameters
+    ----------
+    folder
+        The folder; it exists.
+    origin
+        Where the checkpoints come from.
+    every
+        How many ticks lie between two; None for none but at the end.
+    until
+        The tick at which the run is left, after a checkpoint; None for its end.
+    first, before
+        The first tick that no checkpoint holds yet, and the name of the one that ends there.
+
+    Attributes
+    ----------
+    written : int or None
+        The tick of the last one that was written.
+    fault : str
+        Why the last attempt failed; empty if it did not.
+    """
+
+    folder: Path
+    origin: Origin
+    every: int | None = None
+    until: int | None = None
+    first: int = 0
+    before: str = ""
+    written: int | None = None
+    fault: str = ""
+    _next: float = 0.0
+    _refused: bool = False
+    _thread: threading.Thread | None = field(default=None, repr=False)
+
+    def try_out(self, take: Callable[[], RunState]) -> None:
+        """Take a state at the start of a run, which shows whether that is possible, and how long it takes.
+
+        Raises
+        ------
+        InputError
+            An FMU does not save its state.
+        """
+        began = time.perf_counter()
+        try:
+            take()
+        except SimulationError as error:
+            raise InputError(
+                f"{error.robot}: {error.failure.message}, so the run cannot be left and taken up again; it can be run "
+                "again from the start up to any moment, with the same bits"
+            ) from None
+        self._wait_after(began)
+
+    def next_stop(self, tick: int, last: int) -> int:
+        """Return the tick at which the run is to stop for a moment: the next one that is due, or its end."""
+        due = last + 1 if self.every is None else (tick // self.every + 1) * self.every
+        return min(due, last + 1 if self.until is None else self.until)
+
+    def reach(self, tick: int, take: Callable[[], RunState], recorder: Recorder) -> bool:
+        """Take note of a tick before which the run is; return whether it is to be left there."""
+        if tick == self.until:
+            return True
+        due = self.every is not None and tick % self.every == 0 and tick > self.first
+        if due and not self._refused and not self._is_writing and time.perf_counter() >= self._next:
+            began = time.perf_counter()
+            snapshot = self._taken(take, recorder)
+            if snapshot is not None:
+                self._thread = threading.Thread(target=self._write, args=(snapshot,))
+                self._thread.start()
+            self._wait_after(began)
+        return False
+
+    def leave(self, tick: int, take: Callable[[], RunState], recorder: Recorder) -> None:
+        """Write a checkpoint where the run is left, if there is none."""
+        self.finish()
+        if tick > self.first and not self._refused and (snapshot := self._taken(take, recorder)) is not None:
+            self._write(snapshot)
+
+    def finish(self) -> None:
+        """Wait until everything is written."""
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    @property
+    def _is_writing(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def _taken(self, take: Callable[[], RunState], recorder: Recorder) -> Snapshot | None:
+        self.finish()  # its thread has ended already
+        try:
+            return Snapshot.of(self.origin, take(), recorder, self.first, self.before, self.every)
+        except SimulationError as error:
+            self.fault, self._refused = str(error), True
+            return None
+
+    def _write(self, snapshot: Snapshot) -> None:
+        name = name_of(snapshot.tick)
+        try:
+            snapshot.write(self.folder / name)
+        except OutputError as error:
+            self.fault = str(error)
+        else:
+            self.first = self.written = snapshot.tick
+            self.before, self.fault = name, ""
+
+    def _wait_after(self, began: float) -> None:
+        now = time.perf_counter()
+        self._next = now + (now - began) / _SHARE
