@@ -47,8 +47,9 @@ def print_summary(console: Console, summary: Summary) -> None:
     if any(late):
         say(console, "since: within 0.1 m and 2 deg, but for less than a twentieth of the run", "dim")
     say(console, safe(summary.provenance.basis), "dim")
-    if summary.provenance.changes:
-        say(console, f"[yellow]{safe(summary.provenance.changed)}[/]")
+    for told in (summary.provenance.changed if summary.provenance.changes else "", summary.provenance.resumed):
+        if told:
+            say(console, f"[yellow]{safe(told)}[/]")
     distances = [
         f"{what} {distance:.3f} m ({', '.join(between)})"
         for what, distance, between in (

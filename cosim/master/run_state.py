@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.plant.message import Message, RobotMessage
 from cosim.plant.saved import FleetState, PlantState
-from cosim.signals.chain import Streams
+from cosim.signals.random import Streams
 
 Floats: TypeAlias = NDArray[np.float64]
 ChainState: TypeAlias = Mapping[str, tuple[Floats, Streams]]
@@ -59,10 +59,10 @@ class RunState:
             "kept": fleet.kept,
         }
         for name, chain in (("sensors", self.sensors), ("actuators", self.actuators)):
-            facts[name] = {element: list(streams) for element, (_, streams) in chain.items()}
+            facts[name] = {element: streams.names for element, (_, streams) in chain.items()}
             for element, (memory, streams) in chain.items():
                 arrays[f"{name}/{element}"] = memory
-                arrays[f"{name}/{element}/streams"] = _rows(streams.values())
+                arrays[f"{name}/{element}/streams"] = streams.states
         arrays |= _joined("laws", [np.frombuffer(law, np.uint8) for law in self.laws])
         arrays |= _joined("plants/fmu", [np.frombuffer(plant.fmu, np.uint8) for plant in fleet.plants])
         for name in _NUMBERS:
@@ -92,15 +92,11 @@ class RunState:
         )
 
 
-def _rows(streams: Any) -> NDArray[np.uint64]:
-    return np.array(list(streams), dtype=np.uint64).reshape(-1, 4)
-
-
 def _chain(name: str, facts: Mapping[str, Any], arrays: Arrays) -> ChainState:
     def each() -> Iterator[tuple[str, tuple[Floats, Streams]]]:
         for element, names in facts[name].items():
-            states = arrays[f"{name}/{element}/streams"]
-            yield element, (arrays[f"{name}/{element}"], dict(zip(names, states, strict=True)))
+            streams = Streams(tuple(map(str, names)), arrays[f"{name}/{element}/streams"])
+            yield element, (arrays[f"{name}/{element}"], streams)
 
     return dict(each())
 

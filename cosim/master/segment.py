@@ -20,7 +20,7 @@ class Segment:
     def __init__(self) -> None:
         self.ticks = 8
 
-    def run(self, ticks: Ticks, most: int) -> bool:
+    def run(self, ticks: Ticks, most: int = MOST) -> bool:
         """Run a segment of so many ticks at most; return whether that was possible."""
         started, count = time.perf_counter(), min(self.ticks, most)
         if not ticks.some(count):

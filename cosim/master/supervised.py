@@ -173,7 +173,7 @@ class SupervisedRun:
             result = self._records.recorded(failure)
         if signals.received or (failure is not None and failure.interrupted):
             raise RunInterrupted(self.time if failure is None else failure.time, result)
-        if failure is not None:
+        if failure is not None and not failure.left:
             error = SimulationError(failure.robot, failure.time, failure.message, failure.variable)
             error.recorded = result
             raise error

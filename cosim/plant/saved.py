@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from fmpy.fmi1 import FMICallException
-
 from cosim.plant.failures import PlantError
 from cosim.plant.message import RobotMessage
 
@@ -122,4 +120,5 @@ def restore(fmu: Any, data: bytes) -> None:
 
 
 def _why(error: Exception) -> str:
-    return f": {error}" if isinstance(error, FMICallException) else f" ({type(error).__name__}: {error})"
+    """Return the words of an error: FMPy's of a call, which has a status, or another one."""
+    return f": {error}" if hasattr(error, "status") else f" ({type(error).__name__}: {error})"

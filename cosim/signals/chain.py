@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from cosim.compiled import address_of, borrowing, call
 from cosim.signals.effects import EFFECTS
 from cosim.signals.effects.effect import Floats, Rows
-
-Streams: TypeAlias = Mapping[str, NDArray[np.uint64]]
-"""The states of streams of random numbers, by their names."""
+from cosim.signals.random import NO_STREAMS, Streams
 
 WINDOW = 1024
 """Number of ticks for which amounts are made at once, a power of two: making them takes its time whatever it is."""
@@ -96,7 +94,7 @@ class Chain:
             An effect remembers numbers that the state does not have; the text is its element.
         """
         for effect, memory in zip(self._effects, self.arrays.memory, strict=True):
-            before, streams = state.get(effect.element, (memory[:0], {}))
+            before, streams = state.get(effect.element, (memory[:0], NO_STREAMS))
             if before.shape != memory[: effect.remembers].shape:
                 raise ValueError(effect.element)
             memory[: effect.remembers] = before

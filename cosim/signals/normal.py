@@ -7,7 +7,7 @@ makes whole numbers, and the ziggurat of Marsaglia and Tsang (doi:10.18637/jss.v
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.compiled import COMPILED, compiled, part
-from cosim.signals.random import go_on, random_stream, state_of, words_of, words_of_names
+from cosim.signals.random import Streams, go_on, random_stream, state_of, words_of, words_of_names
 
 Floats: TypeAlias = NDArray[np.float64]
 Words: TypeAlias = NDArray[np.uint64]
@@ -41,7 +41,8 @@ class NormalStreams:
         self._names = names
         self._words = np.array([words_of_names(*name) for name in names], dtype=np.uint32).reshape(len(names), -1)
         self._states = np.zeros((4, len(names)), dtype=np.uint64)
-        self._marked = self._states
+        self._marked = self._states.T
+        self._joined = tuple(map("/".join, names))
         self._plain: list[np.random.Generator] = []
 
     def begin(self, seed: int) -> None:
@@ -54,18 +55,19 @@ class NormalStreams:
     def mark(self) -> None:
         """Keep the states of the streams as they are, for `marked`."""
         if ZIGGURAT is not None:
-            self._marked = self._states.copy()
+            self._marked = self._states.T.copy()
         else:
-            self._marked = np.array([state_of(stream) for stream in self._plain], dtype=np.uint64).reshape(-1, 4).T
+            self._marked = np.array([state_of(stream) for stream in self._plain], dtype=np.uint64).reshape(-1, 4)
 
     @property
-    def marked(self) -> dict[str, Words]:
-        """The states of the streams that were kept, by their names; see `cosim.signals.random.state_of`."""
-        return {"/".join(name): self._marked[:, index] for index, name in enumerate(self._names)}
+    def marked(self) -> Streams:
+        """The states of the streams that were kept."""
+        return Streams(self._joined, self._marked)
 
-    def go_on(self, states: Mapping[str, Words]) -> None:
+    def go_on(self, streams: Streams) -> None:
         """Let those streams go on from a state that have one there."""
-        for index, name in enumerate(map("/".join, self._names)):
+        states = streams.by_name
+        for index, name in enumerate(self._joined):
             if name in states and ZIGGURAT is not None:
                 self._states[:, index] = states[name]
             elif name in states:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,31 @@ def random_stream(seed: int, robot: str, channel: str) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(sequence))
 
 
+class Streams(NamedTuple):
+    """The states of streams of random numbers, each (4,) words of 64 bits: two of PCG64's state, two of its increment.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The streams' names.
+    states : ndarray
+        Their states (streams, 4).
+    """
+
+    names: tuple[str, ...]
+    states: NDArray[np.uint64]
+
+    @property
+    def by_name(self) -> dict[str, NDArray[np.uint64]]:
+        """The state of each stream, by its name."""
+        return dict(zip(self.names, self.states, strict=True))
+
+
+NO_STREAMS = Streams((), np.zeros((0, 4), np.uint64))
+
+
 def state_of(stream: np.random.Generator) -> NDArray[np.uint64]:
-    """Return the state of a stream of `random_stream`: two words of PCG64's state, and two of its increment."""
+    """Return the state of a stream of `random_stream`, as in `Streams`."""
     state = stream.bit_generator.state["state"]
     words = [part >> shift & _WORD for part in (state["state"], state["inc"]) for shift in (64, 0)]
     return np.array(words, dtype=np.uint64)

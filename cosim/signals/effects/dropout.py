@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import tick_at
 from cosim.compiled import compiled
 from cosim.signals.effects.effect import Floats, Part, Rows
-from cosim.signals.random import go_on, random_stream, state_of
+from cosim.signals.random import Streams, go_on, random_stream, state_of
 
 
 @compiled
@@ -40,7 +38,8 @@ class Dropout(Part):
         """Begin all streams anew."""
         super().restart(rows)
         own = [[effect for effect in effects if effect.kind == self.element] for effects in rows.effects]
-        self._names = [f"{rows.robots[row]}/{index}" for row, each in enumerate(own) for index, _ in enumerate(each)]
+        named = [(rows.robots[row], index) for row, each in enumerate(own) for index, _ in enumerate(each)]
+        self._names = tuple(f"{robot}/{index}" for robot, index in named)
         self._marked: list[NDArray[np.uint64]] = []
         self._losses = [
             (
@@ -60,15 +59,16 @@ class Dropout(Part):
         self._marked = [state_of(stream) for stream, *_ in self._losses]
 
     @property
-    def marked(self) -> dict[str, NDArray[np.uint64]]:
+    def marked(self) -> Streams:
         """The states that were kept."""
-        return dict(zip(self._names, self._marked, strict=True))
+        return Streams(self._names, np.array(self._marked, dtype=np.uint64).reshape(-1, 4))
 
-    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:
+    def go_on(self, streams: Streams) -> None:
         """Let the streams go on from states."""
+        states = streams.by_name
         for name, (stream, *_) in zip(self._names, self._losses, strict=True):
-            if name in streams:
-                go_on(stream, streams[name])
+            if name in states:
+                go_on(stream, states[name])
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write one where a measurement is lost; each effect draws a number a tick for all of its channels.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cosim.errors import Location
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
+from cosim.signals.random import NO_STREAMS, Streams
 from plants import units
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -142,11 +143,11 @@ class EffectKind(ABC):
         """Keep the states of the streams of random numbers that it draws from, as they are now."""
 
     @property
-    def marked(self) -> dict[str, NDArray[np.uint64]]:
-        """The states that were kept, by the streams' names."""
-        return {}
+    def marked(self) -> Streams:
+        """The states that were kept."""
+        return NO_STREAMS
 
-    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:  # noqa: B027
+    def go_on(self, streams: Streams) -> None:  # noqa: B027
         """Let those streams go on from a state that have one there."""
 
     @abstractmethod

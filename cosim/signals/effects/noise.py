@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.signals.effects.bias import add
 from cosim.signals.effects.effect import Floats, OfEntries, Rows
 from cosim.signals.effects.schedule import Schedule
 from cosim.signals.normal import NormalStreams
+from cosim.signals.random import Streams
 from plants import arrays
 
 
@@ -44,11 +42,11 @@ class Noise(OfEntries):
         self._streams.mark()
 
     @property
-    def marked(self) -> dict[str, NDArray[np.uint64]]:
+    def marked(self) -> Streams:
         """The states that were kept."""
         return self._streams.marked
 
-    def go_on(self, streams: Mapping[str, NDArray[np.uint64]]) -> None:
+    def go_on(self, streams: Streams) -> None:
         """Let the streams go on from states."""
         self._streams.go_on(streams)
 

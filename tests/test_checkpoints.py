@@ -1,0 +1,430 @@
+"""Runs that are left and taken up again: the same bits, a note of it, and a sentence for whatever does not fit."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.cli import main
+from cosim.cli.earlier_results import CHECKPOINTS_BEFORE
+from cosim.errors import OutputError
+from cosim.master import checkpoint_file
+from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
+from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of
+from cosim.results.files import load
+from cosim.scenario.scenario import Scenario
+from cosim.tests.driving import scenario
+from tests.checkpoint_kills import Bench, differences
+from tests.commands import command, failed
+from tests.stub.stub import make_fmu
+
+PLANT = '<plant id="car" model="car_like"/>'
+NOISE = '<sensor><noise x="2 mm" psi="0.1 deg"/><dropout probability="0.3"/><delay time="40 ms"/></sensor>'
+EVENT = '<event at="0.7 s" robots="follower_1"><parameter name="m_c" value="30 kg"/></event>'
+EXPECT = '<expect><peak signal="pose" component="x" below="1 km"/></expect>'
+MORE = f"{EVENT}{EXPECT}"
+LEAST = ("--no-figure", "--no-report")
+
+
+def write(path: Path, plants: str = PLANT, more: str = MORE, **about: str) -> Path:
+    """Write a scenario with noise, dropouts, a delay and an event."""
+    made = scenario(path, plants, more=more, **about)
+    text = made.read_text(encoding="utf-8")
+    made.write_text(text.replace("<actuator>", f"{NOISE}<actuator>"), encoding="utf-8")
+    return made
+
+
+@pytest.fixture(scope="module")
+def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the scenario of built-in plants."""
+    return write(tmp_path_factory.mktemp("scenario") / "cars.xml")
+
+
+@pytest.fixture(scope="module")
+def whole(built_in: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of its run in one piece."""
+    out = tmp_path_factory.mktemp("whole")
+    assert main(["run", str(built_in), "--out", str(out), *LEAST]) == 0
+    return out / "cars"
+
+
+@pytest.fixture(scope="module")
+def ten(built_in: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a run that was left at 0.5 s, with one more checkpoint before that."""
+    out = tmp_path_factory.mktemp("left")
+    assert main(["run", str(built_in), "--out", str(out), "--until", "0.2 s", *LEAST]) == 0
+    assert main(["resume", str(out / "cars"), "--until", "0.5 s", *LEAST]) == 0
+    return out / "cars"
+
+
+@pytest.fixture
+def left(ten: Path, tmp_path: Path) -> Path:
+    """Return a copy of it."""
+    return shutil.copytree(ten, tmp_path / "runs" / "cars")
+
+
+# The same bits ----------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_left_goes_on_to_the_same_files(
+    left: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    attributes = load(left / "result.nc").attrs
+    assert attributes["status"] == "incomplete"
+    assert json.loads(attributes["failure"])["message"] == "left as asked"
+    printed, _ = command(capsys, "resume", left, *LEAST)
+    assert "resumed at 0.2 s and at 0.5 s" in printed
+    assert not list(differences(whole, left, tmp_path))
+    parts = json.loads((left / "summary.json").read_text())["parts"]
+    assert [part["until"] for part in parts] == [0.2, 0.5]
+    told = failed(capsys, 2, "resume", str(left), *LEAST)
+    assert f"the run in {left} has reached its end at 1 s: --at TIME goes on from an earlier moment" in told
+
+
+def test_status_and_words_of_a_run_that_is_left(
+    built_in: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    junit = tmp_path / "verdicts.xml"
+    printed, errors = command(capsys, "run", built_in, "--out", tmp_path, "--until", "0.3 s", "--junit", junit, *LEAST)
+    assert "left at 0.3 s of 1 s, as asked; nothing is judged yet" in printed
+    assert f"formation resume {tmp_path / 'cars'} goes on from 0.3 s" in printed
+    assert "ended early" not in errors
+    assert '<skipped message="left as asked at t = 0.3 s"/>' in junit.read_text()
+    printed, _ = command(capsys, "show", tmp_path / "cars")
+    assert "left as asked at t = 0.3 s: nothing is judged yet" in printed
+
+
+def test_a_resumed_run_ends_with_the_status_of_its_verdicts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "low.xml", more=EXPECT.replace("1 km", "1 mm"))
+    command(capsys, "run", path, "--out", tmp_path, "--until", "0.3 s", *LEAST)
+    command(capsys, "resume", tmp_path / "low", *LEAST, status=1)
+
+
+@pytest.mark.parametrize("isolate", ["", ' isolate="process"'], ids=["supervised", "isolated"])
+def test_a_run_of_a_foreign_fmu_that_is_killed_goes_on_to_the_same_files(tmp_path: Path, isolate: str) -> None:
+    fmu = make_fmu(tmp_path / "fmus", name="car", save=True, end_stop=0.2, time_event=True)
+    event = EVENT.replace("m_c", "a").replace("30 kg", "1.3 m")
+    path = write(tmp_path / "foreign.xml", f'<plant id="car" fmu="{fmu}"{isolate}/>', more=event)
+    bench = Bench(path, tmp_path / "bench")
+    assert not list(bench.killed_at(31, after=0.01))
+
+
+def test_a_run_of_built_in_plants_that_is_killed_goes_on_to_the_same_files(built_in: Path, tmp_path: Path) -> None:
+    bench = Bench(built_in, tmp_path / "bench")
+    for tick in (1, 34, 49):
+        assert not list(bench.killed_at(tick, after=0.0))
+
+
+def test_what_an_fmu_logs_of_being_saved_is_no_part_of_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = make_fmu(tmp_path, name="car", save=True, behaviour="log_odd", when=0.4)
+    path = write(tmp_path / "talks.xml", f'<plant id="car" fmu="{fmu}"/>', more="")
+    command(capsys, "run", path, "--out", tmp_path / "whole", *LEAST)
+    command(capsys, "run", path, "--out", tmp_path / "parts", "--until", "0.6 s", *LEAST)
+    command(capsys, "resume", tmp_path / "parts" / "talks", *LEAST)
+    assert not list(differences(tmp_path / "whole" / "talks", tmp_path / "parts" / "talks", tmp_path))
+
+
+def test_an_interrupted_run_says_how_it_goes_on(built_in: Path, whole: Path, tmp_path: Path) -> None:
+    run = ["run", str(built_in), "--out", str(tmp_path), "--checkpoint", "every=0.1s", "--pace", "0.3", *LEAST]
+    process = subprocess.Popen([sys.executable, "-m", "cosim", *run], stdout=subprocess.PIPE, text=True)
+    give_up = time.monotonic() + 60.0
+    while not (tmp_path / "cars" / FOLDER / name_of(5)).exists():
+        assert time.monotonic() < give_up
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    printed, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert f"formation resume {tmp_path / 'cars'} goes on from 0." in printed
+    assert main(["resume", str(tmp_path / "cars"), *LEAST]) == 0
+    assert not list(differences(whole, tmp_path / "cars", tmp_path))
+
+
+# Branches ---------------------------------------------------------------------------------------------------
+
+
+def test_a_branch_keeps_the_run_and_tells_of_both_parts(
+    left: Path, whole: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command(capsys, "resume", left, *LEAST)
+    before = (left / "result.nc").read_bytes()
+    setting = "//follower[@id='follower_1']/desired/@range=3 m"
+    printed, errors = command(capsys, "resume", left, "--at", "0.4 s", "--set", setting, *LEAST)
+    place = next(path for path in left.parent.iterdir() if path != left)
+    assert "at=0.4_s" in place.name
+    assert f"results in {place}/" in printed
+    assert "running from 0.2 s to 0.4 s, where there is no checkpoint" in errors
+    assert (left / "result.nc").read_bytes() == before
+    unbroken, branch = load(whole / "result.nc"), load(place / "result.nc")
+    assert unbroken.isel(time=slice(0, 20)).identical(branch.isel(time=slice(0, 20))) is False  # but for attributes:
+    for name in unbroken.data_vars:
+        one, other = (np.asarray(result[name].isel(time=slice(0, 20))) for result in (unbroken, branch))
+        assert one.tobytes() == other.tobytes(), name
+    assert branch.desired_range.values[19, 0] != branch.desired_range.values[20, 0] == 3.0
+    assert not np.array_equal(unbroken.pose[25:], branch.pose[25:])
+    assert branch.attrs["status"] == "completed"
+    parts = json.loads(branch.attrs["parts"])
+    assert parts[-1]["until"] == 0.4
+    assert parts[-1]["changes"] == []
+    assert 'range="2 m"' in parts[-1]["scenario"]
+    assert json.loads(branch.attrs["changes"]) == [f'--set "{setting}"']
+
+
+def test_a_parameter_that_a_branch_changes_changes_as_by_an_event(
+    left: Path, built_in: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    to = tmp_path / "heavy"
+    setting = "//plant/parameter[@name='m_c']/@value=35 kg"
+    command(capsys, "resume", left, "--set", setting, "--out", to, *LEAST)
+    other = write(tmp_path / "cars.xml", more=f"{EVENT.replace('0.7', '0.5').replace('30', '35')}{MORE}")
+    other.write_text(other.read_text().replace('robots="follower_1"', 'robots="leader follower_1"', 1))
+    result = cosim.run(other)
+    branch = load(to / "result.nc")
+    for name in ("pose", "leader_pose", "torque"):
+        assert branch[name].values.tobytes() == result[name].values.tobytes()
+
+
+def test_a_longer_horizon(left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command(capsys, "resume", left, "--horizon", "1.4 s", "--out", tmp_path / "longer", *LEAST)
+    assert load(tmp_path / "longer" / "result.nc").sizes["time"] == 71
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("simulation/@step=10 ms", "the step cannot change in the course of a run: run the scenario from its start"),
+        ("simulation/@horizon=0.4 s", "the run is at 0.5 s, which is after its new end at 0.4 s"),
+        ("//controller/@name=neural-high-gain", "the controller of follower_1 cannot change in the course of a run"),
+        ("//delay/@time=60 ms", "<delay> cannot be added or changed in the course of a run: it depends on earlier"),
+        ("//parameter[@name='wheelbase']/@value=1 m", "has no parameter 'wheelbase'"),
+    ],
+)
+def test_changes_that_cannot_be(left: Path, change: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if "wheelbase" in change:
+        change = "//plant/parameter[@name='wheelbase']/@value=1 m"
+    assert said in failed(capsys, 2, "resume", str(left), "--set", change, *LEAST)
+    assert sorted(path.name for path in left.parent.iterdir()) == ["cars"]
+
+
+# Bad input --------------------------------------------------------------------------------------------------
+
+
+def altered(path: Path, change: Callable[[dict[str, object]], None]) -> None:
+    """Change the origin of a checkpoint, with a checksum that is right."""
+    file = CheckpointFile(path)
+    arrays = {name: file.array(name) for name in file.names}
+    origin = json.loads(arrays["origin"].tobytes())
+    change(origin)
+    arrays["origin"] = np.frombuffer(json.dumps(origin).encode(), np.uint8)
+    write_checkpoint(path, file.facts, arrays)
+
+
+def test_a_folder_without_checkpoints(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f"there is no folder {tmp_path / 'no'}" in failed(capsys, 2, "resume", str(tmp_path / "no"))
+    said = f"{whole} holds no checkpoint: formation run --checkpoint every=TIME writes some"
+    assert said in failed(capsys, 2, "resume", str(whole))
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "flip", "append"])
+def test_a_damaged_checkpoint_names_the_one_before(
+    left: Path, whole: Path, damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    last = left / FOLDER / name_of(25)
+    data = bytearray(last.read_bytes())
+    if damage == "flip":
+        data[len(data) // 2] ^= 4
+    last.write_bytes({"cut": data[:-100], "empty": b"", "flip": data, "append": data + b"x"}[damage])
+    told = failed(capsys, 2, "resume", str(left), *LEAST)
+    assert str(last) in told
+    assert "the one before is at 0.2 s: --at '0.2 s'" in told
+    assert (left / "result.nc").exists()
+    command(capsys, "resume", left, "--at", "0.2 s", *LEAST)
+    assert not list(differences(whole, left, tmp_path))
+
+
+def test_every_flipped_bit_is_noticed(left: Path) -> None:
+    path = left / FOLDER / name_of(10)
+    data = path.read_bytes()
+    random = np.random.default_rng(1)
+    for place in random.integers(0, len(data), 60).tolist():
+        flipped = bytearray(data)
+        flipped[place] ^= 1 << int(random.integers(8))
+        path.write_bytes(flipped)
+        with pytest.raises(cosim.InputError, match=str(path)):
+            CheckpointFile(path)
+
+
+def test_another_format(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    last = left / FOLDER / name_of(25)
+    last.write_bytes(last.read_bytes().replace(b"formation checkpoint 1", b"formation checkpoint 7", 1))
+    assert f"{last} was written by another version of Formation" in failed(capsys, 2, "resume", str(left))
+
+
+def test_other_versions(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def older(origin: dict) -> None:  # type: ignore[type-arg]
+        origin["versions"]["numpy"] = "1.0"
+
+    altered(left / FOLDER / name_of(25), older)
+    told = failed(capsys, 2, "resume", str(left))
+    assert f"was written with numpy 1.0 (here {np.__version__}): the run could not go on with the same bits" in told
+
+
+def test_a_law_of_another_version(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def older(origin: dict) -> None:  # type: ignore[type-arg]
+        origin["laws"]["law"][1] = "0.0.9"
+
+    altered(left / FOLDER / name_of(25), older)
+    told = failed(capsys, 2, "resume", str(left))
+    assert "the controller 'law' comes from formation-controllers 0.1.0, in the checkpoint" in told
+    assert "from formation-controllers 0.0.9: install that version" in told
+
+
+def test_a_scenario_that_was_edited_since(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "cars.xml")
+    command(capsys, "run", path, "--out", tmp_path, "--until", "0.3 s", *LEAST)
+    path.write_text(path.read_text().replace("-2 m", "-2.5 m"))
+    told = failed(capsys, 2, "resume", str(tmp_path / "cars"))
+    assert f"{path} was edited since the checkpoint" in told
+    assert load(tmp_path / "cars" / "result.nc").sizes["time"] == 15
+
+
+def test_an_fmu_that_was_replaced_since(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = make_fmu(tmp_path, name="car", save=True)
+    path = write(tmp_path / "cars.xml", f'<plant id="car" fmu="{fmu}"/>', more="")
+    command(capsys, "run", path, "--out", tmp_path, "--until", "0.3 s", *LEAST)
+    os.replace(make_fmu(tmp_path / "other", name="car", save=True, fillers=3), fmu)
+    told = failed(capsys, 2, "resume", str(tmp_path / "cars"))
+    assert "the plant 'car' is not the one of the checkpoint" in told
+    assert "the FMU car.fmu had the SHA-256 " in told
+    assert load(tmp_path / "cars" / "result.nc").sizes["time"] == 15
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_an_fmu_without_saved_states_is_refused_at_the_start(
+    tmp_path: Path, declared: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = make_fmu(tmp_path, name="car", save=True) if declared else make_fmu(tmp_path, name="car")
+    if declared:  # and does not do what its description says
+        from tests.fmus import rewritten
+
+        fmu = rewritten(make_fmu(tmp_path / "without", name="car"), tmp_path / "lies" / "car.fmu", _LIE)
+    path = write(tmp_path / "cars.xml", f'<plant id="car" fmu="{fmu}"/>', more="")
+    told = failed(capsys, 2, "run", str(path), "--out", str(tmp_path), "--checkpoint", "every=0.2s", *LEAST)
+    said = "the plant car.fmu cannot save its state: " if declared else "the FMU car.fmu cannot save its state (its "
+    assert f"leader: {said}" in told
+    assert "it can be run again from the start up to any moment, with the same bits" in told
+    assert not (tmp_path / "cars" / FOLDER).exists()
+
+
+_LIE = tuple(f'canGetAndSetFMUstate="{said}" canSerializeFMUstate="{said}"' for said in ("false", "true"))
+
+
+def test_two_commands_in_one_folder(left: Path, built_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with HeldFolder(left / FOLDER):
+        told = failed(capsys, 2, "resume", str(left), *LEAST)
+        assert f"{left / FOLDER} is in use by another command: wait until it ends" in told
+        told = failed(capsys, 2, "run", str(built_in), "--out", str(left.parent), *LEAST)
+        assert f"{left / FOLDER} is in use by another command: wait until it ends" in told
+    assert load(left / "result.nc").sizes["time"] == 25
+
+
+def test_a_full_disk_costs_no_run(
+    built_in: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(checkpoint_file, "write_all", full)
+    _, errors = command(capsys, "run", built_in, "--out", tmp_path, "--checkpoint", "every=0.1s", "--pace", "5", *LEAST)
+    assert "the last checkpoint was not written: the checkpoint " in errors
+    assert "cannot be written: No space left on device" in " ".join(errors.split())
+    assert (tmp_path / "cars" / "result.nc").read_bytes() == (whole / "result.nc").read_bytes()
+    assert not (tmp_path / "cars" / FOLDER).exists()
+    with cosim.Simulation(cosim.read_scenario(built_in)) as simulation:
+        simulation.step()
+        with pytest.raises(OutputError, match="No space left on device"):
+            simulation.save(tmp_path / "there" if (tmp_path / "there").mkdir() else tmp_path / "saved")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--checkpoint", "10s"], "--checkpoint 10s: expected every=TIME, such as every=10s"),
+        (["--checkpoint", "every=10"], "--checkpoint every=10: '10': the unit is missing"),
+        (["--checkpoint", "every=-1s"], "--checkpoint every= -1s: expected a time after 0 s"),
+        (["--checkpoint", "every=0.03s"], "falls between two ticks, which are 0.02 s apart"),
+        (["--until", "2 s"], "--until 2 s: expected a time after 0 s and not after the end at 1 s"),
+        (["--until", "0.41 s"], "falls between two ticks"),
+    ],
+)
+def test_options_that_make_no_sense(
+    built_in: Path, tmp_path: Path, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said in failed(capsys, 2, "run", str(built_in), "--out", str(tmp_path), *options, *LEAST)
+
+
+def test_a_new_run_takes_the_checkpoints_of_the_one_before_away(
+    left: Path, built_in: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command(capsys, "run", built_in, "--out", left.parent, "--set", "simulation/@seed=2", *LEAST)
+    assert not (left / FOLDER).exists()
+    kept = left.with_name("cars+unchanged")
+    assert len(list((kept / FOLDER).glob("*.checkpoint"))) == 2
+    command(capsys, "resume", kept, *LEAST)
+    command(capsys, "run", built_in, "--out", left.parent, "--until", "0.5 s", "--set", "simulation/@seed=2", *LEAST)
+    assert not (left / CHECKPOINTS_BEFORE).exists()
+
+
+# From Python ------------------------------------------------------------------------------------------------
+
+
+def test_a_simulation_is_saved_and_loaded(short_line: Scenario, tmp_path: Path) -> None:
+    with cosim.Simulation(short_line) as simulation:
+        for _ in range(20):
+            simulation.step()
+        simulation.save(tmp_path / "at_20")
+        expected = simulation.run()
+    with cosim.Simulation.load(tmp_path / "at_20") as loaded:
+        assert loaded.tick == 20
+        result = loaded.run()
+    assert json.loads(result.attrs.pop("parts"))[0]["until"] == 0.4
+    assert expected.identical(result)
+
+
+def test_a_fork_goes_on_by_itself(short_line: Scenario) -> None:
+    with cosim.Simulation(short_line) as simulation:
+        simulation.step()
+        simulation.step()
+        with simulation.fork() as same, simulation.fork(["//follower[1]/desired/@range=1 m"]) as other:
+            simulation.step()
+            assert (simulation.tick, same.tick, other.tick) == (3, 2, 2)
+            results = [one.run() for one in (simulation, same, other)]
+    assert results[0].drop_attrs().identical(results[1].drop_attrs())
+    assert not np.array_equal(results[0].pose, results[2].pose)
+    assert np.array_equal(results[0].pose[:2], results[2].pose[:2])
+
+
+def test_a_simulation_is_saved_before_its_first_tick(short_line: Scenario, tmp_path: Path) -> None:
+    with cosim.Simulation(short_line) as simulation:
+        simulation.save(tmp_path / "start")
+        expected = simulation.run()
+        assert simulation.finished
+        simulation.save(tmp_path / "end")
+    with pytest.raises(cosim.InputError, match="the run cannot be saved: it is closed"):
+        simulation.save(tmp_path / "closed")
+    for name in ("start", "end"):
+        with cosim.Simulation.load(tmp_path / name) as loaded:
+            result = loaded.run()
+        result.attrs.pop("parts")
+        assert expected.identical(result)
