@@ -23,9 +23,10 @@ def lock(file: FileIO, path: Path, remedy: str = "wait until it ends, or give an
         return
     import fcntl
 
+    held = False
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(f"{path} is in use by another command: {remedy}") from None
-    except OSError:  # a file system without locks
-        pass
+    except OSError as error:  # others come from a file system without locks
+        held = isinstance(error, BlockingIOError)
+    if held:  # raised here, it is not taken for something that the machine lacks
+        raise InputError(f"{path} is in use by another command: {remedy}")

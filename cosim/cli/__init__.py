@@ -178,7 +178,7 @@ def _parser() -> Parser:
         metavar="XPATH=VALUE",
         help="from there on, set the attribute or text that an XPath selects; the result goes to a folder of its own",
     )
-    resume.add_argument("--horizon", metavar="TIME", help="another end of the run, such as '200 s'")
+    resume.add_argument("--horizon", metavar="TIME", help="an earlier end of the run, such as '60 s'")
     resume.add_argument(
         "--no-expectations", dest="expectations", action="store_false", help="leave out all expectations"
     )

@@ -58,6 +58,8 @@ def set_aside(
     """
     if not folder.is_dir():
         return None
+    if checkpoints and (folder / FOLDER).is_dir():
+        HeldFolder(folder / FOLDER).close()  # before anything is moved
     if not (folder / RESULT).exists():  # the last run has left none: the one before has not been replaced
         with suppress(FileNotFoundError):
             os.replace(folder / BEFORE, folder / RESULT)

@@ -14,7 +14,7 @@ from cosim.cli.ending import ended_by
 from cosim.cli.run import run_one, status_of_run
 from cosim.errors import InputError
 from cosim.master.checkpoint import Checkpoint
-from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest
+from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest, readable
 from cosim.master.foreign import for_whole_run
 from cosim.master.setup import set_up
 from cosim.master.supervised import whole_run
@@ -46,7 +46,7 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
     """Return the course that the run takes from now on, with its scenario."""
     folder: Path = options.folder
     checkpoints = (folder / FOLDER).absolute()
-    found = latest(checkpoints)
+    found = latest(checkpoints) if options.at is None else readable(checkpoints)
     if found is None:
         raise InputError(_nothing(folder))
     found.origin.check_surroundings(found.path)

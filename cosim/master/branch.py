@@ -5,6 +5,10 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 
+import formation_controllers as fc
+import numpy as np
+from numpy.typing import NDArray
+
 from cosim.errors import InputError
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.checkpoint import Start
@@ -13,6 +17,7 @@ from cosim.master.robot_events import check_tunable
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.scenario.scenario import Scenario
+from cosim.storage import Storage
 
 
 def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
@@ -28,12 +33,17 @@ def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
     Raises
     ------
     InputError
-        It has another structure, or ends before the tick.
+        It has another structure, or ends before the tick, or later than the one before.
     """
     there, here = _shared(before), _shared(scenario)
     for what in dict.fromkeys((*there, *here)):
         if there.get(what) != here.get(what):
             raise InputError(f"{what} cannot change in the course of a run: run the scenario from its start")
+    if scenario.ticks > before.ticks:
+        raise InputError(
+            f"the end of a run cannot be put off from {before.horizon:g} s to {scenario.horizon:g} s in its course, "
+            "because its FMUs were told the end at the start: run the scenario from its start"
+        )
     if tick > scenario.ticks:
         raise InputError(
             f"the run is at {tick * scenario.step:g} s, which is after its new end at {scenario.horizon:g} s"
@@ -68,7 +78,13 @@ def branched(setup: Setup, scenario: Scenario, start: Start) -> Setup:
         _changed(one, earlier, tick)
         for one, earlier in zip((setup.leader, *setup.followers), (before.leader, *before.followers), strict=True)
     ]
-    return replace(setup, leader=robots[0], followers=tuple(robots[1:]))
+    desired = fc.Desired(
+        *(
+            _spliced(one, earlier, tick, setup.storage)
+            for one, earlier in zip(setup.desired, before.desired, strict=True)
+        )
+    )
+    return replace(setup, leader=robots[0], followers=tuple(robots[1:]), desired=desired)
 
 
 def _shared(scenario: Scenario) -> dict[str, object]:
@@ -78,6 +94,17 @@ def _shared(scenario: Scenario) -> dict[str, object]:
     del shared["the horizon"]
     laws = {name: (law.name, law.package) for name, law in scenario.controllers.items()}
     return shared | {f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers}
+
+
+def _spliced(
+    course: NDArray[np.float64], before: NDArray[np.float64], tick: int, storage: Storage
+) -> NDArray[np.float64]:
+    """Return a course (ticks + 1, ...) with the values of another one before a tick."""
+    if np.array_equal(course[:tick], before[:tick]):
+        return course
+    found = storage.empty(course.shape)
+    found[:tick], found[tick:] = before[:tick], course[tick:]
+    return found
 
 
 def _changed(robot: RobotSetup, before: RobotSetup, tick: int) -> RobotSetup:

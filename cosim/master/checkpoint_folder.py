@@ -51,6 +51,14 @@ def latest(folder: Path, tick: int | None = None) -> Checkpoint | None:
         raise InputError(f"{error.message}{hint}") from None
 
 
+def readable(folder: Path) -> Checkpoint | None:
+    """Return the last checkpoint in a folder that can be read; None if there is none."""
+    for tick in reversed(ticks_in(folder)):
+        with suppress(InputError):
+            return Checkpoint(folder / name_of(tick))
+    return None
+
+
 def _step(path: Path) -> float:
     """Return the communication step of a checkpoint's run [s]; zero if it is damaged."""
     with suppress(InputError):
