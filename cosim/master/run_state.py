@@ -37,6 +37,8 @@ class RunState:
         What their effects remember, with the streams that they draw from; see `cosim.signals.chain.Chain.saved`.
     laws : tuple of bytes
         The state of each team's law; empty before the first tick.
+    signals : tuple of ndarray
+        The signals of each team's law at its last step.
     fleet : FleetState
         The plants.
     """
@@ -46,6 +48,7 @@ class RunState:
     sensors: ChainState
     actuators: ChainState
     laws: tuple[bytes, ...]
+    signals: tuple[Floats, ...]
     fleet: FleetState
 
     def to_parts(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -64,6 +67,7 @@ class RunState:
                 arrays[f"{name}/{element}"] = memory
                 arrays[f"{name}/{element}/streams"] = streams.states
         arrays |= _joined("laws", [np.frombuffer(law, np.uint8) for law in self.laws])
+        arrays |= _joined("signals", list(self.signals))
         arrays |= _joined("plants/fmu", [np.frombuffer(plant.fmu, np.uint8) for plant in fleet.plants])
         for name in _NUMBERS:
             arrays |= _joined(f"plants/{name}", [np.array(getattr(plant, name), np.float64) for plant in fleet.plants])
@@ -80,6 +84,7 @@ class RunState:
             sensors=_chain("sensors", facts, arrays),
             actuators=_chain("actuators", facts, arrays),
             laws=tuple(law.tobytes() for law in _split("laws", arrays)),
+            signals=tuple(_split("signals", arrays)),
             fleet=FleetState(
                 plants=tuple(_plants(arrays)),
                 messages=tuple(map(str, facts["messages"])),

@@ -149,7 +149,7 @@ class Simulation:
             )
             if start is not None:
                 start.fill(recorder)
-                self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed)
+                self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed, here=here)
             if checkpoints is not None:
                 checkpoints.try_out(self._ticks.saved)
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)

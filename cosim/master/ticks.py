@@ -191,10 +191,11 @@ class Ticks:
             sensors=self._sensors.saved(),
             actuators=self._actuators.saved(),
             laws=tuple(team.to_bytes(time) for team in self._teams) if self.tick > 0 else (),
+            signals=tuple(team.telemetry(time).copy() for team in self._teams),
             fleet=self._fleet.saved(time),
         )
 
-    def restore(self, state: RunState, *, same_seed: bool = True) -> None:
+    def restore(self, state: RunState, *, same_seed: bool = True, here: bool = True) -> None:
         """Go on from a state of a run with the same structure, in place of the first tick.
 
         Parameters
@@ -203,6 +204,8 @@ class Ticks:
             The state; its earlier ticks are recorded already.
         same_seed
             Whether that run had the same seed; otherwise noise begins anew.
+        here
+            Whether the laws are called in this process.
 
         Raises
         ------
@@ -221,8 +224,9 @@ class Ticks:
                     raise InputError(
                         f"<{error}> cannot be added or changed in the course of a run: it depends on earlier ticks"
                     ) from None
-            for team, law in zip(self._teams, state.laws, strict=True):
+            for team, law, signals in zip(self._teams, state.laws, state.signals, strict=True) if here else ():
                 team.from_bytes(law, tick * step)
+                team.telemetry(tick * step)[:] = signals
             for name, values in state.numbers.items():
                 getattr(self._now, name)[:] = values
         self.tick = self.recorder.recorded = tick
