@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 
-import formation_controllers as fc
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,12 +77,8 @@ def branched(setup: Setup, scenario: Scenario, start: Start) -> Setup:
         _changed(one, earlier, tick)
         for one, earlier in zip((setup.leader, *setup.followers), (before.leader, *before.followers), strict=True)
     ]
-    desired = fc.Desired(
-        *(
-            _spliced(one, earlier, tick, setup.storage)
-            for one, earlier in zip(setup.desired, before.desired, strict=True)
-        )
-    )
+    courses = zip(setup.desired, before.desired, strict=True)
+    desired = type(setup.desired)(*(_spliced(one, earlier, tick, setup.storage) for one, earlier in courses))
     return replace(setup, leader=robots[0], followers=tuple(robots[1:]), desired=desired)
 
 
