@@ -57,6 +57,9 @@ class Sampled:
         and the functions `model_start` and `model_tick`. config.h gives them the place of each variable in its array.
     last : int or None
         The last tick that the model can compute, as its courses over time end there; None if they do not.
+    late : bool
+        Whether the outputs of a tick come with the step that leads on from it, so that they are one step late under
+        every master; they are zero before, and the first tick takes the inputs as they are after initialisation.
     stop : float
         How long a run of it lasts as a rule [s].
     inputs, parameters, outputs : sequence of Port
@@ -72,6 +75,7 @@ class Sampled:
     step: float
     sources: Mapping[str, str]
     last: int | None = None
+    late: bool = False
     stop: float = 10.0
     inputs: Sequence[Port] = ()
     parameters: Sequence[Port] = ()

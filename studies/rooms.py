@@ -28,6 +28,7 @@ CONTENT = {
     "compare": "two plants, same torques",
     "live": "a run on a page, as it goes on",
     "report": "the page that shows runs",
+    "ssp": "the formation as a system of FMUs",
     "recordings": "recorded drives, judged",
     "export": "results for other tools",
     "master": "set-up, step loop, recorder",

@@ -112,6 +112,7 @@ _COMMANDS = {
     "show": "cosim.cli.show.show",
     "report": "cosim.cli.reporting.report",
     "export": "cosim.cli.exporting.export",
+    "import": "cosim.cli.importing.import_system",
     "judge": "cosim.cli.judging.judge",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
@@ -236,8 +237,17 @@ def _parser() -> Parser:
         help="file of the page (report.html beside the result; of several, here)",
     )
 
-    export = command("export", "write a finished run for other tools: MCAP of ROS 2, CSV, MATLAB, moving pictures")
-    export.add_argument("result", type=Path, metavar="RESULT.nc", help="a result, or the folder of a run")
+    export = command(
+        "export",
+        "write a finished run for other tools: MCAP of ROS 2, CSV, MATLAB, moving pictures; or a scenario as FMUs for "
+        "other masters: SSP",
+    )
+    export.add_argument(
+        "result",
+        type=Path,
+        metavar="RESULT.nc",
+        help="a result, or the folder of a run; with --ssp or --fmu a scenario",
+    )
     export.add_argument(
         "--out",
         action="append",
@@ -258,6 +268,22 @@ def _parser() -> Parser:
     film.add_argument("--speed", type=float, metavar="FACTOR", help="times real time (it lasts about 12 s)")
     film.add_argument("--fps", type=float, default=20.0, metavar="NUMBER", help="frames per second (20)")
     film.add_argument("--size", default="800x450", metavar="WxH", help="width and height in pixels (800x450)")
+
+    system = export.add_argument_group("scenarios for other masters")
+    system.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="write the scenario as a system of FMUs")
+    system.add_argument("--ssp-version", choices=["1.0", "2.0"], default="1.0", help="version of SSP (1.0)")
+    system.add_argument("--fmu", type=Path, metavar="FILE.fmu", help="write the whole formation as one FMU")
+    _add_changes(system)
+
+    load = command("import", "make a scenario of an SSP, a system of FMUs")
+    load.add_argument("ssp", type=Path, metavar="FILE.ssp")
+    load.add_argument(
+        "--out",
+        type=Path,
+        metavar="NAME.xml",
+        help="file of the scenario (here, named after the SSP); its FMUs and bindings go to NAME_files/ beside it",
+    )
+    load.add_argument("--force", action="store_true", help="overwrite files")
 
     judge = command("judge", "judge a recorded drive by the expectations of a scenario")
     judge.add_argument(
@@ -413,7 +439,7 @@ def _add_scenarios(command: argparse.ArgumentParser) -> None:
     _add_changes(command)
 
 
-def _add_changes(command: argparse.ArgumentParser) -> None:
+def _add_changes(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     command.add_argument(
         "--set",
         action="append",

@@ -1,4 +1,4 @@
-"""``formation export``: a finished run as files of other tools, from its result."""
+"""``formation export``: a finished run as files of other tools, or a scenario as FMUs for other masters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from cosim.cli.console import out, safe
+from cosim.cli.console import out, safe, taking_a_while, warn
+from cosim.cli.named_scenarios import read
 from cosim.errors import InputError
 from cosim.export.formats import export_result, format_of, usable
 from cosim.quantity import quantity
@@ -15,7 +16,10 @@ from cosim.results.result import Result
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write a result in each format that is asked for."""
+    """Write a result in each format that is asked for, or a scenario as a system of FMUs."""
+    if options.ssp is not None or options.fmu is not None:
+        return _export_scenario(options)
+    _check_no_changes(options)
     paths: list[Path] = options.out or [_usual_place(options.result)]
     for path in paths:
         format_of(path)
@@ -32,6 +36,60 @@ def export(options: argparse.Namespace) -> int:
         export_result(result, path, options.start_time, **film)
         out().print(safe(f"{path}: {format_of(path).about}"), soft_wrap=True)
     return 0
+
+
+def _export_scenario(options: argparse.Namespace) -> int:
+    """Write a scenario as an SSP, as one FMU, or as both."""
+    from cosim.ssp.exported import export_fmu, export_ssp
+
+    if options.out:
+        raise InputError("--out writes a result, --ssp and --fmu a scenario: give one of them")
+    for path, option, ending in ((options.ssp, "--ssp", ".ssp"), (options.fmu, "--fmu", ".fmu")):
+        if path is not None:
+            if path.suffix != ending:
+                raise InputError(f"{option} {path}: name a file that ends in {ending}")
+            writable_file(path, option)
+    scenario = read(options.result, options)
+    notes: dict[str, None] = {}
+    if options.ssp is not None:
+        with taking_a_while(f"building the FMUs of {options.result}"):
+            found = export_ssp(scenario, options.ssp, version=options.ssp_version)
+        notes |= dict.fromkeys(found)
+        out().print(safe(f"{options.ssp}: SSP {options.ssp_version}, {scenario.horizon:g} s"), soft_wrap=True)
+        out().print(safe(_late(scenario.step)), soft_wrap=True)
+    if options.fmu is not None:
+        with taking_a_while(f"building the FMUs of {options.result}"):
+            notes |= dict.fromkeys(export_fmu(scenario, options.fmu))
+        out().print(safe(f"{options.fmu}: one FMU with the whole formation"), soft_wrap=True)
+        if options.ssp is None:
+            out().print(safe(_late(scenario.step)), soft_wrap=True)
+    for note in notes:
+        warn(note)
+    return 0
+
+
+def _late(step: float) -> str:
+    return (
+        f"the torques act one communication step late, under every master: compare with a run that has "
+        f'<delay time="{step:g} s"/> in its <actuator>'
+    )
+
+
+def _check_no_changes(options: argparse.Namespace) -> None:
+    """Refuse options that change a scenario where a result is exported."""
+    given = {
+        "--set": options.set,
+        "--seed": options.seed is not None,
+        "--horizon": options.horizon is not None,
+        "--no-expectations": not options.expectations,
+        "--plant": options.plant,
+        "--binding": options.binding,
+        "--untrusted": options.untrusted,
+        "--controller": options.controller,
+    }
+    for option, is_given in given.items():
+        if is_given:
+            raise InputError(f"{option} changes a scenario, which --ssp or --fmu exports; a result stays as it is")
 
 
 def _usual_place(result: Path) -> Path:

@@ -44,7 +44,9 @@ formation report runs/clmr_line+seed=2 runs/clmr_line --out compared.html""",
     "export": """\
 formation export runs/clmr_line
 formation export runs/clmr_line --out drive.csv --out drive.mat
-formation export runs/clmr_line --out drive.mcap --start-time 2026-05-04T09:30:00Z""",
+formation export runs/clmr_line --out drive.mcap --start-time 2026-05-04T09:30:00Z
+formation export scenarios/clmr_line.xml --ssp clmr_line.ssp""",
+    "import": "formation import clmr_line.ssp --out mine.xml",
     "judge": """\
 formation judge drive.mcap --scenario scenarios/clmr_line.xml
 formation judge my_bag --scenario mine.xml --map my_robots.xml --out drives""",

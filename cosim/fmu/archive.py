@@ -1,4 +1,4 @@
-"""An FMU as it lies on the disk, an archive or the folder of an unpacked one: checked, and unpacked into a folder.
+"""An FMU or an SSP as it lies on the disk, an archive or the folder of an unpacked one: checked, and unpacked.
 
 Nothing gets out of that folder, and nothing gets in from elsewhere: entries that point outside and links are refused.
 """
@@ -14,6 +14,7 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -27,7 +28,6 @@ DESCRIPTION = "modelDescription.xml"
 READ = (DESCRIPTION, "sources/buildDescription.xml")
 """The files of an FMU that FMPy reads as XML."""
 _BLOCK = 2**16
-_DESCRIPTION = PurePosixPath(DESCRIPTION)
 MAX_UNPACKED_BYTES = 2 * 1024**3
 MAX_DESCRIPTION_BYTES = 64 * 1024**2
 MAX_FILES = 50_000
@@ -35,33 +35,58 @@ MAX_TAGS = 2_000_000
 """Beginnings and ends of elements in a model description."""
 
 
-def unpack(path: Path, directory: Path, where: Location | None = None) -> str:
-    """Unpack an FMU into an empty folder and return its SHA-256.
+@dataclass(frozen=True)
+class Sort:
+    """A sort of archive.
+
+    Attributes
+    ----------
+    name : str
+        Its name in messages.
+    main : str
+        The file at its top that describes it.
+    about : str
+        The name of that file in messages.
+    xml : tuple of str
+        Its files that are read as XML.
+    """
+
+    name: str
+    main: str
+    about: str
+    xml: tuple[str, ...]
+
+
+FMU = Sort("FMU", DESCRIPTION, "model description", READ)
+
+
+def unpack(path: Path, directory: Path, where: Location | None = None, sort: Sort = FMU) -> str:
+    """Unpack an FMU, or another sort of archive, into an empty folder and return its SHA-256.
 
     That of a folder is the one of its files' relative paths and checksums, in the order of the paths.
 
     Raises
     ------
     InputError
-        It is no FMU, leads outside, has a file in two versions, or is larger than any FMU; `where` asks for it.
+        It is no such archive, leads outside, has a file in two versions, or is larger than any; `where` asks for it.
     """
     try:
         if os.path.isdir(path):
-            sha256 = _copy(path, directory, where)
+            sha256 = _copy(path, directory, where, sort)
         elif os.path.exists(path) and not os.path.isfile(path):  # a pipe or a device may never end
-            raise InputError(f"the FMU {path} is not a regular file", where)
+            raise InputError(f"the {sort.name} {path} is not a regular file", where)
         else:
             with path.open("rb") as file:
                 sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-            _extract(path, directory, where)
+            _extract(path, directory, where, sort)
     except FileNotFoundError:
-        raise InputError(f"the FMU {path} cannot be read: {absent(path)}", where) from None
+        raise InputError(f"the {sort.name} {path} cannot be read: {absent(path)}", where) from None
     except OSError as error:
         what = f"unpacked into {directory.parent}" if lack_of(error) else "read"
-        raise InputError(f"the FMU {path} cannot be {what}: {error.strerror or error}", where) from None
-    for name in READ:
+        raise InputError(f"the {sort.name} {path} cannot be {what}: {error.strerror or error}", where) from None
+    for name in sort.xml:
         if (part := directory / name).is_file() and has_document_type(part.read_bytes()):
-            raise InputError(f"the FMU {path} declares a document type in its {name}", where)
+            raise InputError(f"the {sort.name} {path} declares a document type in its {name}", where)
     return sha256
 
 
@@ -130,24 +155,24 @@ class _Archive(io.FileIO):
         return data
 
 
-def _extract(path: Path, directory: Path, where: Location | None) -> None:
+def _extract(path: Path, directory: Path, where: Location | None, sort: Sort) -> None:
     try:
         with _Archive(path, "rb") as file, zipfile.ZipFile(file) as archive:
-            places = _places(path, archive, where)
-            _check_sizes(path, {place: entry.file_size for place, entry in places.items()}, where)
-            _write(archive, places.pop(_DESCRIPTION), directory / DESCRIPTION)
+            places = _places(path, archive, where, sort)
+            _check_sizes(path, {place: entry.file_size for place, entry in places.items()}, where, sort)
+            _write(archive, places.pop(PurePosixPath(sort.main)), directory / sort.main)
             try:
                 for place, entry in places.items():
                     _write(archive, entry, directory.joinpath(*place.parts))
             except _DAMAGED as error:
-                raise InputError(f"the FMU {path} cannot be unpacked: {error}", where) from None
+                raise InputError(f"the {sort.name} {path} cannot be unpacked: {error}", where) from None
     except _DAMAGED as error:
-        raise InputError(f"{path} is not an FMU: {error}", where) from None
+        raise InputError(f"{path} is not an {sort.name}: {error}", where) from None
     except OSError as error:
         if error.errno != errno.EINVAL:
             raise
         why = "its table of contents points outside of the file: bytes are missing, or the table is wrong"
-        raise InputError(f"{path} is not an FMU: {why}", where) from None
+        raise InputError(f"{path} is not an {sort.name}: {why}", where) from None
 
 
 def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
@@ -156,51 +181,58 @@ def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> No
         shutil.copyfileobj(source, file)
 
 
-def _places(path: Path, archive: zipfile.ZipFile, where: Location | None) -> dict[PurePosixPath, zipfile.ZipInfo]:
+def _places(
+    path: Path, archive: zipfile.ZipFile, where: Location | None, sort: Sort
+) -> dict[PurePosixPath, zipfile.ZipInfo]:
     """Return the files of an archive by where they belong."""
     places: dict[PurePosixPath, zipfile.ZipInfo] = {}
     for entry in archive.infolist():
         name = entry.filename.replace("\\", "/")  # as some tools write it on Windows
         place = PurePosixPath(name)
         if ".." in place.parts or place.is_absolute() or ":" in name:
-            raise InputError(f"the FMU {path} has the entry {entry.filename!r}, which leads outside of the FMU", where)
+            outside = f"has the entry {entry.filename!r}, which leads outside of the {sort.name}"
+            raise InputError(f"the {sort.name} {path} {outside}", where)
         if stat.S_ISLNK(entry.external_attr >> 16):
-            raise InputError(f"the FMU {path} has the symbolic link {entry.filename!r}, not a file", where)
+            raise InputError(f"the {sort.name} {path} has the symbolic link {entry.filename!r}, not a file", where)
         if entry.flag_bits & _ENCRYPTED:
-            raise InputError(f"{path} is not an FMU: its entry {entry.filename!r} is encrypted", where)
+            raise InputError(f"{path} is not an {sort.name}: its entry {entry.filename!r} is encrypted", where)
         if name.endswith("/"):  # a folder
             continue
         first = places.setdefault(place, entry)
         if (first.file_size, first.CRC) != (entry.file_size, entry.CRC):  # some tools add the same file again
-            raise InputError(f"the FMU {path} has the entry {str(place)!r} twice, with different content", where)
+            raise InputError(
+                f"the {sort.name} {path} has the entry {str(place)!r} twice, with different content", where
+            )
     return places
 
 
-def _check_sizes(path: Path, sizes: dict[PurePosixPath, int], where: Location | None) -> None:
-    if _DESCRIPTION not in sizes:
-        deeper = next((place for place in sizes if place.name == DESCRIPTION), None)
-        hint = "" if deeper is None else f", but {deeper}: an FMU has it at the top, so zip what is in {deeper.parent}/"
-        raise InputError(f"{path} is not an FMU: it holds no {DESCRIPTION}{hint}", where)
+def _check_sizes(path: Path, sizes: dict[PurePosixPath, int], where: Location | None, sort: Sort) -> None:
+    main = PurePosixPath(sort.main)
+    if main not in sizes:
+        deeper = next((place for place in sizes if place.name == sort.main), None)
+        at_top = f"an {sort.name} has it at the top"
+        hint = "" if deeper is None else f", but {deeper}: {at_top}, so zip what is in {deeper.parent}/"
+        raise InputError(f"{path} is not an {sort.name}: it holds no {sort.main}{hint}", where)
     if (unpacked := sum(sizes.values())) > MAX_UNPACKED_BYTES:
-        raise InputError(f"the FMU {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
+        raise InputError(f"the {sort.name} {path} would unpack to {unpacked / 1024**3:.1f} GiB", where)
     if len(sizes) > MAX_FILES:
-        raise InputError(f"the FMU {path} has {len(sizes)} files; at most {MAX_FILES} are unpacked", where)
-    if sizes[_DESCRIPTION] > MAX_DESCRIPTION_BYTES:
-        raise InputError(f"the FMU {path} has a model description of more than 64 MiB", where)
+        raise InputError(f"the {sort.name} {path} has {len(sizes)} files; at most {MAX_FILES} are unpacked", where)
+    if sizes[main] > MAX_DESCRIPTION_BYTES:
+        raise InputError(f"the {sort.name} {path} has a {sort.about} of more than 64 MiB", where)
 
 
 # Folders ----------------------------------------------------------------------------------------------------
 
 
-def _copy(path: Path, directory: Path, where: Location | None) -> str:
-    """Copy an unpacked FMU, so that later changes of its folder have no effect; return its checksum."""
-    if not (path / DESCRIPTION).exists():
-        raise InputError(f"the folder {path} is no unpacked FMU: it holds no {DESCRIPTION}", where)
+def _copy(path: Path, directory: Path, where: Location | None, sort: Sort) -> str:
+    """Copy an unpacked archive, so that later changes of its folder have no effect; return its checksum."""
+    if not (path / sort.main).exists():
+        raise InputError(f"the folder {path} is no unpacked {sort.name}: it holds no {sort.main}", where)
     files = dict(_files(path))
     for place, file in files.items():
         if not stat.S_ISREG(file.lstat().st_mode):
-            raise InputError(f"the FMU {path} has {str(place)!r}, which is no regular file", where)
-    _check_sizes(path, {place: file.stat().st_size for place, file in files.items()}, where)
+            raise InputError(f"the {sort.name} {path} has {str(place)!r}, which is no regular file", where)
+    _check_sizes(path, {place: file.stat().st_size for place, file in files.items()}, where, sort)
     total = hashlib.sha256()
     for place, file in files.items():
         target = directory.joinpath(*place.parts)

@@ -35,8 +35,19 @@ _OPTIONS: Mapping[str, Any] = {
 }
 
 
-def parsed(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element, Location]]:
+def parsed(
+    data: bytes, path: Path, what: str = "scenario", most: int = 0
+) -> tuple[etree._Element, dict[etree._Element, Location]]:
     """Return the root element of a file's content, and the place of each element, in their order.
+
+    Parameters
+    ----------
+    data, path
+        The content and its file.
+    what
+        What the file should be, for messages.
+    most
+        Upper limit for its elements; 0: that of a scenario.
 
     Raises
     ------
@@ -44,11 +55,11 @@ def parsed(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
         It is not well-formed, declares a document type, is nested too deeply, or has too many elements or attributes;
         with file, line and column.
     """
-    outline = _Outline(data, str(path))
+    outline = _Outline(data, str(path), what, most or MAX_ELEMENTS)
     begin, end = outline.begin, outline.end
     if outline.encoding.lower() != _UTF_8 or b"\0" in data:
         data = _transcoded(data)
-        again = _Outline(data, str(path))
+        again = _Outline(data, str(path), what, most or MAX_ELEMENTS)
         begin, end = again.begin, again.end
     root = etree.fromstring(data[begin:end], etree.XMLParser(**_OPTIONS))
     elements = list(root.iter("*"))
@@ -61,7 +72,8 @@ def parsed(data: bytes, path: Path) -> tuple[etree._Element, dict[etree._Element
 class _Outline:
     """What expat tells of a file: it is read when this is made, or refused."""
 
-    def __init__(self, data: bytes, file: str) -> None:
+    def __init__(self, data: bytes, file: str, what: str, most: int) -> None:
+        self._what, self._most = what, most
         self.places: list[Location] = []
         self.untidy: list[int] = []
         self.begin, self.end, self.encoding = 0, len(data), _UTF_8
@@ -94,9 +106,9 @@ class _Outline:
             self.begin = self._parser.CurrentByteIndex
         opened.append((name, place.line))
         if len(opened) > MAX_DEPTH:
-            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no scenario", place)
-        if len(places) >= MAX_ELEMENTS:
-            raise InputError(f"has more than {MAX_ELEMENTS} elements, so it is no scenario", place)
+            raise InputError(f"elements are nested more than {MAX_DEPTH} deep, so it is no {self._what}", place)
+        if len(places) >= self._most:
+            raise InputError(f"has more than {self._most} elements, so it is no {self._what}", place)
         if len(attributes) > MAX_ATTRIBUTES:
             raise InputError(f"the element has {len(attributes)} attributes; at most {MAX_ATTRIBUTES} are read", place)
         for value in attributes.values():
@@ -115,7 +127,7 @@ class _Outline:
         self.encoding = encoding or _UTF_8
 
     def _document_type(self, *_: object) -> None:
-        raise InputError("a scenario has no document type declaration (<!DOCTYPE ...>): remove it", self._here())
+        raise InputError(f"a {self._what} has no document type declaration (<!DOCTYPE ...>): remove it", self._here())
 
 
 def _transcoded(data: bytes) -> bytes:

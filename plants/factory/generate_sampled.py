@@ -82,13 +82,14 @@ def _tabulate(model: Sampled) -> Table:
     time = Entry(next(references), "time", "independent", "continuous", None, "Time", unit="s")
     reference_of = {entry.name: entry.reference for entry in inputs}
     unknowns = tuple(
-        _unknown(entry.reference, port, reference_of) for entry, port in zip(outputs, model.outputs, strict=True)
+        _unknown(entry.reference, () if model.late else port.depends, reference_of)
+        for entry, port in zip(outputs, model.outputs, strict=True)
     )
     return Table(
         (), (), inputs, parameters, outputs, integers, time, unknowns, (), unknowns, step=model.step, tolerance=None
     )
 
 
-def _unknown(reference: int, port: Port, inputs: Mapping[str, int]) -> Unknown:
-    found = tuple(sorted(inputs[name] for name in (inputs if port.depends is None else port.depends)))
+def _unknown(reference: int, depends: Iterable[str] | None, inputs: Mapping[str, int]) -> Unknown:
+    found = tuple(sorted(inputs[name] for name in (inputs if depends is None else depends)))
     return Unknown(reference, found, ("dependent",) * len(found))

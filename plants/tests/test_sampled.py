@@ -1,6 +1,7 @@
 """FMUs of sampled models: when a tick is computed, what is refused, and saved states."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import fmpy
@@ -55,14 +56,22 @@ ADDER = Sampled(
 
 @pytest.fixture(scope="module", params=VERSIONS)
 def adder(request: pytest.FixtureRequest, own_caches: None, tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    folder = tmp_path_factory.mktemp("adder")
-    path = plants.build(ADDER, fmi=request.param)
+    return built(ADDER, request.param, tmp_path_factory.mktemp("adder"))
+
+
+@pytest.fixture(scope="module", params=VERSIONS)
+def late(request: pytest.FixtureRequest, own_caches: None, tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    return built(replace(ADDER, late=True), request.param, tmp_path_factory.mktemp("late"))
+
+
+def built(model: Sampled, fmi: str, folder: Path) -> Fmu:
+    path = plants.build(model, fmi=fmi)
     fmpy.extract(path, folder)
     description = fmpy.read_model_description(folder)
     references = {v.name: v.valueReference for v in description.modelVariables}
     (binary,) = (folder / "binaries").glob("*/*")
     token = description.guid or description.instantiationToken
-    return Fmu(path, folder, Library(str(binary), request.param, token, max(references.values())), references)
+    return Fmu(path, folder, Library(str(binary), fmi, token, max(references.values())), references)
 
 
 @pytest.fixture
@@ -109,6 +118,25 @@ def test_outputs_asked_for_before_inputs_are_set_are_those_of_the_last_tick(one:
         one.step(k * STEP, STEP)
         got.append(one.get(adder["sum"], adder["tick"]))
     assert got == [[12.0, 0.0], [32.0, 1.0], [232.0, 2.0], [2232.0, 3.0]]
+
+
+def test_late_outputs_come_with_the_step_whatever_the_master_asks(late: Fmu) -> None:
+    assert validate_fmu(str(late.path)) == []
+    outputs = fmpy.read_model_description(late.folder).outputs
+    assert [list(unknown.dependencies) for unknown in outputs] == [[], []]
+    u, total, tick = late["robot.u"], late["sum"], late["tick"]
+    one = Instance(late.library, "co_simulation")
+    one.set({u: 7.0})
+    one.start()
+    got = []
+    for k in range(4):
+        one.set({u: 10.0**k})  # the first one comes too late: the first tick has the input of the initialisation
+        got.append(one.get(total, tick))
+        one.step(k * STEP, STEP)
+        after = one.get(total, tick)
+    one.free()
+    assert got == [[0.0, 0.0], [24.0, 0.0], [44.0, 1.0], [244.0, 2.0]]
+    assert after == [2244.0, 3.0]
 
 
 def test_a_step_over_several_ticks_holds_the_inputs(one: Instance, adder: Fmu) -> None:

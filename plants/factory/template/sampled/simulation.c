@@ -48,7 +48,8 @@ static Status evaluate(Simulation *s)
     }
     memcpy(&s->after, &s->before, sizeof s->after);
     double outputs[ROOM(N_OUTPUTS)];
-    const char *const fault = model_tick(s->tick, &s->values[FIRST_INPUT], parameters, s->integers, &s->after, outputs);
+    const double *const inputs = LATE && s->tick == 0 ? s->first : &s->values[FIRST_INPUT];
+    const char *const fault = model_tick(s->tick, inputs, parameters, s->integers, &s->after, outputs);
     if (fault != NULL) return say(s, STATUS_ERROR, "%s at time %.16g s", fault, s->time);
     memcpy(&s->values[FIRST_OUTPUT], outputs, N_OUTPUTS * sizeof(double));
     s->current = true;
@@ -62,7 +63,7 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
         return STATUS_OK;
     }
     if (reference >= N_REALS) return no_real(s, reference);
-    if (is_output(reference) && s->fresh) {
+    if (is_output(reference) && s->fresh && !LATE) {
         const Status status = evaluate(s);
         if (status != STATUS_OK) return status;
     }
@@ -90,6 +91,7 @@ Status simulation_start(Simulation *s)
     if (status != STATUS_OK) return status;
     memset(&s->before, 0, sizeof s->before);
     model_start(&s->values[FIRST_PARAMETER], s->integers, &s->before);
+    memcpy(s->first, &s->values[FIRST_INPUT], sizeof(double) * N_INPUTS);
     s->phase = RUNNING;
     return STATUS_OK;
 }
@@ -211,6 +213,7 @@ void simulation_serialize(const Simulation *s, unsigned char bytes[])
         *to++ = s->given[i] ? 1 : 0;
     }
     *to++ = s->fresh ? 1 : 0;
+    to = put(to, s->first, sizeof(double) * N_INPUTS);
     put(to, &s->before, sizeof s->before);
 }
 
@@ -233,9 +236,13 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     }
     is_good = is_good && *from <= 1;
     read.fresh = *from++ != 0;
+    from = take(read.first, from, sizeof(double) * N_INPUTS);
     take(&read.before, from, sizeof read.before);
     for (unsigned i = 0; i < FIRST_OUTPUT; i++) {
         is_good = is_good && isfinite(read.values[i]);
+    }
+    for (int i = 0; i < N_INPUTS; i++) {
+        is_good = is_good && isfinite(read.first[i]);
     }
     if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
     read.phase = (Phase)phase;

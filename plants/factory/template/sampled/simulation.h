@@ -5,6 +5,10 @@
  * remembers of the tick is kept when a step leads on from there. After a step, until an input is set, the outputs are
  * those of the tick before: a master that asks for outputs before it sets inputs gets each output one step late.
  *
+ * Where LATE is set, the outputs of a tick come with the step that leads on from it, and are zero before the first one:
+ * then every master gets each output one step late. The first tick takes the inputs as they were at the end of the
+ * initialisation, as some masters exchange nothing before their first step.
+ *
  * Whatever fails has changed nothing but `message`, which then says why; only a failed step over several ticks may have
  * come to one of them. A message may also come with STATUS_WARNING. Who reads a message empties it. */
 #ifndef SIMULATION_H
@@ -34,6 +38,7 @@ typedef struct {
     double values[N_REALS];
     int integers[ROOM(N_INTEGERS)];
     bool given[ROOM(N_INPUTS)]; /* which inputs have ever been set */
+    double first[ROOM(N_INPUTS)]; /* the inputs at the end of the initialisation */
     bool fresh;                 /* inputs have been set at this communication point, or there are none */
     bool current;               /* outputs and `after` belong to this tick and the other values */
     Memory before;              /* of the model, before this tick */
@@ -73,7 +78,7 @@ Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unkn
 /* All that a simulation needs to go on, as bytes, for the same FMU on the same kind of machine. */
 enum {
     SERIALIZED_SIZE = sizeof(int) + 2 * sizeof(double) + sizeof(long long) + sizeof(double) * N_REALS
-        + sizeof(int) * N_INTEGERS + N_INPUTS + 1 + sizeof(Memory)
+        + sizeof(int) * N_INTEGERS + N_INPUTS + 1 + sizeof(double) * N_INPUTS + sizeof(Memory)
 };
 void simulation_serialize(const Simulation *s, unsigned char bytes[]);
 

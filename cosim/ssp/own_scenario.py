@@ -1,0 +1,190 @@
+"""The scenario that an SSP of Formation carries, with the changes that were made to the SSP since."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+from lxml import etree
+
+from cosim.errors import InputError
+from cosim.fmu.binding import BoundVariable
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import set_up
+from cosim.quantity import quantity
+from cosim.scenario.document import parse_document
+from cosim.scenario.grammar import paths_in
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import LEADER
+from cosim.scenario.tree_edits import add_namespace, insert, serialised, strip_namespace
+from cosim.ssp.document import ALL_PARAMETERS
+from cosim.ssp.found import Found
+from cosim.ssp.reading import parameters_of
+from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure
+
+_Changes = dict[str, dict[str, Parameter]]
+"""Parameters that have another value than was written, by component and name."""
+
+
+def own_scenario(
+    path: Path, structure: Structure, directory: Path, folder: str, name: str, cleanup: ExitStack
+) -> Found:
+    """Return the scenario that an SSP carries; values that were changed in the SSP since are those of the SSP.
+
+    Parameters
+    ----------
+    path, structure, directory
+        The SSP, its system, and where it is unpacked.
+    folder
+        The folder, relative to the scenario, of the files that it names.
+    name
+        The name of the scenario.
+    cleanup
+        Receives the clean-up callbacks.
+
+    Raises
+    ------
+    InputError
+        The scenario in it cannot be read, or a changed value does not fit.
+    """
+    facts = structure.facts
+    assert facts is not None
+    shown = Path(f"{path}/{facts.scenario}")
+    changed = {file for file in facts.sha256 if _sha256(directory / file) != facts.sha256[file]}
+    notes = list(_notes(structure, facts, changed))
+    root = parse_document((directory / facts.scenario).read_text("utf-8"), shown).root
+    found, more = _changes(structure, directory, changed)
+    notes += more
+    strip_namespace(root)
+    if root.get("name") != name:
+        root.set("name", name)
+    _experiment(root, structure)
+    if found:
+        scenario = read_scenario(directory / facts.scenario)
+        setup = set_up(scenario, cleanup, {})
+        robots = {robot.name: robot for robot in (setup.leader, *setup.followers)}
+        notes += list(_apply(root, found, robots))
+    files: dict[str, bytes] = {}
+    for element, attribute in paths_in(root):
+        place = directory / RESOURCES / element.get(attribute, "")
+        if not place.resolve().is_relative_to(directory.resolve()):
+            raise InputError(f"{shown} names the file {element.get(attribute)!r}, which is not in the SSP")
+        if place.is_file():
+            files[f"{folder}/{place.name}"] = place.read_bytes()
+            element.set(attribute, f"{folder}/{place.name}")
+    add_namespace(root)
+    text = serialised(root).encode()
+    parse_document(text.decode(), Path(f"{name}.xml"))  # a changed value may break the schema
+    return Found(text, files, tuple(notes))
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+
+
+def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
+    """Yield what was changed in the SSP and cannot be taken over."""
+    if facts.scenario in changed:
+        yield f"{facts.scenario} was changed since the export, and is taken as it is now"
+    if structure.connected != facts.connections:
+        yield "the connections were changed since the export, which a scenario cannot state: it has those of the export"
+    sources = {component.source: component.name for component in structure.components}
+    for file in sorted(changed):
+        if file.endswith(".fmu") and file in sources:
+            yield (
+                f"the FMU {file} of {sources[file]} was changed since the export: the scenario keeps its own plant or "
+                "controller"
+            )
+    for component in structure.components:
+        if component.source not in facts.sha256:
+            yield f"the component {component.name} with {component.source} was added since the export, and is left out"
+
+
+def _changes(structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
+    """Return the parameters that were changed, by component, and notes."""
+    if not any(component.parameters_source in changed for component in structure.components):
+        return {}, [] if ALL_PARAMETERS not in changed else [_UNREAD]
+    if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
+        return {}, [
+            f"{ALL_PARAMETERS} was changed, too, so that no changed value is recognised: change the others only"
+        ]
+    before = {parameter.name: parameter for parameter in parameters_of(directory, ALL_PARAMETERS)}
+    found: _Changes = {}
+    for component in structure.components:
+        for parameter in component.parameters:
+            old = before.get(f"{component.name}.{parameter.name}")
+            if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
+                found.setdefault(component.name, {})[parameter.name] = parameter
+    return found, []
+
+
+_UNREAD = f"{ALL_PARAMETERS} was changed since the export, but only the sets of the components are read: change those"
+
+
+def _experiment(root: etree._Element, structure: Structure) -> None:
+    simulation = root.find("simulation")
+    assert simulation is not None
+    scenario_step, scenario_stop = simulation.get("step", ""), simulation.get("horizon", "")
+    if structure.stop and not math.isclose(quantity(scenario_stop, "s"), structure.stop):
+        simulation.set("horizon", f"{structure.stop!r} s")
+    if structure.step and not math.isclose(quantity(scenario_step, "s"), structure.step):
+        simulation.set("step", f"{structure.step!r} s")
+
+
+def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup]) -> Iterator[str]:
+    """Put changed values into the scenario; yield what does not fit there."""
+    for name, parameters in found.items():
+        element = root.find("leader") if name == LEADER else root.find(f"follower[@id='{name}']")
+        for parameter in parameters.values():
+            if element is not None and name in robots:
+                _of_robot(element, robots[name], parameter)
+                continue
+            robot, _, gain = parameter.name.rpartition(".")
+            follower = root.find(f"follower[@id='{robot}']")
+            if follower is None or robot not in robots or gain in {role.name for role in robots[robot].kind.states}:
+                yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
+                continue
+            _named(follower, "gain", gain, _written(parameter))
+
+
+def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:
+    initial: dict[str, tuple[str, str, BoundVariable]] = {}
+    for bound in robot.fmu.binding.of(robot.kind.pose):
+        assert bound is not None
+        assert bound.initial is not None
+        initial[bound.initial.variable.name] = bound.role.name, bound.role.unit, bound.initial
+    if parameter.name not in initial:
+        commands = robot.fmu.binding.of(robot.kind.command)
+        for bound in commands:
+            if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+                tag = "torque" if robot.kind.takes_torques else "command"
+                number = float(parameter.value) * bound.played_by.scale + bound.played_by.offset
+                _child(element, tag).set(bound.role.name, f"{number!r} {bound.role.unit}")
+                return
+        _named(element, "parameter", parameter.name, _written(parameter))
+        return
+    role, unit, number_of = initial[parameter.name]
+    _child(element, "pose").set(role, f"{float(parameter.value) * number_of.scale + number_of.offset!r} {unit}")
+
+
+def _written(parameter: Parameter) -> str:
+    return f"{parameter.text} {parameter.unit}" if parameter.unit not in ("", "1") else parameter.text
+
+
+def _child(parent: etree._Element, tag: str) -> etree._Element:
+    found = parent.find(tag)
+    if found is None:
+        found = etree.Element(tag)
+        insert(parent, [found])
+    return found
+
+
+def _named(parent: etree._Element, tag: str, name: str, value: str) -> None:
+    found = parent.find(f"{tag}[@name='{name}']")
+    if found is None:
+        found = etree.Element(tag, name=name)
+        insert(parent, [found])
+    found.set("value", value)

@@ -1,0 +1,335 @@
+"""A scenario from an SSP of somebody else: the vehicles that are recognised, and what is missing as comments."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+from cosim.errors import InputError, Location, printable
+from cosim.fmu.binding import BoundVariable, match, start_of
+from cosim.fmu.model_description import Variable
+from cosim.fmu.package import Package, open_package
+from cosim.fmu.units import unit_name, unit_of
+from cosim.plant.spec import FLOAT_TYPES
+from cosim.scenario.grammar import NAMESPACE, matches
+from cosim.scenario.scenario import LEADER, OPEN
+from cosim.ssp.found import Found
+from cosim.ssp.structure import Component, Parameter, Structure, Units
+from cosim.swap.proposal import Proposal, binding_xml, proposals
+from cosim.vehicle.kind import ADAPTIVE_PID, Kind
+from plants import UnitError, units
+
+_STEP, _HORIZON = 0.02, 60.0
+"""Step and end of a run [s] where the SSP states none."""
+
+
+@dataclass
+class _Robot:
+    """A component that is recognised as a vehicle.
+
+    Attributes
+    ----------
+    id : str
+        Its name in the scenario.
+    plant : str
+        The id of its plant.
+    pose, command : dict
+        Values in the roles' units, by role.
+    settings : dict
+        Values of its parameters, as a scenario writes them.
+    """
+
+    component: Component
+    proposal: Proposal
+    id: str
+    plant: str
+    pose: dict[str, float] = field(default_factory=dict)
+    command: dict[str, float] = field(default_factory=dict)
+    settings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> Kind:
+        return self.proposal.kind
+
+
+@dataclass
+class _Plant:
+    """A plant of the scenario: an FMU of the SSP."""
+
+    id: str
+    file: str
+    binding: str = ""
+
+
+def recognised_scenario(
+    path: Path, structure: Structure, directory: Path, folder: str, name: str, cleanup: ExitStack
+) -> Found:
+    """Return a scenario with the vehicles of an SSP, their parameters and initial poses.
+
+    The rest, controllers above all, stands in it as comments that say what to do.
+
+    Parameters
+    ----------
+    path, structure, directory
+        The SSP, its system, and where it is unpacked.
+    folder
+        The folder of the FMUs and bindings, relative to the scenario.
+    name
+        The name of the scenario.
+    cleanup
+        Receives the clean-up callbacks.
+
+    Raises
+    ------
+    InputError
+        No component is recognised as a vehicle, or one is no FMU.
+    """
+    packages: dict[str, Package] = {}
+    plants: dict[str, _Plant] = {}
+    files: dict[str, bytes] = {}
+    robots: list[_Robot] = []
+    others: list[str] = []
+    reasons: list[str] = []
+    to_do: list[str] = []
+    for component in structure.components:
+        if component.source not in packages:
+            packages[component.source] = package = open_package(directory / component.source, component.where)
+            cleanup.callback(package.close)
+        package = packages[component.source]
+        proposal = proposals(package.description)[0]
+        if not proposal.plausible:
+            others.append(component.name)
+            missing = ", ".join(role.name for role in proposal.missing)
+            reasons.append(f"{component.name} lacks {missing}" if missing else f"{component.name}: {proposal.refusal}")
+            continue
+        if component.source not in plants:
+            plants[component.source] = _plant(component, proposal, package, directory, folder, plants, files)
+            binding = plants[component.source].binding
+            to_do += [f"fill in {s.role.name} in {binding}: {' '.join(s.open)}" for s in proposal.open]
+        robots.append(_Robot(component, proposal, _id(component.name, robots), plants[component.source].id))
+    if not robots:
+        raise InputError(
+            f"no component is recognised as a vehicle ({'; '.join(reasons) or 'there is none'}); formation inspect "
+            "shows what an FMU lacks",
+            Location(str(path)),
+        )
+    for robot in robots:
+        to_do += list(_values(robot, packages[robot.component.source], structure.units))
+    leader = next((robot for robot in robots if LEADER in robot.component.name.lower()), robots[0])
+    leads = f"{leader.component.name} is taken as the leader" + (
+        "" if LEADER in leader.component.name.lower() else ", as it is the first vehicle and no name tells of one"
+    )
+    followers = [robot for robot in robots if robot is not leader]
+    to_do.insert(0, leads)
+    if not followers:
+        to_do.append("there is one vehicle alone, which leads: add at least one <follower>")
+    if others:
+        to_do.append(
+            f"left out, as they are no vehicles: {', '.join(others)}; the law below is in the place of controllers"
+        )
+    to_do.append("the places of the followers are those in which they start: state the formation that you want")
+    to_do.append(f"the control law is {ADAPTIVE_PID.name} with gains that suit many vehicles: choose your own")
+    text = _text(path, structure, name, leader, followers, list(plants.values()), to_do)
+    is_open = any(robot.proposal.open for robot in robots) or not followers
+    return Found(text.encode(), files, (), tuple(to_do), is_open)
+
+
+def _plant(
+    component: Component,
+    proposal: Proposal,
+    package: Package,
+    directory: Path,
+    folder: str,
+    before: Mapping[str, _Plant],
+    files: dict[str, bytes],
+) -> _Plant:
+    stem = re.sub(r"[^A-Za-z0-9_\-]", "_", Path(component.source).stem).strip("_-") or "plant"
+    taken = {plant.id for plant in before.values()}
+    while stem in taken or not matches("name", stem):
+        stem += "_2" if matches("name", stem) else "p"
+    plant = _Plant(stem, f"{folder}/{stem}.fmu")
+    files[plant.file] = (directory / component.source).read_bytes()
+    if not proposal.needs_no_binding:
+        plant.binding = f"{folder}/{stem}.binding.xml"
+        files[plant.binding] = binding_xml(proposal, f"{stem}.fmu").encode()
+    return plant
+
+
+def _id(name: str, before: Sequence[_Robot]) -> str:
+    """Return a component's name as the id of a robot."""
+    found = re.sub(r"[^A-Za-z0-9_\-]", "_", name).strip("_-")[:60] or "robot"
+    taken = {robot.id for robot in before} | {LEADER}
+    number = 1
+    chosen = found
+    while chosen in taken or not matches("name", chosen):
+        number += 1
+        chosen = f"{found if matches('name', found) else 'robot'}_{number}"
+    return chosen
+
+
+def _values(robot: _Robot, package: Package, known: Units) -> Iterator[str]:
+    """Fill in pose, commands and parameters of a robot; yield what cannot be taken over."""
+    description = package.description
+    declared = [source for source in robot.proposal.binding.roles if OPEN not in (source.variable, source.unit)]
+    bound, _ = match(robot.kind, description, [s for s in declared if OPEN not in (s.factor, s.initial, s.value)])
+    given = {parameter.name: parameter for parameter in robot.component.parameters}
+    by_name = description.by_name
+    for role in robot.kind.pose:
+        number = bound[role.name].initial if role.name in bound else None
+        if number is None:
+            robot.pose[role.name] = 0.0
+            yield f"the initial {role.name} of {robot.component.name} is not known, and stands as 0"
+        else:
+            robot.pose[role.name] = _taken(number, given, package, known)
+    for role in robot.kind.command:
+        number = bound[role.name].played_by if role.name in bound else None
+        if number is not None and number.variable.name in given:
+            robot.command[role.name] = _taken(number, given, package, known)
+    for name, parameter in given.items():
+        variable = by_name.get(name)
+        if variable is None:
+            owner = robot.component.name
+            yield f"the parameter {name!r} of {owner} ({parameter.where}) is none of its FMU's, and is left out"
+        elif variable.causality == "parameter" and not variable.dimensions:
+            robot.settings[name] = _written(parameter, variable, package, known)
+        elif variable.causality not in ("input", "output", "local"):
+            yield f"the value of {name!r} of {robot.component.name} cannot be stated in a scenario, and is left out"
+
+
+def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package, known: Units) -> float:
+    """Return the value of a number in its role's unit: that of the SSP, or the FMU's start value."""
+    parameter = given.pop(number.variable.name, None)
+    if parameter is None:
+        start = start_of(number.variable)[number.element]
+        return number.scale * start + number.offset
+    return number.scale * _number(parameter, number.variable, package, known) + number.offset
+
+
+def _number(parameter: Parameter, variable: Variable, package: Package, known: Units) -> float:
+    """Return the value of a parameter in the unit that its variable has in the FMU."""
+    value = float(parameter.value)
+    if not parameter.unit or parameter.unit == unit_name(variable):
+        return value
+    exponents, factor = known[parameter.unit]
+    try:
+        own = unit_of(package.description, variable)
+    except UnitError:
+        return value
+    if own.exponents != exponents:
+        raise InputError(
+            f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the FMU has it in {unit_name(variable)!r}, "
+            "which is another quantity",
+            parameter.where,
+        )
+    return value * (factor / own.factor)
+
+
+def _written(parameter: Parameter, variable: Variable, package: Package, known: Units) -> str:
+    """Return the value of a parameter as a scenario writes it: in the FMU's unit, or as it is."""
+    if variable.type not in FLOAT_TYPES or isinstance(parameter.value, bool | str):
+        return parameter.text
+    number = _number(parameter, variable, package, known)
+    try:
+        unit = unit_of(package.description, variable)
+    except UnitError:
+        return repr(number)
+    name = unit_name(variable)
+    if not units.is_unit(name):
+        number, name = number * unit.factor, str(unit)
+    return f"{number!r} {name}" if name != "1" else repr(number)
+
+
+# The text ---------------------------------------------------------------------------------------------------
+
+
+def _text(
+    path: Path,
+    structure: Structure,
+    name: str,
+    leader: _Robot,
+    followers: Sequence[_Robot],
+    plants: Sequence[_Plant],
+    to_do: Sequence[str],
+) -> str:
+    law = ADAPTIVE_PID
+    listed = "\n".join(
+        textwrap.fill(_comment(sentence), 112, initial_indent="       - ", subsequent_indent="         ")
+        for sentence in to_do
+    )
+    gains = "\n".join(f'    <gain name="{gain}" value="{value}"/>' for gain, value in law.gains.items())
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<scenario xmlns="{NAMESPACE}" name="{name}">',
+        "",
+        f"  <title>{escape(printable(structure.name or name))}</title>",
+        "  <description>",
+        f"    The vehicles of {escape(printable(path.name))}, with their parameters and initial poses.",
+        "  </description>",
+        "",
+        "  <!-- To do:",
+        f"{listed} -->",
+        "",
+        f'  <simulation horizon="{structure.stop or _HORIZON!r} s" step="{structure.step or _STEP!r} s" seed="1"/>',
+        "",
+    ]
+    for plant in plants:
+        binding = f" binding={quoteattr(plant.binding)}" if plant.binding else ""
+        lines.append(f"  <plant id={quoteattr(plant.id)} fmu={quoteattr(plant.file)}{binding}/>")
+    lines += [
+        "",
+        "  <!-- To do: the control law and its gains; formation list names the laws. -->",
+        f'  <controller id="{law.id}" name="{law.name}" package="{law.package}" version="{law.version}">',
+        gains,
+        "  </controller>",
+        "",
+        f"  <leader plant={quoteattr(leader.plant)}>",
+        f"    {_pose(leader)}",
+        f"    {_commands(leader)}",
+        *_settings(leader),
+        "  </leader>",
+    ]
+    for robot in followers:
+        distance, bearing = _seen(robot, leader)
+        lines += [
+            "",
+            f'  <follower id="{robot.id}" plant={quoteattr(robot.plant)} controller="{law.id}">',
+            f"    {_pose(robot)}",
+            f'    <desired range="{distance:.6g} m" bearing="{math.degrees(bearing):.6g} deg"/> <!-- as it starts -->',
+            *_settings(robot),
+            "  </follower>",
+        ]
+    return "\n".join([*lines, "", "</scenario>", ""])
+
+
+def _comment(text: str) -> str:
+    return printable(text).replace("--", "- -")
+
+
+def _pose(robot: _Robot) -> str:
+    entries = " ".join(f'{role.name}="{robot.pose[role.name]!r} {role.unit}"' for role in robot.kind.pose)
+    return f"<pose {entries}/>"
+
+
+def _settings(robot: _Robot) -> Iterator[str]:
+    for setting, value in robot.settings.items():
+        yield f"    <parameter name={quoteattr(setting)} value={quoteattr(value)}/>"
+
+
+def _commands(robot: _Robot) -> str:
+    tag = "torque" if robot.kind.takes_torques else "command"
+    entries = " ".join(f'{r.name}="{robot.command.get(r.name, 0.0)!r} {r.unit}"' for r in robot.kind.command)
+    return f"<{tag} {entries}/> <!-- to do: what drives the leader -->"
+
+
+def _seen(robot: _Robot, leader: _Robot) -> tuple[float, float]:
+    """Return the range and the bearing at which a robot sees the leader at the start."""
+    (x, y, heading), (x_0, y_0) = list(robot.pose.values())[:3], list(leader.pose.values())[:2]
+    distance = math.hypot(x_0 - x, y_0 - y)
+    bearing = math.atan2(y_0 - y, x_0 - x) - heading
+    return max(distance, 0.1), math.remainder(bearing, 2.0 * math.pi)
