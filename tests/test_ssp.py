@@ -7,6 +7,7 @@ import ctypes
 import importlib
 import os
 import re
+import shutil
 import sys
 import zipfile
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 import cosim
+import plants
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.scenario.reader import read_scenario
@@ -48,11 +50,9 @@ def master(name: str) -> ModuleType:
 class Exported:
     """A scenario, its SSP, and the trajectories of the run to compare with."""
 
-    def __init__(self, name: str, folder: Path) -> None:
-        self.scenario = read_scenario(ROOT / "scenarios" / f"{name}.xml").edited(
-            horizon=HORIZON[name], expectations=False
-        )
-        self.path = folder / f"{name}.ssp"
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        self.scenario = scenario
+        self.path = folder / f"{scenario.name}.ssp"
         self.notes = export_ssp(self.scenario, self.path)
         self.expected = _poses(cosim.run(_delayed(self.scenario, folder)))
         self.names = list(self.expected)
@@ -97,7 +97,8 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 def _exported(name: str, folders: pytest.TempPathFactory) -> Exported:
     if name not in _known:
-        _known[name] = Exported(name, folders.mktemp(name))
+        scenario = read_scenario(ROOT / "scenarios" / f"{name}.xml")
+        _known[name] = Exported(scenario.edited(horizon=HORIZON[name], expectations=False), folders.mktemp(name))
     return _known[name]
 
 
@@ -144,7 +145,8 @@ def test_libcosim(exported: Exported) -> None:
     )
 
 
-def test_ecos(exported: Exported) -> None:
+def _in_ecos(exported: Exported) -> Floats:
+    """Return the poses after each step (ticks, names)."""
     with contextlib.suppress(OSError):  # TBB from the package tbb, where the linker does not look; else the system's
         ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
     master("ecospy")
@@ -156,7 +158,11 @@ def test_ecos(exported: Exported) -> None:
         for _ in range(exported.ticks):
             simulation.step()
             rows.append([simulation.get_real(name.replace(".", "::")) for name in exported.names])
-    values = np.array(rows)
+    return np.array(rows)
+
+
+def test_ecos(exported: Exported) -> None:
+    values = _in_ecos(exported)
     assert exported.apart(lambda name: values[:, exported.names.index(name)]) < 1e-9
 
 
@@ -184,6 +190,36 @@ def test_one_fmu_with_the_whole_formation(line: Exported, tmp_path: Path) -> Non
         output=line.names,
     )
     assert line.apart(lambda name: result[name][1:]) < 1e-9
+
+
+MIRRORED = """<binding vehicle="car_like">
+<role name="y" variable="y" factor="-1"/><role name="psi" variable="psi" factor="-1"/>
+<role name="gamma" variable="gamma" factor="-1"/><role name="omega" variable="omega" factor="-1"/>
+<role name="tau_steer" variable="tau_steer" factor="-1"/></binding>"""
+
+
+def test_a_binding_becomes_a_linear_transformation(tmp_path: Path) -> None:
+    original = read_scenario(ROOT / "scenarios" / "clmr_line.xml").edited(horizon=2.0, expectations=False)
+    shutil.copy(plants.build("car_like"), tmp_path / "car.fmu")
+    text = original.text.replace('model="car_like">', f'fmu="car.fmu">{MIRRORED}')
+    (tmp_path / "mirrored.xml").write_text(text)
+    mirrored = Exported(read_scenario(tmp_path / "mirrored.xml"), tmp_path)
+    assert any("libcosim sets no enumeration and no start value of an output" in note for note in mirrored.notes)
+    root = _description(mirrored.path)
+    factors = {
+        (c.get("startElement"), c.get("endConnector")): c.find("{*}LinearTransformation")
+        for c in root.iterfind(".//{*}Connection")
+    }
+    assert factors["follower_1", "follower_1.x"] is None
+    for end in (("follower_1", "follower_1.y"), ("pid", "tau_steer")):
+        assert dict(factors[end].attrib) in ({"factor": "-1.0", "offset": "0.0"}, {"factor": "-1.0", "offset": "-0.0"})
+        assert factors[end].getparent().get("suppressUnitConversion") == "true"
+    values = _in_ecos(mirrored)
+    signs = [-1.0 if name.endswith((".y", ".psi", ".gamma")) else 1.0 for name in mirrored.names]
+    assert mirrored.apart(lambda name: values[:, mirrored.names.index(name)] * signs[mirrored.names.index(name)]) < 1e-9
+    back = import_ssp(mirrored.path, tmp_path / "back.xml")
+    assert [path.name for path in back.files] == ["1_car.fmu", "back.xml"]
+    assert cosim.run(read_scenario(_written(back)).edited(horizon=0.1)).pose.shape[0] == 6
 
 
 # The file ---------------------------------------------------------------------------------------------------
@@ -221,12 +257,16 @@ def test_pyssp_standard_reads_both_versions(version: str, line: Exported, tmp_pa
         assert {element.name for element in structure.system.elements} >= {"leader", "follower_1"}
 
 
+def _description(path: Path) -> etree._Element:
+    with zipfile.ZipFile(path) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
 def test_names_units_and_prefixes_are_as_simple_readers_need_them(line: Exported) -> None:
-    with zipfile.ZipFile(line.path) as archive:
-        text = archive.read("SystemStructure.ssd").decode()
-    assert "<ssd:SystemStructureDescription " in text
+    root = _description(line.path)
+    text = etree.tostring(root).decode()
+    assert text.startswith("<ssd:SystemStructureDescription ")
     assert f'<osp:FixedStepAlgorithm baseStepSize="{line.scenario.step!r}"/>' in text
-    root = etree.fromstring(text.encode())
     components = root.findall(".//{*}Component")
     assert all(component.get("source", "").startswith("resources/") for component in components)
     units = {unit.get("name"): unit[0].get("factor") for unit in root.iterfind(".//{*}Unit")}
