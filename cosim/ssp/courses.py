@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from plants.sampled import Port, Sampled
 
 import plants
 from cosim.errors import InputError
+from plants.sampled import Port, Sampled
 
 MOST_VALUES = 2_000_000
 """Upper limit for the numbers of an FMU, which a compiler must read as text."""

@@ -6,6 +6,7 @@ import hashlib
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from importlib.metadata import version as version_of
 from io import FileIO
 from pathlib import Path
 
@@ -24,7 +25,6 @@ from cosim.ssp.structure import (
     Structure,
 )
 from plants import units
-from plants.factory.assemble import tool
 
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OSP_TYPE = "com.opensimulationplatform"
@@ -183,7 +183,7 @@ def _root(tag: str, version: str, name: str) -> etree._Element:
     root = etree.Element(_qualified(tag), nsmap={prefix: _MAPS[prefix] for prefix in prefixes})
     root.set("version", version)
     root.set("name", printable(name))
-    root.set("generationTool", tool())
+    root.set("generationTool", f"Formation {version_of('formation-cosim')}")
     return root
 
 
