@@ -14,7 +14,8 @@ _STATUS = {
     130: "interrupted; everything recorded up to then is saved",
 }
 _OF = {
-    "run": {0: "all expectations hold", 1: None, 2: None, 3: None, 130: None},
+    "run": {0: "all expectations hold, or the run was left as asked", 1: None, 2: None, 3: None, 130: None},
+    "resume": {0: "all expectations hold", 1: None, 2: "bad input, such as a damaged checkpoint", 3: None, 130: None},
     "study": {0: "all holds that must, or nothing was asked for", 1: "something does not hold", 2: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "judge": {0: "all expectations hold", 1: "an expectation failed, or could not be judged", 2: None},
@@ -32,7 +33,11 @@ formation run scenarios/clmr_line.xml
 formation run scenarios/*.xml --out results --junit verdicts.xml
 formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
 formation run mine.xml --controller pid=observer-pid
+formation run mine.xml --checkpoint every=10s --until 40s
 formation run mine.xml --live --pace 1 --open""",
+    "resume": """\
+formation resume runs/clmr_line
+formation resume runs/clmr_line --at "40 s" --set "//follower[@id='follower_1']/desired/@range=3 m\"""",
     "study": """\
 formation study payload.xml
 formation study payload.xml --runs 100 --workers 4""",

@@ -22,6 +22,7 @@ from cosim.results.expectations.shown import Band
 from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
+from cosim.results.provenance import Provenance
 from cosim.results.result import Result, Variable
 from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
@@ -258,11 +259,21 @@ def _provenance(result: Result, summary: Summary) -> Json:
         "changes": told.changes,
         "seed": told.seed,
         "versions": told.versions,
-        "command": shlex.join(["formation", "run", Path(told.file).name or f"{summary.scenario}.xml"])
-        + "".join(f" {change}" for change in told.changes),
+        "command": _command(told, summary.scenario),
+        "resumed": told.resumed,
         "plants": _plants(result),
         "controllers": _controllers(result),
     }
+
+
+def _command(told: Provenance, scenario: str) -> str:
+    """Return the command that repeats a run, or the last part of one that branched off."""
+    changes, begin = told.changes, ["formation", "run", Path(told.file).name or f"{scenario}.xml"]
+    branched = [part for part in told.parts if part.changes != changes]
+    if branched:
+        begin = ["formation", "resume", f"runs/{scenario}", "--at", f"{branched[-1].until:g} s"]
+        changes = changes[len(branched[-1].changes) :]
+    return " ".join((shlex.join(begin), *changes))
 
 
 def _plants(result: Result) -> Json:

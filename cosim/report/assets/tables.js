@@ -146,6 +146,7 @@ function showProvenance(place, runs) {
     const rows = [
       ["scenario", told.file || run.name],
       ["repeat it", element("code", {}, told.command)],
+      ["parts", told.resumed],
       ["seed", told.seed],
       ...Object.entries(told.plants || {}).map(([id, plant]) => [
         `plant ${id}`, `${plant.file}, FMI ${plant.fmi_version}, SHA-256 ${plant.sha256}`]),
