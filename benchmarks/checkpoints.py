@@ -3,10 +3,10 @@
     pip install -e controllers -e .
     python benchmarks/checkpoints.py [--every TIME] [--rounds N] [--horizon TIME] [SCENARIO...]
 
-Printed for each scenario are the time of the loop by the clock, and the CPU time of its thread and of the whole process,
-each with checkpoints as a multiple of that without, and how many were written. A ratio is that of the least times of
-all rounds, and in brackets the median of the ratios of the rounds: the machine may be busy. The records must be the same
-to the bit. The thread that writes is part of the process, not of the loop.
+Printed for each scenario are the time of the loop by the clock, and the CPU time of its thread and of the whole
+process, each with checkpoints as a multiple of that without, and how many were written. A ratio is that of the least
+times of all rounds, and in brackets the median of the ratios of the rounds: the machine may be busy. The records must
+be the same to the bit. The thread that writes is part of the process, not of the loop.
 """
 
 from __future__ import annotations

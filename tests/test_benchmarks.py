@@ -90,3 +90,9 @@ def test_profile_of_a_run() -> None:
 
 def test_reading_a_scenario() -> None:
     assert "times lxml's parsing" in run(BENCHMARKS / "read_scenario.py")
+
+
+def test_checkpoints_change_nothing() -> None:
+    printed = run(BENCHMARKS / "checkpoints.py", "clmr_line", "--rounds", 1, "--horizon", "4 s", "--every", "1 s")
+    assert "clmr_line: loop " in printed
+    assert " times that" in printed
