@@ -42,6 +42,21 @@ def fill(into, value):
 def row(of, at):
     return of[at]
 
+
+def push(into, value):
+    into[1] += value
+    return into[0]
+
+
+def push_both(into, at):
+    at[0] = (at[0] + 1) % 3
+    into[at[0]] = 0.5
+    return into[1], into[0]
+
+
+def nothing():
+    pass
+
 """
 
 
@@ -77,7 +92,7 @@ class Text:
         self._lines.append("    " * depth + text)
 
     def _statement(self, depth: int, room: int) -> None:
-        choice = self._random.randrange(13)
+        choice = self._random.randrange(18)
         if choice <= 2 or room == 0:
             self._add(depth, f"{self._random.choice(FLOATS)} = {self._float(2)}")
         elif choice == 3:
@@ -109,6 +124,37 @@ class Text:
             view = f"r_{self._count}"
             self._add(depth, f"{view} = {self._random.choice(('row(m, 1)', 'm[:, 2]', 'm[n % 2]', 'a[1:]'))}")
             self._add(depth, f"{view}[1] = {self._float(1)} + {view}[0]")
+        elif choice == 13:
+            name = self._random.choice(("far", "ε", "epsilon", "place", "t_1", "t_2", "double"))
+            self._add(depth, f"if {self._test(1)}:")
+            self._add(depth + 1, f"{name} = {self._float(1)}")
+            if self._chance(0.3):
+                self._add(depth + 1, f"if {self._test(1)}:")
+                self._statement(depth + 2, 0)
+            self._add(depth, "else:")
+            if self._chance(0.8):
+                self._add(depth + 1, f"{name} = {self._float(1)}")
+            else:
+                self._add(depth + 1, f"{name}, v = push_both(a, k)")
+            self._statement(depth, 0)
+            self._add(depth, f"{self._random.choice(FLOATS)} = {name} + {self._float(1)}")
+        elif choice == 14:
+            target = self._random.choice((*FLOATS, "_", "unused", "a[k[0] % 4]", self._entry()))
+            self._add(depth, f"{target} = push({self._random.choice(('a', 'm[0]', 'm[:, 2]'))}, {self._float(1)})")
+        elif choice == 15:
+            targets = [self._random.choice((*FLOATS, "_", "spare", "m[k[0] % 2, 1]", self._entry())) for _ in range(2)]
+            self._add(depth, f"{', '.join(targets)} = push_both({self._random.choice(('a', 'm[1]'))}, k)")
+        elif choice == 16:
+            place = self._random.choice(("m[0]", "m[n % 2]"))
+            self._add(depth, f"{place} = {self._random.choice(('m[1]', 'a[1:]', 'y', 'u'))}")
+            self._add(depth, "nothing()")
+        elif choice == 17:
+            self._count += 1
+            steps = f"steps_{self._count}"
+            self._add(depth, f"{steps} = 0")
+            self._add(depth, f"while {steps} < {self._random.randint(1, 4)} and ({self._test(1)}):")
+            self._add(depth + 1, f"{steps} += 1")
+            self._statement(depth + 1, room - 1)
         else:
             self._add(depth, f"k[{self._integer(1)} % 3] = {self._integer(1)} % 100")
 

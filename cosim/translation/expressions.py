@@ -17,7 +17,7 @@ import numpy as np
 from cosim.translation import meanings, values
 from cosim.translation.kinds import BOOL, FLOAT, INT, Array, Kind, Record, Records, Scalar, Several, Struct
 from cosim.translation.layout import Block, Line
-from cosim.translation.names import identifier
+from cosim.translation.names import Names, identifier
 from cosim.translation.python_function import PythonFunction, plain
 from cosim.translation.refusal import Untranslatable
 from cosim.translation.shared import Shared
@@ -78,7 +78,10 @@ class Expressions:
         self.rows: set[Root] = set()
         self.block = Block()
         self.views: list[tuple[Line, Root, str]] = []
+        self._c_names: dict[str, str] = {}
+        self._c_taken = Names()
         self._lazy = 0
+        self._writes_now = False
         self._statement_call: ast.expr | None = None
         closure = inspect.getclosurevars(source.function) if source.function.__closure__ else None
         self._outer = dict(closure.nonlocals) if closure else {}
@@ -89,7 +92,13 @@ class Expressions:
 
     def c_name(self, name: str) -> str:
         """Return the name in C of a name of the function."""
-        return self.shared.local(identifier(name))
+        if name not in self._c_names:
+            self._c_names[name] = self.fresh(name)
+        return self._c_names[name]
+
+    def fresh(self, wanted: str) -> str:
+        """Return a name in C that the function does not have yet."""
+        return self._c_taken.new(self.shared.local(identifier(wanted)))
 
     @contextmanager
     def lazily(self) -> Iterator[None]:
@@ -138,14 +147,14 @@ class Expressions:
         """Return the value of a constant of a module."""
         if value is math.pi or value is np.pi:
             return real(math.pi)
-        if isinstance(value, bool | float | int | np.floating | np.integer | np.bool_):
+        if isinstance(value, bool | float | int | np.int64 | np.bool_):
             module = self._module_of(node)
             if module in ("math", "numpy"):
                 return real(float(value))
             return self.shared.constant(module, name, value)
-        if isinstance(value, np.ndarray) and value.dtype.kind in "if" and value.ndim and value.size:
+        if isinstance(value, np.ndarray) and value.dtype in (np.float64, np.int64) and value.ndim and value.size:
             return self.shared.constant_array(self._module_of(node), name, value)
-        self.refuse(node, f"{name} is no number and no array of numbers")
+        self.refuse(node, f"{name} is no number and no array of numbers, of 64 bits each")
 
     def _module_of(self, node: ast.expr) -> str:
         """Return the module in which a constant is named."""
@@ -646,6 +655,8 @@ class Expressions:
         return result
 
     def _named_tuple(self, node: ast.Call, python: Any) -> Value:
+        if python.__bases__ != (tuple,):
+            self.refuse(node, f"{python.__name__} is no plain named tuple")
         given = [self.value(argument) for argument in self.bound(node, python, python._fields)]
         for argument, value in zip(node.args, given, strict=False):
             if not isinstance(value, Number | StructValue) or (
@@ -679,6 +690,7 @@ class Expressions:
             self.refuse(node, f"{ast.unparse(node.func)} returns nothing")
         if translated.writes and node is not self._statement_call:
             self.refuse(node, f"{ast.unparse(node.func)} writes into an array: call it in a statement of its own")
+        self._writes_now = self._writes_now or bool(translated.writes)
         text = f"{translated.name}({', '.join(self._passed(translated, given))})"
         reads = _all_reads(value for value in given if not isinstance(value, TupleValue | RecordsValue))
         reads |= {

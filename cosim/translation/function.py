@@ -74,6 +74,8 @@ class Function(Expressions):
             self.refuse(source.tree, "a function has a fixed number of parameters")
         self._names = [a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
         self._locals = stored([source.tree]) | set(self._names)
+        for own in (*self._names, *sorted(self._locals)):  # before any name that is made up
+            self.c_name(own)
         self._parameters: dict[str, Value] = {}
         for own, kind in zip(self._names, self._kinds, strict=True):
             value = self._parameter(own, kind)
@@ -116,7 +118,8 @@ class Function(Expressions):
                 return StructValue(kind, c, kind.has_memory, (c,), frozenset({(c,)}))
         raise AssertionError(kind)
 
-    def _extra(self, name: str, is_natural: bool) -> Number:
+    def _extra(self, wanted: str, is_natural: bool) -> Number:
+        name = self.fresh(wanted)
         self.fixed.add(name)
         return Number(INT, name, values.ATOM, frozenset({(name,)}), None, is_natural)
 
@@ -274,6 +277,7 @@ class Function(Expressions):
                 self._hoisted[name] = Hoisted(self.block.add("", c))
 
     def _statement(self, statement: ast.stmt, live: set[str], around: set[str]) -> None:
+        self._writes_now = False
         match statement:
             case ast.If():
                 self._if(statement, live, around)
@@ -323,10 +327,12 @@ class Function(Expressions):
     def _inner(self, statements: Sequence[ast.stmt], behind: set[str], around: set[str]) -> tuple[Block, set[str]]:
         """Translate a block of its own; return it, and the names that have a value at its end."""
         outer, env, assigned, fixed = self.block, dict(self.env), set(self.assigned), set(self.fixed)
+        hoisted = dict(self._hoisted)
         self.block = Block()
         with self.lazily():
             self._sequence(statements, behind, around)
         inner, at_end = self.block, self.assigned
+        self._hoisted = hoisted
         self.block, self.env, self.assigned = outer, {**env, **self._declared_hoisted(env)}, assigned
         self.fixed = fixed
         return inner, at_end
@@ -430,7 +436,7 @@ class Function(Expressions):
         changed = {self.c_name(own) for own in stored(body)}
         if all(len(root) == 1 and root[0] not in changed and self._is_number(root[0]) for root in number.reads):
             return number
-        c = self.c_name(name)
+        c = self.fresh(name)
         self.block.add(f"const int64_t {c} = {number.text};", c)
         self.fixed.add(c)
         return Number(INT, c, values.ATOM, frozenset({(c,)}), None, number.is_natural)
@@ -504,7 +510,7 @@ class Function(Expressions):
     def _call_alone(self, call: ast.Call) -> None:
         function = self.static(call.func)
         own = plain(function) if callable(function) else None
-        if isinstance(own, FunctionType) and self.shared.does_nothing(own):
+        if isinstance(own, FunctionType) and not call.args and not call.keywords and self.shared.does_nothing(own):
             return
         self._statement_call = call
         value = self.value(call)
@@ -529,6 +535,8 @@ class Function(Expressions):
         if isinstance(target, ast.Name):
             self._store_name(target, value)
         else:
+            if self._writes_now and isinstance(value, Number):  # C may look for the place before the call
+                value = self._kept_value(node, value)
             self._store(target, value)
 
     def _is_array_made(self, node: ast.expr) -> bool:
@@ -586,13 +594,13 @@ class Function(Expressions):
             case TupleValue(items):
                 return list(items)
             case SeveralValue(kind):
-                c = self.c_name(self._short_name(node, "result"))
-                self.block.add(f"const {kind.name} {c} = {value.text};", c)
+                c = self._short_name(node, "result")
+                self.block.add(f"const {kind.name} {c} = {value.text};", c, self._writes_now)
                 return [self.placed(item, f"{c}.item_{place}", (c,)) for place, item in enumerate(kind.items)]
             case StructValue(struct):
                 if value.root == ("",):
-                    c = self.c_name(self._short_name(node, struct.python.__name__.lower()))
-                    self.block.add(f"const {struct.name} {c} = {value.text};", c)
+                    c = self._short_name(node, struct.python.__name__.lower())
+                    self.block.add(f"const {struct.name} {c} = {value.text};", c, self._writes_now)
                     value = StructValue(struct, c, False, (c,), frozenset({(c,)}))
                 return [self.member(value, c_name, kind) for _, c_name, kind in struct.fields]
             case ArrayValue() if value.free and value.sizes[0].constant is not None:
@@ -613,22 +621,14 @@ class Function(Expressions):
         wanted = otherwise
         if isinstance(node, ast.Call):
             wanted = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", otherwise)
-        wanted, number = wanted.lstrip("_"), 1
-        name = f"{wanted}_of" if wanted in self._locals else wanted
-        base = name
-        while name in self._given:
-            number += 1
-            name = f"{base}_{number}"
-        self._given = self._given | {name}
-        return name
-
-    _given: frozenset[str] = frozenset()
+        wanted = wanted.lstrip("_")
+        return self.fresh(f"{wanted}_of" if wanted in self._locals else wanted)
 
     def _kept_value(self, node: ast.expr, item: Value) -> Value:
         if not isinstance(item, Number):
             self.refuse(node, "the order of these assignments matters: write them one after the other")
-        c = self.c_name(self._short_name(node, "value"))
-        self.block.add(f"const {item.kind.value} {c} = {item.text};", c)
+        c = self._short_name(node, "value")
+        self.block.add(f"const {item.kind.value} {c} = {item.text};", c, self._writes_now)
         return Number(item.kind, c, values.ATOM, frozenset({(c,)}), None, item.is_natural)
 
     def _target(self, target: ast.expr) -> Value:
@@ -695,7 +695,7 @@ class Function(Expressions):
         outer = block = self.block
         indices = []
         for depth, size in enumerate(place.sizes):
-            c = self.c_name("ijkl"[depth] if "ijkl"[depth] not in self._locals else f"index_{depth + 1}")
+            c = "ijkl"[depth] if "ijkl"[depth] not in self._c_names.values() else self.fresh(f"index_{depth + 1}")
             block = Block()
             head = f"for (int64_t {c} = 0; {c} < {size.text}; {c}++)"
             self.block.items.append(Compound([(head, block)]))
@@ -737,7 +737,7 @@ class Function(Expressions):
             self.block.add(f"{c} = {text};")
             return False
         is_fixed = times_stored(self._open, name) == 1
-        self.block.add(f"{'const ' if is_fixed else ''}{kind} {c} = {text};", c)
+        self.block.add(f"{'const ' if is_fixed else ''}{kind} {c} = {text};", c, self._writes_now)
         if is_fixed:
             self.fixed.add(c)
         return is_fixed
@@ -812,7 +812,7 @@ class Function(Expressions):
             self.views.append((line, value.root, f"@{item} *{c} = {place};"))
             size = axis.size
             if size.constant is None:
-                size_c = self.c_name(f"{target.id}_size")
+                size_c = self.fresh(f"{target.id}_size")
                 self.block.add(f"const int64_t {size_c} = {size.text};", size_c)
                 self.fixed.add(size_c)
                 size = Number(INT, size_c, values.ATOM, frozenset({(size_c,)}), None, True)

@@ -23,10 +23,13 @@ class Line:
         The statement; empty for a blank line.
     declares : str
         The name that it declares, if any.
+    is_needed : bool
+        Whether it does something else, so that it stays even if nobody uses the name.
     """
 
     text: str
     declares: str = ""
+    is_needed: bool = False
 
 
 @dataclass
@@ -42,9 +45,9 @@ class Block:
 
     items: list[Line | Compound] = field(default_factory=list)
 
-    def add(self, text: str, declares: str = "") -> Line:
+    def add(self, text: str, declares: str = "", is_needed: bool = False) -> Line:
         """Add a statement."""
-        line = Line(text, declares)
+        line = Line(text, declares, is_needed)
         self.items.append(line)
         return line
 
@@ -53,7 +56,7 @@ class Block:
         kept: list[Line | Compound] = []
         later: set[str] = set()
         for item in reversed(self.items):
-            if isinstance(item, Line) and item.declares and item.declares not in later:
+            if isinstance(item, Line) and item.declares and item.declares not in later and not item.is_needed:
                 continue
             if isinstance(item, Compound):
                 item = Compound([(head, block.without_unused()) for head, block in item.parts])

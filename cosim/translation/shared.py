@@ -105,9 +105,9 @@ class Shared:
         """Return the kind of an example."""
         if isinstance(value, bool | np.bool_):
             return BOOL
-        if isinstance(value, int | np.integer):
+        if isinstance(value, int | np.int64):
             return INT
-        if isinstance(value, float | np.floating):
+        if isinstance(value, float):
             return FLOAT
         if isinstance(value, tuple) and hasattr(value, "_fields"):
             kinds = [self._kind_of(item, field, where) for field, item in zip(value._fields, value, strict=True)]
@@ -260,7 +260,7 @@ class Shared:
             c = self._names.new(identifier(f"{module}_{name}"))
             if isinstance(value, bool | np.bool_):
                 return Number(BOOL, "true" if value else "false", constant=bool(value))
-            if isinstance(value, int | np.integer):
+            if isinstance(value, int | np.int64):
                 own = whole(int(value))
                 if "INT64" in own.text:
                     text = f"static const int64_t {c} = {own.text};"
