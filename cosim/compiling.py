@@ -37,6 +37,12 @@ def told(tell: Callable[[], None]) -> Iterator[None]:
             _tellers.remove(tell)
 
 
+def tell() -> None:
+    """Tell that compilation takes long, to whoever wants to know; once."""
+    while _tellers:
+        _tellers.pop()()
+
+
 def watch_numba() -> None:
     """Watch what Numba compiles from now on."""
     global _watched
@@ -66,5 +72,4 @@ def _count(more: int) -> None:
     if _depth == 0:
         _taken = taken
     if taken > LONG:
-        while _tellers:
-            _tellers.pop()()
+        tell()

@@ -283,6 +283,11 @@ def test_two_versions_in_one_scenario(
     page = tmp_path / "compared.html"
     command(capsys, "report", tmp_path / "old", tmp_path / "new", "--out", page)
     assert all(f'"version": "{v}"' in page.read_text() or f'"version":"{v}"' in page.read_text() for v in versions)
+    option = ("--environment", f"pid={versions['0.2.0']}")
+    command(capsys, "run", files["old"], *option, "--out", tmp_path / "changed", *SHORT)
+    changed = xr.load_dataset(tmp_path / "changed" / "old" / "result.nc", engine="h5netcdf")
+    assert np.array_equal(changed["pose"].values, results["new"]["pose"].values)
+    assert json.loads(changed.attrs["controllers"])[0]["version"] == "0.2.0"
     printed, _ = command(capsys, "check", files["mixed"])
     assert "0.2.0" in printed
     assert str(versions["0.2.0"]) in printed.replace("\n", "")

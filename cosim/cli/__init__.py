@@ -475,6 +475,13 @@ def _add_changes(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> 
         metavar="ID=NAME",
         help="use this control law, with its default gains, for the controller ID",
     )
+    command.add_argument(
+        "--environment",
+        action="append",
+        default=[],
+        metavar="ID=DIR",
+        help="run the law of the controller ID, with its gains, in the Python environment in this folder",
+    )
 
 
 def _add_comparison(command: argparse.ArgumentParser) -> None:

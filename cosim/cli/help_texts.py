@@ -34,6 +34,7 @@ formation run scenarios/*.xml --out results --junit verdicts.xml
 formation run mine.xml --set "//gain[@name='gamma_w']/@value=0.1" --seed 2
 formation run mine.xml --controller pid=observer-pid
 formation run mine.xml --checkpoint every=10s --until 40s
+formation run mine.xml --environment pid=envs/new
 formation run mine.xml --live --pace 1 --open""",
     "resume": """\
 formation resume runs/clmr_line

@@ -11,11 +11,23 @@ from lxml import etree
 
 import plants
 from cosim.cli.console import warn
+from cosim.control.environment import environment_at
+from cosim.control.hosts import Host
 from cosim.control.installed_laws import installed
 from cosim.errors import InputError
 from cosim.missing_file import absent
 from cosim.results.expectations import understood
-from cosim.scenario.edits import Change, Edit, as_changes, set_binding, set_controller, set_fmu, set_seed, split_setting
+from cosim.scenario.edits import (
+    Change,
+    Edit,
+    as_changes,
+    set_binding,
+    set_controller,
+    set_environment,
+    set_fmu,
+    set_seed,
+    split_setting,
+)
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 
@@ -45,7 +57,18 @@ def _changes(options: argparse.Namespace) -> Iterator[Change]:
     for controller, name in pairs("--controller", options.controller, "ID=NAME"):
         found = installed(name)
         yield set_controller(controller, name, found.package, found.version)
+    for controller, folder in pairs("--environment", options.environment, "ID=DIR"):
+        yield set_environment(controller, Path(folder), _laws_in(Path(folder)))
     yield from as_changes((), options.horizon, options.expectations)
+
+
+def _laws_in(folder: Path) -> dict[str, tuple[str, str]]:
+    """Return package and version of each law in an environment."""
+    host = Host(environment_at(folder))
+    try:
+        return host.installed()
+    finally:
+        host.stop()
 
 
 def _of_file(option: str, file: str, edit: Edit) -> Edit:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import compiling
 from cosim.control import host
 from cosim.control.environment import Environment
 from cosim.errors import printable
@@ -239,6 +240,10 @@ class HostProcess(Companion):
         self._memory.close()
         if self._timer >= 0:
             os.close(self._timer)
+
+    def _takes(self, seconds: float) -> None:
+        if self._first and not self._launching and seconds > compiling.LONG:  # what else a law may do then
+            compiling.tell()
 
     @property
     def _culprit(self) -> int:

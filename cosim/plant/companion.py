@@ -94,6 +94,9 @@ class Companion:
         kill(self._process, self._mark)
         self._printed.close()
 
+    def _takes(self, seconds: float) -> None:
+        """Take notice of how long its work has taken so far."""
+
     # Requests and replies -----------------------------------------------------------------------------------
 
     @property
@@ -156,6 +159,7 @@ class Companion:
             current, now = self._culprit, time.monotonic()
             if current != self._seen and len(self._limits) > 1:  # each of the parts may take its time
                 self._seen, self._since = current, now
+            self._takes(now - self._since)
             if now - self._since > self._limit:
                 self._expired = self._limit
                 kill_only(self._process, self._mark)

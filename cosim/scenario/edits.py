@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -132,6 +132,23 @@ def set_controller(controller: str, name: str, package: str, version: str) -> Ed
     return Edit(words, _set_controller, (controller, name, package, version))
 
 
+def set_environment(controller: str, folder: Path, laws: Mapping[str, tuple[str, str]]) -> Edit:
+    """Return the change of one controller to its law in another environment; its gains are kept.
+
+    Parameters
+    ----------
+    controller
+        Its id.
+    folder
+        The environment.
+    laws
+        Package and version of each law that is installed there, by name.
+    """
+    words = f"--environment {_quoted(f'{controller}={folder}')}"
+    there = tuple((name, *about) for name, about in laws.items())
+    return Edit(words, _set_environment, (controller, folder, there))
+
+
 def split_setting(setting: str) -> tuple[str, str]:
     """Return the two sides of ``XPATH=VALUE``, split at the first '=' that is not in the XPath's brackets or quotes.
 
@@ -233,8 +250,30 @@ def _set_controller(root: etree._Element, controller: str, name: str, package: s
         return
     for attribute, value in (("name", name), ("package", package), ("version", f"=={version}")):
         element.set(attribute, value)
+    for attribute in ("environment", "time_limit"):
+        element.attrib.pop(attribute, None)
     for gain in element.findall("gain"):
         element.remove(gain)
+
+
+def _set_environment(
+    root: etree._Element, controller: str, folder: Path, laws: tuple[tuple[str, str, str], ...]
+) -> None:
+    element = _by_id(root, "controller", controller)
+    there = {name: (package, version) for name, package, version in laws}
+    name = str(element.get("name"))
+    if name not in there:
+        raise InputError(
+            f"--environment {controller}={folder}: no package there offers a controller {name!r}: "
+            f"{nearest(name, list(there))}"
+        )
+    package, version = there[name]
+    for attribute, value in (
+        ("package", package),
+        ("version", f"=={version}"),
+        ("environment", str(folder.absolute())),
+    ):
+        element.set(attribute, value)
 
 
 def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:

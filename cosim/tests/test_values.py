@@ -25,6 +25,7 @@ from cosim.results.summary import summarise
 from cosim.scenario.edits import (
     set_binding,
     set_controller,
+    set_environment,
     set_fmu,
     set_horizon,
     set_seed,
@@ -132,6 +133,7 @@ EDITS = {
     "binding": lambda: set_binding("clmr", Path("own.xml")),
     "horizon": lambda: set_horizon(0.2),
     "expectations": without_expectations,
+    "environment": lambda: set_environment("pid", Path("envs/new"), {"lqg": ("formation-controllers", "0.2.0")}),
     "controller": lambda: set_controller("pid", "lqg", "formation-controllers", "0.1.0"),
 }
 
