@@ -2,23 +2,29 @@
 
 import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import formation_controllers
 import numpy as np
 import pytest
 import xarray as xr
+from formation_controllers.controller import Controller
 
 import cosim
+import plants
 from cosim.cli import main
 from cosim.control import host, host_process
 from cosim.errors import InputError, SimulationError
+from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
 
@@ -195,6 +201,16 @@ def test_a_state_goes_on_in_another_host(own: Path, tmp_path: Path) -> None:
             its.from_bytes(b"nothing", 0.1)
 
 
+def test_a_set_up_comes_back_without_its_processes(own: Path, tmp_path: Path) -> None:
+    with ExitStack() as cleanup:
+        setup = set_up(cosim.read_scenario(written(tmp_path / "line.xml", faulty(own))), cleanup, {})
+        other = pickle.loads(pickle.dumps(setup))
+        cleanup.callback(other.hosts.stop)
+        assert other.laws["pid"].signals == setup.laws["pid"].signals
+        assert other.laws["pid"].host.gains("faulty", [("fault", 3.0)]) == (("fault", 3.0),)
+    assert nothing_left(own)
+
+
 def test_prepared_runs_share_a_host(own: Path, tmp_path: Path) -> None:
     scenario = cosim.read_scenario(written(tmp_path / "line.xml", inside(_controller_of(LINE), own))).edited(
         horizon=0.6, expectations=False
@@ -330,6 +346,21 @@ def test_a_law_that_misbehaves_is_named(
     result = xr.load_dataset(tmp_path / "clmr_line" / "result.nc", engine="h5netcdf")
     assert result["count"].values[:, 0].tolist() == list(range(10))
     assert nothing_left(own)
+
+
+def test_beside_a_supervised_plant(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = tmp_path / "robot.fmu"
+    shutil.copyfile(plants.build("car_like"), fmu)
+    for name, fault, status in (("whole", 0, 0), ("failed", 3, 3)):
+        file = written(tmp_path / f"{name}.xml", faulty(own, fault))
+        _replace(file, 'name="clmr_line"', f'name="{name}"')
+        _, said = command(capsys, "run", file, "--plant", f"clmr={fmu}", "--out", tmp_path, *SHORT, status=status)
+        assert status == 0 or f"{WHO} in the environment {own} did not complete the tick: its process exited" in said
+        assert nothing_left(own)
+    whole, part = (xr.load_dataset(tmp_path / name / "result.nc", engine="h5netcdf") for name in ("whole", "failed"))
+    alone = cosim.run(written(tmp_path / "alone.xml", faulty(own)), horizon=0.6, expectations=False)
+    assert np.array_equal(whole["pose"].values, alone["pose"].values)
+    assert np.array_equal(part["pose"].values, alone["pose"].values[:10])
 
 
 def test_a_law_names_its_robot(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -518,6 +549,37 @@ def test_a_vehicle_that_a_law_does_not_serve(own: Path, tmp_path: Path) -> None:
 def test_a_time_limit_needs_an_environment(tmp_path: Path) -> None:
     text = _controller_of(LINE).replace("<controller ", '<controller time_limit="1 s" ')
     assert "time_limit of a <controller> is for one with an environment" in refused(written(tmp_path / "l.xml", text))
+
+
+def test_a_law_of_an_interface_without_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Release 1.0 had neither a telemetry record nor an error of commands that are not finite."""
+    law = formation_controllers.load("lqg")
+    size = host.telemetry_type(law.signals).itemsize // 8
+    shapes = [host.shapes_of(2, 4, 2, 2, size)]
+    about = {
+        "gains": [[]],
+        "shared": True,
+        "vehicle": host.stated(formation_controllers.CarLike(1.2)),
+        "size": 2,
+        "period": 0.02,
+        "accelerates": False,
+    }
+    found = []
+    for old in (False, True):
+        numbers = np.zeros(sum(int(np.prod(shape)) for shape in shapes[0]))
+        (arrays,) = host.parts_of(numbers, shapes)
+        arrays[0][:] = [[-5.0, 0.0, 0.0, 0.0], [-5.0, 5.0, 0.0, 0.0]]
+        arrays[5][:] = [3.0, 0.1]
+        team = host._Team(law, about, arrays)
+        if old:
+            for name in ("telemetry_record", "not_finite"):
+                monkeypatch.delattr(Controller, name)
+        team.tick(host.FIRST)
+        found.append(arrays[9].copy())
+        arrays[8][1] = np.nan
+        assert host.row_of(team.not_finite()) == 1
+    assert np.isfinite(found[0]).any()
+    assert np.array_equal(*found, equal_nan=True)
 
 
 # Words that both sides share ----------------------------------------------------------------------------------------

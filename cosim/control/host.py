@@ -246,8 +246,8 @@ def _vehicle(facts: Mapping[str, Any]) -> Any:
     from formation_controllers import vehicles
 
     geometry = {name: value for name, _, value in facts["geometry"]}
-    for known in getattr(vehicles, "VEHICLES", ()):
-        if known.kind == facts["kind"]:
+    for known in vars(vehicles).values():
+        if isinstance(known, type) and getattr(known, "kind", None) == facts["kind"]:
             return known(**geometry)
     entries = {
         fact: tuple(vehicles.Entry(*entry[:2]) for entry in facts[fact])
@@ -381,15 +381,31 @@ class _Team:
         measured = {"velocity": self._velocity.copy()} if self._measured else {}
         command = self.controller.step(pose, leader, desired, **measured)
         self._commands[:] = checked_commands(command, self._commands.shape)
-        record = self.controller.telemetry_record
+        record = self._record()
         if not is_stated(record, self._dtype, len(self._commands)):
             raise ValueError(f"its telemetry is {record.dtype.names}, not the signals that it states")
         self._telemetry[:] = numbers_of(record).reshape(self._telemetry.shape)
 
+    def _record(self) -> Any:
+        """Return the telemetry, one record a robot, also of a law whose interface has no such thing."""
+        import numpy as np
+
+        if hasattr(self.controller, "telemetry_record"):
+            return self.controller.telemetry_record
+        record = np.zeros(len(self._commands), self._dtype)
+        for name, values in self.controller.telemetry().items():
+            record[name] = values
+        return record
+
     def not_finite(self) -> BaseException:
         """Return the error of commands that are not finite."""
-        error: BaseException = self.controller.not_finite(self._commands.copy())
-        return error
+        import numpy as np
+
+        if hasattr(self.controller, "not_finite"):
+            error: BaseException = self.controller.not_finite(self._commands.copy())
+            return error
+        row = int(np.argmin(np.isfinite(self._commands).all(axis=1)))
+        return NotFinite(f"the torque is {self._commands[row].tolist()}: it must be finite", row)
 
     def state(self) -> bytes:
         """Return the state of the law as bytes."""
@@ -628,7 +644,7 @@ class _Host:
         return None
 
     def _described(self, name: str) -> dict[str, Any]:
-        from formation_controllers.registry import installed
+        from formation_controllers.registry import installed, load
 
         known = installed()
         if name not in known:
@@ -636,7 +652,7 @@ class _Host:
         found = known[name]
         about = {"package": found.package, "version": found.version}
         try:
-            self._laws[name] = law = found.load()
+            self._laws[name] = law = load(name)
         except Exception as error:
             return {**about, "fault": not_imported(error, found.entry_point.module)}
         return {**about, **described(law)}

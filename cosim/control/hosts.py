@@ -66,6 +66,10 @@ class Host:
         self._described: dict[str, dict[str, Any]] = {}
         self.teams: tuple[object, ...] = ()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the process, which is of this process alone."""
+        return {**self.__dict__, "_process": None, "_inherited": None, "_greeted": False, "teams": ()}
+
     @property
     def shown(self) -> str:
         """The environment in words."""
