@@ -12,7 +12,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.team import Team
@@ -34,6 +33,7 @@ from cosim.master.savable import check_savable
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
 from cosim.master.team_arrays import TeamArrays
+from cosim.master.teams import teams_of
 from cosim.master.ticks import Ticks, driven_robots
 from cosim.master.timing import timed
 from cosim.plant.fleet import returning
@@ -495,22 +495,9 @@ class Simulation:
 
     def _gather_teams(self, before: Sequence[Team]) -> list[Team]:
         """Return the laws with their followers; those of an earlier run where they are made of the same."""
-        scenario, setup = self.scenario, self.setup
-        groups: dict[tuple[str, Vehicle], list[int]] = {}
-        for row, (follower, robot) in enumerate(zip(scenario.followers, setup.followers, strict=True)):
-            groups.setdefault((follower.controller, robot.vehicle), []).append(row)
         teams = []
         with timed(self.timing, "controllers"):
-            for (controller, vehicle), rows in groups.items():
-                made_of = (
-                    setup.laws[controller],
-                    tuple(setup.gains[row] for row in rows),
-                    tuple(setup.followers[row].name for row in rows),
-                    tuple(rows),
-                    vehicle,
-                    setup.leader.vehicle,
-                    scenario.step * scenario.period,
-                )
+            for made_of in teams_of(self.scenario, self.setup):
                 again = (team for team in before if team.restart(*made_of))
                 teams.append(next(again, None) or team_of(*made_of))
         return teams

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.compiled import address_of, borrowing, call
 from cosim.signals.effects import EFFECTS
-from cosim.signals.effects.effect import Floats, Rows
+from cosim.signals.effects.effect import EffectKind, Floats, Rows
 from cosim.signals.random import NO_STREAMS, Streams
 
 WINDOW = 1024
@@ -67,6 +67,11 @@ class Chain:
         memory = np.zeros((len(self._effects), max((e.remembers for e in self._effects), default=0), *shape))
         acts = [address_of(e.act, 0, amounts[0, 0], amounts[0, 0], memory[0]) for e in self._effects]
         self.arrays = ChainArrays(np.array(acts, dtype=np.int64), amounts, memory)
+
+    @property
+    def effects(self) -> Sequence[EffectKind]:
+        """The kinds of effects in use, in the order in which they are applied."""
+        return self._effects
 
     def restart(self, rows: Rows) -> bool:
         """Go back to before the first tick of a run with another seed; return whether nothing else differs."""

@@ -35,10 +35,15 @@ class NormalStreams:
     ----------
     names
         The names of the streams.
+
+    Attributes
+    ----------
+    names : sequence
+        The same.
     """
 
     def __init__(self, names: Sequence[tuple[str, str]]) -> None:
-        self._names = names
+        self.names = names
         self._words = np.array([words_of_names(*name) for name in names], dtype=np.uint32).reshape(len(names), -1)
         self._states = np.zeros((4, len(names)), dtype=np.uint64)
         self._marked = self._states.T
@@ -50,7 +55,7 @@ class NormalStreams:
         if ZIGGURAT is not None:
             begin_all(words_of(seed), self._words, self._states)
         else:
-            self._plain = [random_stream(seed, *name) for name in self._names]
+            self._plain = [random_stream(seed, *name) for name in self.names]
 
     def mark(self) -> None:
         """Keep the states of the streams as they are, for `marked`."""

@@ -11,7 +11,7 @@ from cosim.compiled import compiled
 from cosim.errors import InputError
 from cosim.scenario.reader.times import Times
 from cosim.scenario.scenario import EffectSource
-from cosim.signals.effects.effect import Effect, EffectKind, Floats, Rows
+from cosim.signals.effects.effect import Effect, EffectKind, Floats, Plan, Rows
 from cosim.signals.effects.schedule import Schedule
 
 
@@ -69,3 +69,7 @@ class Delay(EffectKind):
     def amounts(self, first: int, out: Floats) -> None:
         """Write the delays in ticks."""
         out[:] = self._ticks
+
+    def plan(self) -> Plan:
+        """Return the delays in ticks, which last, as levels."""
+        return Plan((0,), self._ticks[np.newaxis])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import tick_at
 from cosim.compiled import compiled
-from cosim.signals.effects.effect import Floats, Part, Rows
+from cosim.signals.effects.effect import Floats, Part, Plan, Rows
 from cosim.signals.random import Streams, go_on, random_stream, state_of
 
 
@@ -37,21 +39,11 @@ class Dropout(Part):
     def restart(self, rows: Rows) -> None:
         """Begin all streams anew."""
         super().restart(rows)
-        own = [[effect for effect in effects if effect.kind == self.element] for effects in rows.effects]
-        named = [(rows.robots[row], index) for row, each in enumerate(own) for index, _ in enumerate(each)]
-        self._names = tuple(f"{robot}/{index}" for robot, index in named)
+        self._names = tuple(f"{rows.robots[row]}/{purpose.rpartition('.')[2]}" for row, purpose, *_ in self._drawn())
         self._marked: list[NDArray[np.uint64]] = []
         self._losses = [
-            (
-                random_stream(rows.seed, rows.robots[row], f"pose.dropout.{index}"),
-                effect.amount,
-                row,
-                [rows.channels[row].index(channel) for channel in effect.channels or rows.channels[row]],
-                tick_at(effect.start, rows.step),
-                tick_at(effect.stop, rows.step),
-            )
-            for row, effects in enumerate(own)
-            for index, effect in enumerate(effects)
+            (random_stream(rows.seed, rows.robots[row], purpose), probability, row, columns, start, stop)
+            for row, purpose, probability, columns, start, stop in self._drawn()
         ]
 
     def mark(self) -> None:
@@ -70,6 +62,15 @@ class Dropout(Part):
             if name in states:
                 go_on(stream, states[name])
 
+    def _drawn(self) -> Iterator[tuple[int, str, float, list[int], int, int]]:
+        """Yield row, purpose, probability, columns, first tick and the tick behind the last one of each effect."""
+        rows = self.rows
+        for row, (effects, names) in enumerate(zip(rows.effects, rows.channels, strict=True)):
+            for index, effect in enumerate(effect for effect in effects if effect.kind == self.element):
+                columns = [names.index(channel) for channel in effect.channels or names]
+                start, stop = tick_at(effect.start, rows.step), tick_at(effect.stop, rows.step)
+                yield row, f"pose.dropout.{index}", effect.amount, columns, start, stop
+
     def amounts(self, first: int, out: Floats) -> None:
         """Write one where a measurement is lost; each effect draws a number a tick for all of its channels.
 
@@ -81,3 +82,12 @@ class Dropout(Part):
             lost = (stream.random(len(out)) < probability) & (ticks > 0) & (start <= ticks) & (ticks < stop)
             for column in columns:
                 out[lost, row, column] = 1.0
+
+    def plan(self) -> Plan:
+        """Return the streams of losses."""
+        rows = self.rows
+        losses = tuple(
+            (rows.robots[row], purpose, probability, tuple(row * rows.width + c for c in columns), start, stop)
+            for row, purpose, probability, columns, start, stop in self._drawn()
+        )
+        return Plan((0,), np.zeros((1, len(rows.effects), rows.width)), losses=losses)

@@ -80,6 +80,30 @@ class Rows:
         return max(map(len, self.channels), default=0)
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How the amounts of an effect come about, for those who make them elsewhere than `EffectKind.amounts` does.
+
+    Attributes
+    ----------
+    switches : tuple of int
+        The ticks from which on there are other levels; the first is 0.
+    levels : ndarray
+        Levels (switches, robots, channels): the amounts themselves, but where streams of random numbers are drawn.
+    normal : tuple
+        Streams of normal numbers, one a tick: robot, purpose, and the flat place (robots, channels) of the channel whose
+        amount is its level times that number.
+    losses : tuple
+        Streams of numbers from 0 to 1, one a tick: robot, purpose, probability, flat places, first tick and the tick
+        behind the last one. Amounts are 1 where the number is below the probability, in these ticks but the very first.
+    """
+
+    switches: tuple[int, ...]
+    levels: Floats
+    normal: tuple[tuple[str, str, int], ...] = ()
+    losses: tuple[tuple[str, str, float, tuple[int, ...], int, int], ...] = ()
+
+
 Act: TypeAlias = Callable[[int, Floats, Floats, Floats], None]
 """Changes the values (robots, channels) of a tick in place: tick, values, amounts (robots, channels) of this tick, and
 the memory (arrays, robots, channels) of the effect, which is zero at first. Compiled code calls it tick after tick from
@@ -153,6 +177,10 @@ class EffectKind(ABC):
     @abstractmethod
     def amounts(self, first: int, out: Floats) -> None:
         """Write the amounts (ticks, robots, channels) from a tick on, which `act` gets; in order, from tick 0 on."""
+
+    @abstractmethod
+    def plan(self) -> Plan:
+        """Return how the amounts come about."""
 
 
 class OfEntries(EffectKind):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.compiled import compiled
-from cosim.signals.effects.effect import Floats, Part, Rows
+from cosim.signals.effects.effect import Floats, Part, Plan, Rows
 from cosim.signals.effects.schedule import Schedule
 
 
@@ -32,3 +32,7 @@ class Effectiveness(Part):
     def amounts(self, first: int, out: Floats) -> None:
         """Write the factors."""
         self._factor.fill(first, out)
+
+    def plan(self) -> Plan:
+        """Return the amounts as levels."""
+        return self._factor.plan()

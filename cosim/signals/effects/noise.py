@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cosim.signals.effects.bias import add
-from cosim.signals.effects.effect import Floats, OfEntries, Rows
+from cosim.signals.effects.effect import Floats, OfEntries, Plan, Rows
 from cosim.signals.effects.schedule import Schedule
 from cosim.signals.normal import NormalStreams
 from cosim.signals.random import Streams
@@ -54,3 +56,8 @@ class Noise(OfEntries):
         """Write random numbers with the standard deviations; channels without noise stay at zero."""
         for ticks, deviation in self._deviation.pieces(first, len(out)):
             self._streams.draw(deviation.ravel()[self._columns], out[ticks].reshape(-1, deviation.size), self._columns)
+
+    def plan(self) -> Plan:
+        """Return the standard deviations as levels, and the streams."""
+        streams = zip(self._streams.names, self._columns.tolist(), strict=True)
+        return replace(self._deviation.plan(), normal=tuple((*name, column) for name, column in streams))

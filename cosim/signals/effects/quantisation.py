@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.compiled import compiled
-from cosim.signals.effects.effect import Floats, OfEntries, Rows
+from cosim.signals.effects.effect import Floats, OfEntries, Plan, Rows
 from cosim.signals.effects.schedule import Schedule
 
 
@@ -32,3 +32,7 @@ class Quantisation(OfEntries):
     def amounts(self, first: int, out: Floats) -> None:
         """Write the steps."""
         self._quantum.fill(first, out)
+
+    def plan(self) -> Plan:
+        """Return the amounts as levels."""
+        return self._quantum.plan()

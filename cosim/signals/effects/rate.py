@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from cosim.compiled import compiled
-from cosim.signals.effects.effect import Floats, Limit, Rows
+from cosim.signals.effects.effect import Floats, Limit, Plan, Rows
 from cosim.signals.effects.schedule import Schedule, clipped
 
 
@@ -39,3 +40,8 @@ class Rate(Limit):
         """Write the largest changes in a tick."""
         self._limit.fill(first, out)
         out *= self.rows.step
+
+    def plan(self) -> Plan:
+        """Return the largest changes in a tick as levels."""
+        limits = self._limit.plan()
+        return replace(limits, levels=limits.levels * self.rows.step)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cosim.compiled import borrowing
-from cosim.signals.effects.effect import Floats, Limit, Rows
+from cosim.signals.effects.effect import Floats, Limit, Plan, Rows
 from cosim.signals.effects.schedule import Schedule, clipped
 
 
@@ -33,3 +33,7 @@ class Saturation(Limit):
     def amounts(self, first: int, out: Floats) -> None:
         """Write the limits."""
         self._limit.fill(first, out)
+
+    def plan(self) -> Plan:
+        """Return the amounts as levels."""
+        return self._limit.plan()

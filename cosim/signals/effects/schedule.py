@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.clock import tick_at
 from cosim.compiled import part
-from cosim.signals.effects.effect import Floats, Rows
+from cosim.signals.effects.effect import Floats, Plan, Rows
 
 
 class Schedule:
@@ -68,6 +68,10 @@ class Schedule:
         for end, amount in zip(ends, self._amounts[piece:last], strict=True):
             yield slice(begin, end), amount
             begin = end
+
+    def plan(self) -> Plan:
+        """Return the amounts as levels."""
+        return Plan(tuple(self._switches), np.array(self._amounts))
 
     @property
     def first(self) -> Floats:

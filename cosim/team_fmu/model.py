@@ -1,0 +1,342 @@
+"""The team's half of the loop as a sampled model: sensors, laws, actuators and desired places in C."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import formation_controllers as fc
+import numpy as np
+
+from cosim.control.team import Team
+from cosim.errors import InputError
+from cosim.master.robot import RobotSetup
+from cosim.master.setup import Setup
+from cosim.master.teams import teams_of
+from cosim.scenario.scenario import Scenario
+from cosim.signals.actuators import actuators
+from cosim.signals.random import words_of
+from cosim.signals.sensors import pose_sensors
+from cosim.team_fmu.c_text import assignments, block, number, numbers, table
+from cosim.team_fmu.chains import LEVEL, ChainInC, stream_names
+from cosim.team_fmu.courses import FUNCTION, Courses
+from cosim.team_fmu.laws import PRIMITIVES, LawInC, law_in_c
+from cosim.team_fmu.leader_in_c import LeaderInC
+from cosim.team_fmu.ports import command_outputs, gain_parameters, state_inputs, telemetry_outputs
+from cosim.translation import CSource, translate
+from cosim.translation.names import identifier
+from plants.sampled import Port, Sampled
+
+_TEMPLATE = Path(__file__).parent / "template"
+LARGEST_SEED = 2**31 - 1
+"""Of the parameter; a scenario with a larger one has its seed built in."""
+
+
+def team_model(scenario: Scenario, setup: Setup, controller: str) -> Sampled:
+    """Return a controller of a scenario, with the followers that it serves, as a sampled model.
+
+    Parameters
+    ----------
+    scenario, setup
+        The scenario with its set-up.
+    controller
+        The id of the controller.
+
+    Raises
+    ------
+    InputError
+        No follower has this controller, or its law cannot be translated to C: the place, and what would be right.
+    """
+    made_of = [own for own in teams_of(scenario, setup) if own[0].source.id == controller]
+    if not made_of:
+        known = ", ".join(dict.fromkeys(follower.controller for follower in scenario.followers))
+        raise InputError(f"no follower has the controller {controller!r}; there are {known}", scenario.where)
+    return _Model(scenario, setup, [Team(*own) for own in made_of]).sampled(controller)
+
+
+class _Model:
+    """The parts of the model; rows are those of the leader and of the followers of this controller."""
+
+    def __init__(self, scenario: Scenario, setup: Setup, teams: Sequence[Team]) -> None:
+        self._scenario, self._setup, self._teams = scenario, setup, teams
+        self._places = sorted(int(row) for team in teams for row in team.rows)  # in the scenario
+        self._followers = [setup.followers[row] for row in self._places]
+        self._robots = [setup.leader, *self._followers]
+        self._width = max(len(robot.kind.pose) for robot in self._robots)
+        self._commands = max(len(robot.kind.command) for robot in self._followers)
+        names = [robot.name for robot in self._robots]
+        poses = [[role.name for role in robot.kind.pose] for robot in self._robots]
+        commands = [[role.name for role in robot.kind.command] for robot in self._followers]
+        step = scenario.step
+        sensors = pose_sensors(scenario.seed, names, poses, [robot.sensor for robot in self._robots], step)
+        acting = actuators(commands, [robot.actuator for robot in self._followers], step)
+        self._sensors = ChainInC("sense", sensors, 0)
+        self._actuators = ChainInC("actuate", acting, len(self._sensors.streams))
+        self._delays = any(effect.element == "delay" for effect in acting.effects)
+        self._laws = [law_in_c(team, str(k + 1), self._prepare) for k, team in enumerate(teams)]
+        self._courses = Courses()
+        self._leaders = [LeaderInC(law.label, law.team) for law in self._laws]
+        self._inputs: list[Port] = []
+        self._parameters: list[Port] = []
+        self._outputs: list[Port] = []
+        self._gains: dict[str, list[str]] = {law.label: [] for law in self._laws}
+        self._results: list[str] = []
+        self._state_variables()
+
+    def _prepare(self, team: Team) -> None:
+        """Start a law that prepares states before the first tick."""
+        setup, rows = self._setup, team.rows
+        leader = np.array(setup.leader.pose, dtype=float), np.zeros(len(setup.leader.kind.velocity))
+        desired = fc.Desired(*(np.ascontiguousarray(part[0][rows]) for part in setup.desired))
+        team.controller.start(np.array([setup.followers[row].pose for row in rows]), fc.Leader(*leader), desired)
+
+    # Variables ---------------------------------------------------------------------------------------------
+
+    def _state_variables(self) -> None:
+        setup, needs = self._setup, {row for law in self._laws if _needs(law) for row in law.team.rows}
+        leader = setup.leader
+        self._inputs += state_inputs(leader, velocities=True, accelerations=setup.motion is not None)
+        shared = tuple(port.name for port in self._inputs)
+        for place, robot in zip(self._places, self._followers, strict=True):
+            own = list(state_inputs(robot, velocities=place in needs))
+            self._inputs += own
+            depends = (*shared, *(port.name for port in own))
+            row = self._followers.index(robot)
+            besides = setup.followers[place].torque
+            for column, port in enumerate(command_outputs(robot, depends)):
+                self._outputs.append(port)
+                besides_text = self._courses.of(f"{port.name}, besides the law's", besides[:, column])
+                plus = "" if besides_text in ("0.0", "-0.0") else f" + {besides_text}"
+                self._results.append(f"acting[{row}][{column}]{plus}")
+            law, index = self._law_of(place)
+            for port, at in telemetry_outputs(law.team, robot.name, depends):
+                self._outputs.append(port)
+                self._results.append(f"memory->team_{law.label}.telemetry[{index}].{_member(at)}")
+            if not law.prepared:
+                for port, at in gain_parameters(setup.gains[place], robot.name):
+                    place_in_c = f"memory->team_{law.label}.gains[{index}].{_member(at)}"
+                    self._gains[law.label].append(f"{place_in_c} = parameters[{len(self._parameters)}];")
+                    self._parameters.append(port)
+
+    def _law_of(self, place: int) -> tuple[LawInC, int]:
+        for law in self._laws:
+            rows = law.team.rows.tolist()
+            if place in rows:
+                return law, rows.index(place)
+        raise KeyError(place)
+
+    def _input(self, robot: RobotSetup, entry: str) -> str:
+        name = f"{robot.name}.{entry}"
+        return f"inputs[{next(i for i, port in enumerate(self._inputs) if port.name == name)}]"
+
+    # The model ---------------------------------------------------------------------------------------------
+
+    def sampled(self, controller: str) -> Sampled:
+        """Return the model."""
+        scenario = self._scenario
+        entries = [
+            *(entry for law in self._laws for entry in law.entries),
+            *(entry for leader in self._leaders for entry in leader.entries),
+            *self._sensors.entries,
+            *self._actuators.entries,
+        ]
+        source = translate(
+            "team",
+            entries,
+            about=f"The controller {controller} of {scenario.name}: its law, sensors and actuators.",
+            primitives=(*PRIMITIVES, *LeaderInC.primitives),
+        )
+        tick = self._tick(source)
+        memory = self._memory(source)
+        sources = {
+            source.header_name: source.header,
+            source.source_name: source.source,
+            "memory.h": memory,
+            "model.c": self._start_and_tick(controller, source, tick),
+        }
+        streams = self._sensors.streams + self._actuators.streams
+        if streams:
+            sources |= {name: (_TEMPLATE / name).read_text("utf-8") for name in ("streams.c", "streams.h")}
+            sources["ziggurat.h"] = _ziggurat()
+        seed = Port("seed", "", "Seed of the noise", start=scenario.seed, min=0, max=LARGEST_SEED)
+        laws = ", ".join(dict.fromkeys(law.team.law.source.name for law in self._laws))
+        return Sampled(
+            name=identifier(f"{scenario.name}_{controller}"),
+            description=f"The followers' half of {scenario.name}: sensors, {laws} and actuators",
+            step=scenario.step,
+            sources=sources,
+            last=self._courses.last,
+            stop=scenario.horizon,
+            inputs=self._inputs,
+            parameters=self._parameters,
+            outputs=self._outputs,
+            integers=(seed,) if streams and scenario.seed <= LARGEST_SEED else (),
+            pages=self._pages(laws),
+        )
+
+    def _pages(self, laws: str) -> dict[str, Sequence[str]]:
+        package = self._laws[0].team.law
+        robots = ", ".join(robot.name for robot in self._followers)
+        return {
+            "What it is": [
+                f"It takes the true poses of the leader and of {robots}, measures them by the scenario's sensors, lets the "
+                f"law {laws} of {package.package} {package.version} compute commands, and passes these through the "
+                "actuators. Desired places over time are in it. All units are SI.",
+                f"The law runs every {self._scenario.period * self._scenario.step:g} s; in between its commands are held.",
+                "Its C is translated from the law's Python, whose names and comments it keeps.",
+            ]
+        }
+
+    def _memory(self, source: CSource) -> str:
+        streams = len(self._sensors.streams) + len(self._actuators.streams)
+        members = [
+            *(f"{law.types(source)[1]} team_{law.label};" for law in self._laws),
+            f"double command[{len(self._followers)}][{self._commands}]; /* held until the law's next tick */",
+            *self._sensors.members,
+            *self._actuators.members,
+            *([f"Stream streams[{streams}];"] if streams else []),
+        ]
+        includes = '#include "team.h"\n' + ('#include "streams.h"\n' if streams else "")
+        return (
+            "/* What the team remembers from tick to tick. */\n#ifndef MEMORY_H\n#define MEMORY_H\n\n"
+            f"{includes}\ntypedef struct {{\n{block(members)}}} Memory;\n\n#endif\n"
+        )
+
+    def _start_and_tick(self, controller: str, source: CSource, tick: str) -> str:
+        courses = "\n\n".join(self._courses.tables)
+        tables = [*self._sensors.tables, *self._actuators.tables]
+        functions = [self._sensors.function, self._actuators.function]
+        parts = [
+            f"/* The controller {controller} of {self._scenario.name}: when what is computed. */\n"
+            '#include "model.h"\n\n#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n#include <string.h>',
+            *tables,
+            courses,
+            FUNCTION if "at(course_" in tick else "",
+            LEVEL if any("level_at(" in function for function in functions) else "",
+            *functions,
+            self._start(),
+            tick,
+        ]
+        return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
+
+    def _start(self) -> str:
+        lines: list[str] = []
+        streams = self._sensors.streams + self._actuators.streams
+        for law in self._laws:
+            at = f"memory->team_{law.label}"
+            own = law.records
+            telemetry = np.full_like(own.telemetry, np.nan)
+            room = {name: np.zeros_like(getattr(own, name)) for name in ("seen", "columns")}
+            lines += assignments(at, own._replace(telemetry=telemetry, **room))
+        if streams:
+            words = words_of(self._scenario.seed).tolist()
+            if self._scenario.seed <= LARGEST_SEED:
+                lines.append("const uint32_t seed[4] = {(uint32_t)integers[0], 0, 0, 0};")
+            else:
+                lines.append(f"const uint32_t seed[{len(words)}] = {{{', '.join(f'{word}u' for word in words)}}};")
+            lines += [
+                f"for (int i = 0; i < {len(streams)}; i++) {{",
+                f"    stream_begin(&memory->streams[i], seed, {len(words)}, stream_names[i]);",
+                "}",
+            ]
+        unused = ["(void)parameters;"] + ([] if streams and self._scenario.seed <= LARGEST_SEED else ["(void)integers;"])
+        head = "void model_start(const double *parameters, const int *integers, Memory *memory)"
+        names = stream_names(streams) + "\n\n" if streams else ""
+        return f"{names}{head}\n{{\n{block([*unused, *lines])}}}"
+
+    def _tick(self, source: CSource) -> str:
+        robots, width = len(self._robots), self._width
+        lines = ["/* Sense */", f"double measured[{robots}][{width}];"]
+        for row, robot in enumerate(self._robots):
+            entries = [self._input(robot, role.name) for role in robot.kind.pose] + ["NAN"] * width
+            lines += [f"measured[{row}][{column}] = {entries[column]};" for column in range(width)]
+        if self._sensors.function:
+            lines.append("sense(tick, measured, memory);")
+        lines += ["", "/* Control */"]
+        period = self._scenario.period
+        control = [line for law, leader in zip(self._laws, self._leaders, strict=True) for line in self._law(law, leader, source)]
+        lines += [f"if (tick % {period} == 0) {{", *(f"    {line}" if line else "" for line in control), "}"] if period > 1 else control
+        lines += ["", "/* Actuate */"]
+        lines += [f"double acting[{len(self._followers)}][{self._commands}];", "memcpy(acting, memory->command, sizeof acting);"]
+        if self._actuators.function:
+            lines.append("actuate(tick, acting, memory);")
+        lines.append("")
+        for index, (port, result) in enumerate(zip(self._outputs, self._results, strict=True)):
+            lines.append(f"outputs[{index}] = {result}; /* {port.name} [{port.unit}] */")
+        lines += ["(void)parameters;", "(void)integers;", "return NULL;"]
+        head = (
+            "const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,\n"
+            "                       Memory *memory, double *outputs)"
+        )
+        return f"{head}\n{{\n{block(lines)}}}"
+
+    def _law(self, law: LawInC, leader: LeaderInC, source: CSource) -> Iterator[str]:
+        team, label = law.team, law.label
+        inputs_type, _ = law.types(source)
+        taken, records = f"in_{label}", f"memory->team_{label}"
+        yield f"{inputs_type} {taken};"
+        for index, row in enumerate(team.rows.tolist()):
+            robot, own = self._setup.followers[row], 1 + self._places.index(row)
+            for column in range(len(team.vehicle.pose)):
+                yield f"{taken}.pose[{index}][{column}] = measured[{own}][{column}];"
+            for column, role in enumerate(robot.kind.velocity):
+                value = self._input(robot, role.name) if _needs(law) else "NAN"
+                yield f"{taken}.velocity[{index}][{column}] = {value};"
+            for part in fc.Desired._fields:
+                for column in range(2):
+                    course = getattr(self._setup.desired, part)[:, row, column]
+                    value = self._courses.of(f"{robot.name}: {part}[{column}]", course)
+                    yield f"{taken}.{part.replace('q', 'q_d', 1)}[{index}][{column}] = {value};"
+        kind = self._setup.leader.kind
+        velocities = [self._input(self._setup.leader, role.name) for role in kind.velocity]
+        accelerations = (
+            [self._input(self._setup.leader, f"der_{role.name}") for role in kind.velocity]
+            if self._setup.motion is not None
+            else ["0.0"] * len(kind.velocity)
+        )
+        yield from leader.lines(taken, "measured[0]", velocities, accelerations)
+        yield from self._gains[label]
+        yield f"if (tick == 0) team_start_{label}(&{taken}, &{records});"
+        commands = len(team.vehicle.command)
+        yield f"double command_{label}[{len(team.rows)}][{commands}];"
+        yield f"team_tick_{label}(&{taken}, &{records}, command_{label});"
+        for index, row in enumerate(team.rows.tolist()):
+            own = self._places.index(row)
+            robot = self._setup.followers[row].name
+            for column in range(self._commands):
+                if column >= commands:
+                    yield f"memory->command[{own}][{column}] = NAN;"
+                    continue
+                yield (
+                    f"if (!isfinite(command_{label}[{index}][{column}])) "
+                    f'return "the law\'s command for {robot} is not finite";'
+                )
+                yield f"memory->command[{own}][{column}] = command_{label}[{index}][{column}];"
+        yield ""
+
+
+def _needs(law: LawInC) -> bool:
+    return "velocity" in law.team.controller.needs
+
+
+def _member(at: str) -> str:
+    name, bracket, rest = at.partition("[")
+    return identifier(name) + bracket + rest
+
+
+def _ziggurat() -> str:
+    """Return NumPy's tables of the ziggurat, which Numba has."""
+    from numba.np.random import _constants as tables
+
+    text = "/* The layers of the ziggurat, as NumPy has them. */\n#ifndef ZIGGURAT_H\n#define ZIGGURAT_H\n\n#include <stdint.h>\n\n"
+    text += numbers("double ziggurat_heights[256]", tables.fi_double) + "\n\n"
+    text += numbers("double ziggurat_widths[256]", tables.wi_double) + "\n\n"
+    text += table("uint64_t ziggurat_inside[256]", (f"{int(n)}u" for n in tables.ki_double.tolist())) + "\n\n"
+    text += f"static const double ziggurat_tail = {number(tables.ziggurat_nor_r)};\n"
+    text += f"static const double ziggurat_tail_scale = {number(tables.ziggurat_nor_inv_r)};\n\n#endif\n"
+    return text
+
+
+__all__ = ["team_model", "replace", "re"]
