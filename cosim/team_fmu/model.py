@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import formation_controllers as fc
@@ -296,7 +294,7 @@ class _Model:
             if self._setup.motion is not None
             else ["0.0"] * len(kind.velocity)
         )
-        yield from leader.lines(taken, "measured[0]", velocities, accelerations)
+        yield from leader.lines(source, taken, "measured[0]", velocities, accelerations)
         yield from self._gains[label]
         yield f"if (tick == 0) team_start_{label}(&{taken}, &{records});"
         commands = len(team.vehicle.command)
@@ -338,5 +336,3 @@ def _ziggurat() -> str:
     text += f"static const double ziggurat_tail_scale = {number(tables.ziggurat_nor_inv_r)};\n\n#endif\n"
     return text
 
-
-__all__ = ["team_model", "replace", "re"]

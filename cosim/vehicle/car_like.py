@@ -95,7 +95,7 @@ def _course(vehicle: fc.CarLike, state: Sequence[float]) -> Course:
 
 def _state(vehicle: fc.CarLike, course: Course) -> tuple[float, ...]:
     slope = vehicle.wheelbase * course.curvature
-    rate = vehicle.wheelbase * course.curvature_rate / (1.0 + slope**2)
+    rate = vehicle.wheelbase * course.curvature_rate / (1.0 + slope * slope)
     return course.x, course.y, course.heading, atan(slope), course.v, rate
 
 

@@ -83,7 +83,7 @@ def _course(vehicle: fc.TractorTrailer, state: Sequence[float]) -> Course:
 
 def _state(vehicle: fc.TractorTrailer, course: Course) -> tuple[float, ...]:
     slope = vehicle.hitch_length * course.curvature
-    rate = vehicle.hitch_length * course.curvature_rate / (1.0 + slope**2)
+    rate = vehicle.hitch_length * course.curvature_rate / (1.0 + slope * slope)
     tractor = course.heading + atan(slope)
     return course.x, course.y, course.heading, tractor, course.v, rate + course.v * course.curvature
 
