@@ -75,7 +75,9 @@ def _plant(robot: RobotSetup, folder: Path) -> Slave:
     return slave
 
 
-def closed_loop(scenario: Scenario, setup: Setup, teams: list[Slave], folder: Path, ticks: int) -> dict[str, np.ndarray]:
+def closed_loop(
+    scenario: Scenario, setup: Setup, teams: list[Slave], folder: Path, ticks: int
+) -> dict[str, np.ndarray]:
     """Run a scenario of built-in plants tick by tick: set poses, get commands, step all.
 
     The outputs of the teams and the states of the robots, by ``robot.variable``, one sample a tick.

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from formation_controllers.vehicles import Vehicle
 
+from cosim.control.team import MadeOf
 from cosim.master.setup import Setup
 from cosim.scenario.scenario import Scenario
 
 
-def teams_of(scenario: Scenario, setup: Setup) -> list[tuple[Any, ...]]:
+def teams_of(scenario: Scenario, setup: Setup) -> list[MadeOf]:
     """Return what each team of a scenario is made of: the arguments of `cosim.control.team.Team`."""
     groups: dict[tuple[str, Vehicle], list[int]] = {}
     for row, (follower, robot) in enumerate(zip(scenario.followers, setup.followers, strict=True)):

@@ -12,7 +12,7 @@ from formation_controllers import elementary
 from formation_controllers.interface import CompiledTick, TickInputs
 from formation_controllers.team_records import TeamRecords
 
-from cosim.control.team import Team
+from cosim.control.team_here import TeamHere
 from cosim.errors import InputError
 from cosim.translation import CSource, Entry
 
@@ -26,7 +26,7 @@ class LawInC:
 
     Attributes
     ----------
-    team : Team
+    team : TeamHere
         The team.
     label : str
         The end of its names in C.
@@ -38,7 +38,7 @@ class LawInC:
         Its functions.
     """
 
-    team: Team
+    team: TeamHere
     label: str
     records: TeamRecords
     prepared: bool
@@ -52,7 +52,7 @@ class LawInC:
         return found[1], found[2]
 
 
-def law_in_c(team: Team, label: str, prepare: Callable[[Team], None]) -> LawInC:
+def law_in_c(team: TeamHere, label: str, prepare: Callable[[TeamHere], None]) -> LawInC:
     """Return the law of a team.
 
     Parameters

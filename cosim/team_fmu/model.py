@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import formation_controllers as fc
 import numpy as np
 
-from cosim.control.team import Team
+from cosim.control.law import Law
+from cosim.control.team_here import TeamHere
 from cosim.errors import InputError
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -51,13 +53,13 @@ def team_model(scenario: Scenario, setup: Setup, controller: str) -> Sampled:
     if not made_of:
         known = ", ".join(dict.fromkeys(follower.controller for follower in scenario.followers))
         raise InputError(f"no follower has the controller {controller!r}; there are {known}", scenario.where)
-    return _Model(scenario, setup, [Team(*own) for own in made_of]).sampled(controller)
+    return _Model(scenario, setup, [_here(*own) for own in made_of]).sampled(controller)
 
 
 class _Model:
     """The parts of the model; rows are those of the leader and of the followers of this controller."""
 
-    def __init__(self, scenario: Scenario, setup: Setup, teams: Sequence[Team]) -> None:
+    def __init__(self, scenario: Scenario, setup: Setup, teams: Sequence[TeamHere]) -> None:
         self._scenario, self._setup, self._teams = scenario, setup, teams
         self._places = sorted(int(row) for team in teams for row in team.rows)  # in the scenario
         self._followers = [setup.followers[row] for row in self._places]
@@ -83,7 +85,7 @@ class _Model:
         self._results: list[str] = []
         self._state_variables()
 
-    def _prepare(self, team: Team) -> None:
+    def _prepare(self, team: TeamHere) -> None:
         """Start a law that prepares states before the first tick."""
         setup, rows = self._setup, team.rows
         leader = np.array(setup.leader.pose, dtype=float), np.zeros(len(setup.leader.kind.velocity))
@@ -239,7 +241,9 @@ class _Model:
                 f"    stream_begin(&memory->streams[i], seed, {len(words)}, stream_names[i]);",
                 "}",
             ]
-        unused = ["(void)parameters;"] + ([] if streams and self._scenario.seed <= LARGEST_SEED else ["(void)integers;"])
+        unused = ["(void)parameters;"] + (
+            [] if streams and self._scenario.seed <= LARGEST_SEED else ["(void)integers;"]
+        )
         head = "void model_start(const double *parameters, const int *integers, Memory *memory)"
         names = stream_names(streams) + "\n\n" if streams else ""
         return f"{names}{head}\n{{\n{block([*unused, *lines])}}}"
@@ -254,10 +258,21 @@ class _Model:
             lines.append("sense(tick, measured, memory);")
         lines += ["", "/* Control */"]
         period = self._scenario.period
-        control = [line for law, leader in zip(self._laws, self._leaders, strict=True) for line in self._law(law, leader, source)]
-        lines += [f"if (tick % {period} == 0) {{", *(f"    {line}" if line else "" for line in control), "}"] if period > 1 else control
+        control = [
+            line
+            for law, leader in zip(self._laws, self._leaders, strict=True)
+            for line in self._law(law, leader, source)
+        ]
+        lines += (
+            [f"if (tick % {period} == 0) {{", *(f"    {line}" if line else "" for line in control), "}"]
+            if period > 1
+            else control
+        )
         lines += ["", "/* Actuate */"]
-        lines += [f"double acting[{len(self._followers)}][{self._commands}];", "memcpy(acting, memory->command, sizeof acting);"]
+        lines += [
+            f"double acting[{len(self._followers)}][{self._commands}];",
+            "memcpy(acting, memory->command, sizeof acting);",
+        ]
         if self._actuators.function:
             lines.append("actuate(tick, acting, memory);")
         lines.append("")
@@ -315,8 +330,19 @@ class _Model:
         yield ""
 
 
+def _here(law: Law, *others: Any) -> TeamHere:
+    """Return a team whose law is in this environment."""
+    if law.host is not None:
+        raise InputError(
+            f"the controller {law.source.id!r} is in an environment of its own: only a law of this environment becomes an "
+            "FMU; install its package here, and leave the attribute environment out",
+            law.source.where,
+        )
+    return TeamHere(law, *others)
+
+
 def _needs(law: LawInC) -> bool:
-    return "velocity" in law.team.controller.needs
+    return law.team.measured
 
 
 def _member(at: str) -> str:
@@ -335,4 +361,3 @@ def _ziggurat() -> str:
     text += f"static const double ziggurat_tail = {number(tables.ziggurat_nor_r)};\n"
     text += f"static const double ziggurat_tail_scale = {number(tables.ziggurat_nor_inv_r)};\n\n#endif\n"
     return text
-

@@ -10,7 +10,7 @@ import formation_controllers as fc
 import numpy as np
 from formation_controllers.gains import gain_info, gain_records
 
-from cosim.control.team import Team
+from cosim.control.team_here import TeamHere
 from cosim.master.robot import RobotSetup
 from cosim.scenario.scenario import LEADER
 from plants import units
@@ -36,9 +36,9 @@ def command_outputs(robot: RobotSetup, depends: tuple[str, ...]) -> Iterator[Por
         yield Port(f"{robot.name}.{role.name}", role.unit, text, depends=depends)
 
 
-def telemetry_outputs(team: Team, robot: str, depends: tuple[str, ...]) -> Iterator[tuple[Port, str]]:
+def telemetry_outputs(team: TeamHere, robot: str, depends: tuple[str, ...]) -> Iterator[tuple[Port, str]]:
     """Yield the signals of a team's law for a robot, each with its place in the telemetry record."""
-    for signal in team.law.controller_type.signals:
+    for signal in team.law.signals:
         for index, component in enumerate(signal.components or [""]):
             at = f"[{index + 1}]" if component else ""
             text = f"{signal.description}, {component}" if component else signal.description
@@ -88,4 +88,3 @@ def _of_bearing(unit: str) -> str:
 def sentence(text: str) -> str:
     """Return a description that begins with a capital letter."""
     return text[:1].upper() + text[1:]
-
