@@ -119,7 +119,7 @@ def closed_loop(
                 else {role.name: commands[f"{robot.name}.{role.name}"] for role in robot.kind.command}
             )
             others = zip(robot.inputs, robot.samples[tick].tolist(), strict=True)
-            slave.set(given | {bound.played_by.name: value for bound, value in others})
+            slave.set(given | {bound.role.name: value for bound, value in others})
             slave.step(tick * step, step)
         for team in teams:
             team.step(tick * step, step)

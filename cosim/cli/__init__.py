@@ -113,6 +113,7 @@ _COMMANDS = {
     "report": "cosim.cli.reporting.report",
     "export": "cosim.cli.exporting.export",
     "import": "cosim.cli.importing.import_system",
+    "export-controller": "cosim.cli.exporting_controllers.export_controllers",
     "judge": "cosim.cli.judging.judge",
     "check": "cosim.cli.check.check",
     "build": "cosim.cli.build.build",
@@ -285,6 +286,12 @@ def _parser() -> Parser:
     )
     load.add_argument("--force", action="store_true", help="overwrite files")
 
+    team = command("export-controller", "make FMUs of a scenario's controllers, with their sensors and actuators")
+    team.add_argument("scenario", type=Path, metavar="SCENARIO.xml")
+    team.add_argument("--only", action="append", default=[], metavar="ID", help="only the controller ID (all)")
+    _add_build(team)
+    _add_changes(team)
+
     judge = command("judge", "judge a recorded drive by the expectations of a scenario")
     judge.add_argument(
         "recording",
@@ -318,14 +325,7 @@ def _parser() -> Parser:
 
     build = command("build", "build FMUs of the built-in models")
     build.add_argument("models", nargs="*", metavar="MODEL", help="built-in models to build (all)")
-    build.add_argument("--fmi", choices=["2", "3"], default="2", help="version of FMI (2)")
-    build.add_argument(
-        "--platform",
-        action="append",
-        metavar="NAME",
-        help="platform to build for, such as windows-x86_64, or 'all' (this machine)",
-    )
-    build.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
+    _add_build(build)
 
     inspect = command("inspect", "show the content of an FMU, and the kinds of vehicle that it could be")
     inspect.add_argument("fmu", type=Path, metavar="FILE.fmu")
@@ -482,6 +482,17 @@ def _add_changes(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> 
         metavar="ID=DIR",
         help="run the law of the controller ID, with its gains, in the Python environment in this folder",
     )
+
+
+def _add_build(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--fmi", choices=["2", "3"], default="2", help="version of FMI (2)")
+    command.add_argument(
+        "--platform",
+        action="append",
+        metavar="NAME",
+        help="platform to build for, such as windows-x86_64, or 'all' (this machine)",
+    )
+    command.add_argument("--out", type=Path, default=Path("fmus"), metavar="DIR", help="folder of the FMUs (fmus)")
 
 
 def _add_comparison(command: argparse.ArgumentParser) -> None:

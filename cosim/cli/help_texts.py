@@ -62,6 +62,9 @@ formation check scenarios/half_power.xml --resolved > scenarios/mine.xml""",
     "build": """\
 formation build
 formation build car_like --fmi 3 --platform all --out fmus""",
+    "export-controller": """\
+formation export-controller scenarios/convoy.xml
+formation export-controller scenarios/mixed_team.xml --only pid --fmi 3 --platform all""",
     "inspect": """\
 formation inspect my_robot.fmu
 formation inspect --self-test my_robot.fmu""",

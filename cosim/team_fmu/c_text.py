@@ -24,7 +24,7 @@ def number(value: float) -> str:
 
 
 def assignments(place: str, value: Any) -> Iterator[str]:
-    """Yield the statements that write a value, of numbers, arrays, records and named tuples, where all bytes are zero."""
+    """Yield the statements that write numbers, arrays, records or named tuples where all bytes are zero."""
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         for name, part in zip(value._fields, value, strict=True):
             yield from assignments(f"{place}.{identifier(name)}", part)

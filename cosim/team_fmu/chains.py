@@ -74,12 +74,13 @@ class ChainInC:
     def _amounts(self, label: str, plan: Plan) -> Iterator[str]:
         robots, width = self._shape
         count = len(plan.switches)
-        self.tables.append(numbers(f"double {label}_levels[{count}][{robots * width}]", plan.levels))
+        self.tables.append(numbers(f"double {label}_levels[{count * robots * width}]", plan.levels))
         level = "0"
         if count > 1:
             self.tables.append(table(f"long long {label}_switches[{count}]", map(str, plan.switches)))
             level = f"level_at({label}_switches, {count}, tick)"
-        yield f"memcpy(amount, {label}_levels[{level}], sizeof amount);"
+        offset = "" if level == "0" else f" + {robots * width} * {level}"
+        yield f"memcpy(amount, {label}_levels{offset}, sizeof amount);"
         for robot, purpose, place in plan.normal:
             row, column = divmod(place, width)
             yield f"amount[{row}][{column}] *= stream_normal(&memory->streams[{self._stream(robot, purpose)}]);"

@@ -55,7 +55,8 @@ class LeaderInC:
         if not self._is_alike:
             label = self._label
             given = _type(source, f"course_{label}", "(")
-            yield f"const double leader_{label}[{len(poses) + len(velocities)}] = {{{', '.join([*poses, *velocities])}}};"
+            state = [*poses, *velocities]
+            yield f"const double leader_{label}[{len(state)}] = {{{', '.join(state)}}};"
             yield f"const {given} leads_{label} = {_initialiser(self._leader)};"
             yield f"const {_type(source, f'seen_{label}', '(')} follows_{label} = {_initialiser(self._vehicle)};"
             course = source.prototypes[f"course_{label}"].split()[0]

@@ -181,8 +181,8 @@ class _Model:
         robots = ", ".join(robot.name for robot in self._followers)
         return {
             "What it is": [
-                f"It takes the true poses of the leader and of {robots}, measures them by the scenario's sensors, lets the "
-                f"law {laws} of {package.package} {package.version} compute commands, and passes these through the "
+                f"It takes the true poses of the leader and of {robots}, measures them by the scenario's sensors, lets "
+                f"the law {laws} of {package.package} {package.version} compute commands, and passes these through the "
                 "actuators. Desired places over time are in it. All units are SI.",
                 f"The law runs every {self._scenario.period * self._scenario.step:g} s; in between its commands are held.",
                 "Its C is translated from the law's Python, whose names and comments it keeps.",

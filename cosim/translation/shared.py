@@ -60,7 +60,7 @@ class Shared:
         self._helpers: dict[str, str] = {}
         self._functions: dict[tuple[FunctionType, tuple[Kind, ...], frozenset[int] | None], Translated] = {}
         self._in_progress: list[FunctionType] = []
-        self.public: list[Struct | Layout] = []
+        self.public: list[Struct | Several | Layout] = []
         self.dtypes: dict[str, np.dtype[Any]] = {}
 
     @property
@@ -99,7 +99,19 @@ class Shared:
         name = self._names.new(f"{self.name}_{identifier(entry_name)}")
         translated = self._translated(source, kinds, frozenset(), name, True)
         self._functions[function, kinds, None] = translated
+        self._publish(translated.result)
         return translated
+
+    def _publish(self, kind: Kind | None) -> None:
+        """Let the header state the struct that an entry returns, and those in it."""
+        if isinstance(kind, Struct):
+            for _, _, own in kind.fields:
+                self._publish(own)
+        elif isinstance(kind, Several):
+            for own in kind.items:
+                self._publish(own)
+        if isinstance(kind, Struct | Several) and kind not in self.public:
+            self.public.append(kind)
 
     def _kind_of(self, value: Any, name: str, where: Location) -> Kind:
         """Return the kind of an example."""
@@ -298,5 +310,5 @@ class Shared:
     @property
     def private(self) -> list[Struct | Several]:
         """The structs that only the source file knows."""
-        hidden: list[Struct | Several] = [own for own in self._structs.values() if own not in self.public]
-        return hidden + list(self._several.values())
+        own: list[Struct | Several] = [*self._structs.values(), *self._several.values()]
+        return [struct for struct in own if struct not in self.public]

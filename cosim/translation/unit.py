@@ -175,7 +175,7 @@ def _written(unit: Shared, about: str, entries: Sequence[Entry], heads: Sequence
         "\n".join(body).rstrip("\n") + "\n",
         header_name,
         source_name,
-        {own.name: unit.dtypes[own.name] for own in unit.public},
+        {own.name: unit.dtypes[own.name] for own in unit.public if own.name in unit.dtypes},
         prototypes,
     )
 

@@ -91,8 +91,8 @@ class Plan:
     levels : ndarray
         Levels (switches, robots, channels): the amounts themselves, but where streams of random numbers are drawn.
     normal : tuple
-        Streams of normal numbers, one a tick: robot, purpose, and the flat place (robots, channels) of the channel whose
-        amount is its level times that number.
+        Streams of normal numbers, one a tick: robot, purpose, and the flat place (robots, channels) of the channel
+        whose amount is its level times that number.
     losses : tuple
         Streams of numbers from 0 to 1, one a tick: robot, purpose, probability, flat places, first tick and the tick
         behind the last one. Amounts are 1 where the number is below the probability, in these ticks but the very first.
