@@ -28,7 +28,7 @@ def assignments(place: str, value: Any) -> Iterator[str]:
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         for name, part in zip(value._fields, value, strict=True):
             yield from assignments(f"{place}.{identifier(name)}", part)
-    elif isinstance(value, np.ndarray | np.void) and value.dtype.names is not None:
+    elif isinstance(value, np.ndarray) and value.dtype.names is not None:
         for index in np.ndindex(value.shape):
             at = place + "".join(f"[{i}]" for i in index)
             for name in value.dtype.names:

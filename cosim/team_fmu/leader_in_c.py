@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from formation_controllers.vehicles import Vehicle
@@ -76,9 +76,9 @@ class LeaderInC:
 
 def _numbers(name: str, vehicle: Vehicle) -> Any:
     """Return those facts of a vehicle that are numbers, by the same names."""
-    facts = {f.name: getattr(vehicle, f.name) for f in fields(vehicle)}  # type: ignore[arg-type]
+    facts = {f.name: getattr(vehicle, f.name) for f in fields(cast(Any, vehicle))}
     own = {key: float(value) for key, value in facts.items() if isinstance(value, float)}
-    return namedtuple(name, own)(**own)  # type: ignore[misc]
+    return namedtuple(name, own)(**own)
 
 
 def _initialiser(facts: Any) -> str:

@@ -115,7 +115,7 @@ class _Model:
                 self._outputs.append(port)
                 self._results.append(f"memory->team_{law.label}.telemetry[{index}].{_member(at)}")
             if not law.prepared:
-                for port, at in gain_parameters(setup.gains[place], robot.name):
+                for port, at in gain_parameters(law.team.controller.robot_gains[index], robot.name):
                     place_in_c = f"memory->team_{law.label}.gains[{index}].{_member(at)}"
                     self._gains[law.label].append(f"{place_in_c} = parameters[{len(self._parameters)}];")
                     self._parameters.append(port)
@@ -184,7 +184,7 @@ class _Model:
                 f"It takes the true poses of the leader and of {robots}, measures them by the scenario's sensors, lets "
                 f"the law {laws} of {package.package} {package.version} compute commands, and passes these through the "
                 "actuators. Desired places over time are in it. All units are SI.",
-                f"The law runs every {self._scenario.period * self._scenario.step:g} s; in between its commands are held.",
+                f"The law runs every {self._scenario.period * self._scenario.step:g} s; in between commands are held.",
                 "Its C is translated from the law's Python, whose names and comments it keeps.",
             ]
         }
@@ -280,8 +280,8 @@ class _Model:
             lines.append(f"outputs[{index}] = {result}; /* {port.name} [{port.unit}] */")
         lines += ["(void)parameters;", "(void)integers;", "return NULL;"]
         head = (
-            "const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,\n"
-            "                       Memory *memory, double *outputs)"
+            "const char *model_tick(long long tick, const double *inputs, const double *parameters,\n"
+            "                       const int *integers, Memory *memory, double *outputs)"
         )
         return f"{head}\n{{\n{block(lines)}}}"
 
@@ -334,8 +334,8 @@ def _here(law: Law, *others: Any) -> TeamHere:
     """Return a team whose law is in this environment."""
     if law.host is not None:
         raise InputError(
-            f"the controller {law.source.id!r} is in an environment of its own: only a law of this environment becomes an "
-            "FMU; install its package here, and leave the attribute environment out",
+            f"the controller {law.source.id!r} is in an environment of its own: only a law of this environment becomes "
+            "an FMU; install its package here, and leave the attribute environment out",
             law.source.where,
         )
     return TeamHere(law, *others)
@@ -354,7 +354,8 @@ def _ziggurat() -> str:
     """Return NumPy's tables of the ziggurat, which Numba has."""
     from numba.np.random import _constants as tables
 
-    text = "/* The layers of the ziggurat, as NumPy has them. */\n#ifndef ZIGGURAT_H\n#define ZIGGURAT_H\n\n#include <stdint.h>\n\n"
+    text = "/* The layers of the ziggurat, as NumPy has them. */\n#ifndef ZIGGURAT_H\n#define ZIGGURAT_H\n\n"
+    text += "#include <stdint.h>\n\n"
     text += numbers("double ziggurat_heights[256]", tables.fi_double) + "\n\n"
     text += numbers("double ziggurat_widths[256]", tables.wi_double) + "\n\n"
     text += table("uint64_t ziggurat_inside[256]", (f"{int(n)}u" for n in tables.ki_double.tolist())) + "\n\n"
