@@ -31,6 +31,7 @@ CONTENT = {
     "ssp": "the formation as a system of FMUs",
     "recordings": "recorded drives, judged",
     "export": "results for other tools",
+    "team_fmu": "controllers as FMUs",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
     "fmu": "FMU files: read, bind, test",

@@ -1,0 +1,305 @@
+"""Controllers of scenarios as FMUs: the loop that another master closes with them is our own, bit for bit."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+import xarray as xr
+from fmpy.validation import validate_fmu
+
+import cosim
+from cosim.cli import main
+from cosim.errors import InputError
+from cosim.master.setup import Setup, set_up
+from cosim.scenario.reader import read_scenario
+from cosim.scenario.scenario import Scenario
+from cosim.team_fmu import build_team_fmu, team_fmus
+
+from .commands import failed
+from .team_loop import Slave, closed_loop
+
+ROOT = Path(__file__).resolve().parent.parent
+TICKS = 120
+
+
+@dataclass(frozen=True)
+class Made:
+    """A scenario with its controllers as FMUs."""
+
+    scenario: Scenario
+    setup: Setup
+    fmus: tuple[Path, ...]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return FMUs of a scenario, built once."""
+    known: dict[tuple[str, str, tuple[str, ...]], Made] = {}
+    with ExitStack() as cleanup:
+
+        def make(name: str, fmi: str = "2.0", changes: tuple[str, ...] = ()) -> Made:
+            key = name, fmi, changes
+            if key not in known:
+                scenario = read_scenario(ROOT / "scenarios" / f"{name}.xml", changes)
+                setup = set_up(scenario, cleanup, {})
+                folder = tmp_path_factory.mktemp(name)
+                ids = dict.fromkeys(follower.controller for follower in scenario.followers)
+                fmus = tuple(build_team_fmu(scenario, setup, own, folder, fmi=fmi) for own in ids)
+                known[key] = Made(scenario, setup, fmus)
+            return known[key]
+
+        yield make
+
+
+def slaves(made: Made, folder: Path) -> list[Slave]:
+    return [Slave(fmu, folder / f"team_{k}", f"team_{k}") for k, fmu in enumerate(made.fmus)]
+
+
+def reference(scenario: Scenario, ticks: int = TICKS) -> xr.Dataset:
+    return cosim.run(scenario.edited(horizon=ticks * scenario.step, expectations=False))
+
+
+def compare(result: dict[str, np.ndarray], dataset: xr.Dataset, setup: Setup) -> int:
+    """Check that all that the FMUs give is what a run of ours has recorded; return how many courses there are."""
+    count = 0
+    for row, robot in enumerate(setup.followers):
+        courses = [("pose", [role.name for role in robot.kind.pose])]
+        courses += [(setup.columns.commands, [role.name for role in robot.kind.command])]
+        for variable, names in courses:
+            for column, name in enumerate(names):
+                ours = dataset[variable].values[:, row, column]
+                np.testing.assert_array_equal(result[f"{robot.name}.{name}"], ours, f"{robot.name}.{name}")
+                count += 1
+        for variable in dataset.data_vars:
+            key = f"{robot.name}.{variable}"
+            if key in result and dataset[variable].ndim == 2:
+                np.testing.assert_array_equal(result[key], dataset[variable].values[:, row], key)
+                count += 1
+    return count
+
+
+@pytest.mark.parametrize(
+    ("name", "fmi"),
+    [
+        ("mixed_team", "2.0"),  # two laws, three vehicles, a leader of another kind
+        ("formation_change", "3.0"),  # places over time
+        ("sensor_dropout", "2.0"),
+        ("one_sample_delay", "2.0"),
+        ("side_wind", "3.0"),
+        ("tractor_trailer_circle", "2.0"),
+        ("figure_eight", "2.0"),  # a leader whose motion is given
+        ("compare_high_gain", "2.0"),
+    ],
+)
+def test_the_loop_has_the_bits_of_our_own(made: Callable[..., Made], tmp_path: Path, name: str, fmi: str) -> None:
+    own = made(name, fmi)
+    result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, TICKS)
+    assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
+
+
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_fmpy_finds_no_fault(made: Callable[..., Made], fmi: str) -> None:
+    for fmu in made("mixed_team", "2.0").fmus + made("formation_change", "3.0").fmus:
+        assert validate_fmu(str(fmu)) == []
+
+
+def test_variables_have_units_bounds_and_dependencies(made: Callable[..., Made]) -> None:
+    description = fmpy.read_model_description(made("mixed_team").fmus[0])
+    by_name = {variable.name: variable for variable in description.modelVariables}
+    assert {"leader.x", "leader.v", "car_1.gamma", "truck_1.theta_0"} <= {
+        name for name, v in by_name.items() if v.causality == "input"
+    }
+    assert by_name["car_1.x"].unit == "m"
+    assert float(by_name["car_1.x"].start) == -4.5
+    assert by_name["truck_1.tau_left"].causality == "output"
+    gain = by_name["car_1.K_p[1]"]
+    assert (gain.causality, gain.variability, float(gain.start), float(gain.min)) == ("parameter", "tunable", 40.0, 0.0)
+    assert by_name["seed"].type == "Integer"
+    of = {u.variable.name: {v.name for v in u.dependencies} for u in description.outputs}
+    assert "car_1.x" in of["car_1.tau_drive"]
+    assert "leader.v" in of["car_1.tau_drive"]
+    assert "truck_1.x" not in of["car_1.tau_drive"]
+    assert float(description.defaultExperiment.stepSize) == 0.02
+    assert description.coSimulation.canSerializeFMUstate
+
+
+def test_gains_and_seed_by_parameter_are_those_of_a_scenario(made: Callable[..., Made], tmp_path: Path) -> None:
+    own = made("formation_change", "3.0")
+    (team,) = slaves(own, tmp_path)
+    followers = [robot.name for robot in own.setup.followers]
+    team.set({f"{name}.K_p[{k}]": 25.0 for name in followers for k in (1, 2)} | {"seed": 77})
+    result = closed_loop(own.scenario, own.setup, [team], tmp_path, TICKS)
+    changed = read_scenario(ROOT / "scenarios/formation_change.xml", ["//gain[@name='K_p']/@value=25", "//@seed=77"])
+    compare(result, reference(changed), own.setup)
+    with pytest.raises(AssertionError):
+        compare(result, reference(own.scenario), own.setup)
+
+
+def test_a_large_seed_is_built_in(made: Callable[..., Made], tmp_path: Path) -> None:
+    own = made("convoy", "2.0", (f"//@seed={2**40 + 5}", "//noise/@x=3 mm"))
+    assert "seed" not in {v.name for v in fmpy.read_model_description(own.fmus[0]).modelVariables}
+    result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, 40)
+    compare(result, reference(own.scenario, 40), own.setup)
+
+
+def test_a_saved_state_goes_on_in_another_instance_with_the_same_bits(
+    made: Callable[..., Made], tmp_path: Path
+) -> None:
+    own = made("sensor_dropout")
+    first, second = (Slave(own.fmus[0], tmp_path / name, name) for name in ("first", "second"))
+    inputs = [v.name for v in first.variables.values() if v.causality == "input"]
+    outputs = [v.name for v in first.variables.values() if v.causality == "output"]
+    starts = np.array([float(first.variables[name].start) for name in inputs])
+
+    def drive(slave: Slave, ticks: range) -> list[list[float]]:
+        got = []
+        for tick in ticks:
+            slave.set(dict(zip(inputs, starts + 0.01 * tick * np.cos(np.arange(len(inputs))), strict=True)))
+            got.append(slave.get(outputs))
+            slave.step(0.02 * tick, 0.02)
+        return got
+
+    for slave in (first, second):
+        slave.start()
+    drive(first, range(60))
+    state = first.fmu.getFMUstate()
+    data = first.fmu.serializeFMUstate(state)
+    unbroken = drive(first, range(60, 120))
+    drive(second, range(7))
+    second.fmu.setFMUstate(second.fmu.deSerializeFMUstate(data))
+    assert drive(second, range(60, 120)) == unbroken
+    first.fmu.setFMUstate(state)
+    assert drive(first, range(60, 120)) == unbroken
+    for slave in (first, second):
+        slave.close()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"follower_1.K_p[1]": 0.0}, "parameter follower_1.K_p[1] is 0 .*: must be greater than 0"),
+        ({"follower_2.gamma_w": -1.0}, "parameter follower_2.gamma_w is -1"),
+        ({"follower_1.x": float("nan")}, "input follower_1.x is set to nan at time 0 s: must be a finite number"),
+        ({"seed": -1}, "parameter seed is -1"),
+    ],
+)
+def test_bad_values_are_refused(
+    made: Callable[..., Made], tmp_path: Path, capfd: pytest.CaptureFixture[str], values: dict[str, float], message: str
+) -> None:
+    slave = Slave(made("sensor_dropout").fmus[0], tmp_path, "one")
+
+    def begin() -> None:
+        slave.set(values)
+        slave.start()
+
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        begin()
+    slave.fmu.freeInstance()
+    assert re.search(re.escape(message).replace(r"\.\*", ".*"), capfd.readouterr().out)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks ldd")
+def test_nothing_of_python_is_inside(made: Callable[..., Made], tmp_path: Path) -> None:
+    fmpy.extract(made("mixed_team").fmus[0], tmp_path / "fmu")
+    (library,) = (tmp_path / "fmu/binaries").glob("*/*.so")
+    needs = subprocess.run(["ldd", library], capture_output=True, text=True, check=True).stdout
+    assert {line.split()[0].split("/")[-1].split(".")[0] for line in needs.splitlines()} <= {
+        "linux-vdso",
+        "libm",
+        "libc",
+        "ld-linux-x86-64",
+        "ld-linux-aarch64",
+    }
+    guid = fmpy.read_model_description(tmp_path / "fmu").guid
+    driver = tmp_path / "driver.c"
+    driver.write_text(
+        f"""
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+typedef struct {{
+    void *log, *(*allocate)(size_t, size_t);
+    void (*release)(void *);
+    void *finished, *environment;
+}} Callbacks;
+#define GET(name) dlsym(library, name)
+int main(int n, char **arguments)
+{{
+    void *library = dlopen(arguments[n - 1], RTLD_NOW);
+    if (library == NULL) return 1;
+    Callbacks callbacks = {{NULL, calloc, free, NULL, NULL}};
+    void *(*make)(const char *, int, const char *, const char *, Callbacks *, int, int) = GET("fmi2Instantiate");
+    int (*setup)(void *, int, double, double, int, double) = GET("fmi2SetupExperiment");
+    int (*enter)(void *) = GET("fmi2EnterInitializationMode"), (*leave)(void *) = GET("fmi2ExitInitializationMode");
+    int (*step)(void *, double, double, int) = GET("fmi2DoStep");
+    void *one = make("one", 1, "{guid}", NULL, &callbacks, 0, 0);
+    if (one == NULL || setup(one, 0, 0.0, 0.0, 0, 0.0) || enter(one) || leave(one)) return 2;
+    int worst = 0;
+    for (int k = 0; k < 50; k++) worst = step(one, k * 0.02, 0.02, 1) > 1 ? 3 : worst;
+    puts("stepped");
+    return worst;
+}}
+"""
+    )
+    compiler = shutil.which("cc") or shutil.which("gcc") or "clang"
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    subprocess.run([compiler, driver, "-o", bare / "driver", "-ldl"], check=True)
+    shutil.copy(library, bare / "team.so")
+    run = subprocess.run(
+        ["./driver", "./team.so"], cwd=bare, env={"PATH": ""}, capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout) == (0, "stepped\n")
+
+
+def test_the_c_is_readable_and_compiles_without_warnings(made: Callable[..., Made], tmp_path: Path) -> None:
+    from plants.factory.compile import compile_library, find_compiler
+    from plants.factory.platforms import host
+
+    fmpy.extract(made("mixed_team").fmus[0], tmp_path)
+    sources = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("sources/*.c"))
+    assert compile_library(find_compiler(), host(), tmp_path, sources, "team", ("-Werror", "-Wshadow", "-O1"))
+    text = (tmp_path / "sources/model.c").read_text()
+    assert "/* car_1.tau_drive [N.m] */" in text
+    assert "/* Sense */" in text
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = str(ROOT / "scenarios/mixed_team.xml")
+    assert main(["export-controller", scenario, "--only", "reference", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / "mixed_team_reference.fmu")]
+    assert (tmp_path / "mixed_team_reference.fmu").is_file()
+    said = failed(capsys, 2, "export-controller", scenario, "--only", "nobody", "--out", str(tmp_path))
+    assert "no follower has the controller 'nobody'; there are pid, reference" in said
+
+
+def test_a_law_in_free_python_is_refused_with_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = read_scenario(ROOT / "scenarios/convoy.xml")
+    from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+
+    monkeypatch.setattr(NeuralAdaptivePid, "compiled_tick", lambda self: None)
+    with pytest.raises(InputError, match=r"convoy\.xml:17.*has no compiled tick: only a law whose tick and start are"):
+        team_fmus(scenario, tmp_path)
+
+
+@pytest.mark.skipif(os.environ.get("CI") is None and shutil.which("zig") is None, reason="takes long")
+def test_binaries_of_other_platforms(made: Callable[..., Made], tmp_path: Path) -> None:
+    pytest.importorskip("ziglang")
+    own = made("convoy")
+    fmu = build_team_fmu(own.scenario, own.setup, "pid", tmp_path, fmi="3.0", platforms="all")
+    import zipfile
+
+    names = zipfile.ZipFile(fmu).namelist()
+    assert sum(name.startswith("binaries/") for name in names) >= 4
