@@ -28,10 +28,10 @@ CONTENT = {
     "compare": "two plants, same torques",
     "live": "a run on a page, as it goes on",
     "report": "the page that shows runs",
-    "ssp": "the formation as a system of FMUs",
+    "ssp": "systems of FMUs",
     "recordings": "recorded drives, judged",
     "export": "results for other tools",
-    "team_fmu": "controllers as FMUs",
+    "team_fmu": "laws as FMUs",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
     "fmu": "FMU files: read, bind, test",
@@ -128,7 +128,10 @@ def with_table(page: str, arrows: Arrows) -> str:
     for room in sorted(CONTENT.keys() & arrows.keys(), key=lambda room: (level[room], room)):
         below = {other for other in CONTENT.keys() & arrows.keys() if level[other] > level[room]}
         rooms = arrows[room] & CONTENT.keys()
-        names = ["every room below"] if rooms == below != set() else [f"`{name}`" for name in sorted(rooms)]
+        names = [f"`{name}`" for name in sorted(rooms)]
+        if rooms and len(others := below - rooms) <= 2:
+            but = f" but {' and '.join(f'`{name}`' for name in sorted(others))}" if others else ""
+            names = [f"every room below{but}"]
         strangers = [STRANGERS[name] for name in sorted(arrows[room] & STRANGERS.keys())]
         rows.append(f"| `{room}` | {CONTENT[room]} | {', '.join([*names, *strangers]) or 'nobody'} |")
     table = "\n".join(rows)
