@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -168,8 +169,10 @@ def _written(unit: Shared, about: str, entries: Sequence[Entry], heads: Sequence
     constants = [line for text in unit.constants for line in wrapped(text, 0)]
     body += [*constants, ""] if constants else []
     body += [line for own in unit.private for line in (*_struct(own), "")]
-    body += [line for name in unit.helpers for line in (meanings.HELPERS[name], "")]
-    body += [own.text for own in unit.functions]
+    functions = [own.text for own in unit.functions]
+    called = set(re.findall(r"\w+", "\n".join(functions)))  # a size that nobody looks at needs no helper
+    body += [line for name in unit.helpers if name in called for line in (meanings.HELPERS[name], "")]
+    body += functions
     return CSource(
         "\n".join(lines) + "\n",
         "\n".join(body).rstrip("\n") + "\n",
