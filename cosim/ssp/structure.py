@@ -175,8 +175,8 @@ class Structure:
 
     @property
     def connected(self) -> str:
-        """A checksum of its connections, whatever their order."""
-        lines = sorted(repr((c.start, c.end, c.factor, c.offset)) for c in self.connections)
+        """A checksum of its connections, whatever their order; an offset of -0.0 is one of 0.0."""
+        lines = sorted(repr((c.start, c.end, c.factor, c.offset + 0.0)) for c in self.connections)
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
     @cached_property
