@@ -89,11 +89,14 @@ def described(law: Any) -> dict[str, Any]:
 
 
 class GainFault(Exception):
-    """A gain is wrong: the place of its setting, -1 if none is at fault, and a sentence."""
+    """A gain is wrong: a sentence, and the place of its setting; -1 if none is at fault."""
 
-    def __init__(self, place: int, sentence: str) -> None:
-        super().__init__(sentence)
+    def __init__(self, sentence: str, place: int = -1) -> None:
+        super().__init__(sentence, place)  # so that it pickles
         self.place = place
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def checked_gains(law: Any, settings: Sequence[tuple[str, float | tuple[float, ...]]]) -> Any:
@@ -115,9 +118,9 @@ def checked_gains(law: Any, settings: Sequence[tuple[str, float | tuple[float, .
             gains = law.gains_type.from_mapping(values)
         return gains
     except GainError as error:
-        raise GainFault(len(values) - 1, str(error)) from None
+        raise GainFault(str(error), len(values) - 1) from None
     except Exception as error:  # gains are other people's code, too
-        raise GainFault(len(values) - 1, told(error, law)) from None
+        raise GainFault(told(error, law), len(values) - 1) from None
 
 
 def said(error: BaseException, law: type) -> str:
@@ -175,10 +178,12 @@ def _package(module: str) -> str:
 class NotFinite(ValueError):
     """Commands that a law has returned are not finite; the row of the first such follower."""
 
-    def __init__(self, sentence: str, robot: int) -> None:
-        super().__init__(sentence)
-        self.message = sentence
-        self.robot = robot
+    def __init__(self, sentence: str, robot: int = 0) -> None:
+        super().__init__(sentence, robot)  # so that it pickles
+        self.message, self.robot = sentence, robot
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def checked_commands(commands: Any, expected: tuple[int, ...]) -> Any:

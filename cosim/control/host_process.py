@@ -47,9 +47,12 @@ class HostError(Exception):
 class Refused(Exception):
     """A host does not do what it was asked for: a sentence, and the place of what is wrong, if it has told one."""
 
-    def __init__(self, sentence: str, place: int) -> None:
-        super().__init__(sentence)
+    def __init__(self, sentence: str, place: int = -1) -> None:
+        super().__init__(sentence, place)  # so that it pickles
         self.place = place
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class HostProcess(Companion):

@@ -165,7 +165,7 @@ class Host:
             except (TypeError, ValueError):
                 raise self.process.nonsense(failed) from None
         except Refused as refusal:
-            raise GainFault(refusal.place, str(refusal)) from None
+            raise GainFault(str(refusal), refusal.place) from None
         except HostError as error:
             raise self._failed(error) from None
 
