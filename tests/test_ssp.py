@@ -32,8 +32,6 @@ from cosim.scenario.scenario import Scenario
 from cosim.ssp.exported import export_ssp
 from cosim.ssp.imported import Imported, import_ssp
 
-pytest.importorskip("cosim.team_fmu", reason="the teams of an SSP are FMUs of that room")
-
 ROOT = Path(__file__).parents[1]
 HORIZON = {"clmr_line": 6.0, "tractor_trailer_circle": 6.0, "mixed_team": 41.0, "figure_eight": 4.0}
 """Ends of the runs [s]; the leader of mixed_team begins to turn at 40 s."""

@@ -147,7 +147,7 @@ def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetu
             if follower is None or robot not in robots or gain in {role.name for role in robots[robot].kind.states}:
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
                 continue
-            _named(follower, "gain", gain, _written(parameter))
+            _named(follower, "gain", gain, parameter.text)  # in SI units, which a scenario leaves out
 
 
 def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import plants
 from cosim.errors import InputError
 from cosim.master.setup import Setup
 from cosim.scenario.scenario import Scenario
-
-_ROOM = "cosim.team_fmu"
-"""The room that makes FMUs of control laws."""
+from cosim.team_fmu import team_model
 
 
 @dataclass(frozen=True)
@@ -50,9 +46,6 @@ def team_fmus(scenario: Scenario, setup: Setup, *, late: bool) -> tuple[TeamFmu,
     InputError
         A law cannot become an FMU, or none can be built.
     """
-    if find_spec(_ROOM) is None:
-        raise InputError("this version of Formation makes no FMUs of control laws, which an SSP needs")
-    team_model = import_module(_ROOM).team_model
     robots: dict[str, list[str]] = {}
     for follower in scenario.followers:
         robots.setdefault(follower.controller, []).append(follower.id)
