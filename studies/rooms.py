@@ -31,7 +31,7 @@ CONTENT = {
     "ssp": "systems of FMUs",
     "recordings": "recorded drives, judged",
     "export": "results for other tools",
-    "team_fmu": "laws as FMUs",
+    "team_fmu": "team FMUs",
     "master": "set-up, step loop, recorder",
     "results": "figures, verdicts, files",
     "fmu": "FMU files: read, bind, test",
