@@ -181,8 +181,8 @@ def _mean(values: Iterable[float]) -> float:
 
 def _arrow(svg: etree._Element, place: Mapping[str, tuple[float, float]], room: str, other: str, drawn: Arrows) -> None:
     """Draw an arrow, which passes the floors between through gaps between their rooms."""
-    leaving = sorted(drawn[room], key=lambda name: place[name][0])
-    arriving = sorted((name for name in drawn if other in drawn[name]), key=lambda name: place[name][0])
+    leaving = sorted(drawn[room], key=lambda name: (place[name][0], name))
+    arriving = sorted((name for name in drawn if other in drawn[name]), key=lambda name: (place[name][0], name))
     x = place[room][0] + WIDTH * (leaving.index(other) + 1) / (len(leaving) + 1)
     y = place[room][1] + HEIGHT
     end_x = place[other][0] + WIDTH * (arriving.index(room) + 1) / (len(arriving) + 1)
