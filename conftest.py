@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
     from cosim.scenario.scenario import Scenario
 
 ROOT = Path(__file__).parent
+
+for number in ("SIGINT", "SIGTERM", "SIGHUP"):
+    if (found := getattr(signal, number, None)) is not None and signal.getsignal(found) == signal.SIG_IGN:
+        # nohup and the background of a script ignore them, and so would all that the tests start and interrupt
+        signal.signal(found, signal.default_int_handler if number == "SIGINT" else signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)

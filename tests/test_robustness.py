@@ -197,6 +197,20 @@ def test_a_signal_that_was_ignored_before(
     assert (tmp_path / "clmr_line" / "result.nc").exists() == (number == signal.SIGHUP or name != "whole_run")
 
 
+def test_signals_are_heard() -> None:
+    """Tests send them to themselves and to what they start."""
+    assert signal.SIG_IGN not in [signal.getsignal(number) for number in POSIX_SIGNALS]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+def test_signals_are_heard_where_whoever_starts_the_tests_ignores_them() -> None:
+    """As a script that starts them in the background does, and nohup."""
+    test = f"{__file__}::{test_signals_are_heard.__name__}"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", test]
+    ignoring = ["sh", "-c", """trap '' INT TERM HUP; exec "$@" """, "sh", *command]
+    assert "1 passed" in subprocess.run(ignoring, capture_output=True, text=True, check=False).stdout
+
+
 def test_a_signal_before_the_first_tick(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

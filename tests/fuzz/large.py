@@ -66,7 +66,7 @@ REPEATED: Mapping[str, tuple[str, str]] = {
     "effects of the actuator": ("actuator", '<saturation limit="200 N.m"/>\n'),
     "inputs": ("inputs", '<input name="i{}"><constant value="1 N"/></input>\n'),
     "inputs of one name": ("inputs", '<input name="tau_d_y" value="1 N"/>\n'),
-    "waves": ("input", '<sine amplitude="1 N" frequency="1 Hz"/>\n'),
+    "waves": ("input", '<sine value="1 N" period="1 s"/>\n'),
     "tables": ("inputs", '<input name="i{}"><table file="t{}.csv" column="c"/></input>\n'),
     "changes of a place": ("changes", '<change from="0.5 s" to="0.6 s" range="4 m"/>\n'),
     "comments": ("events", "<!-- {} -->\n"),
