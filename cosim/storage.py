@@ -143,7 +143,7 @@ def write_all(file: FileIO, data: bytes | memoryview) -> None:
         rest = rest[file.write(rest) :]
 
 
-def blocks(samples: int, numbers: int = 1) -> Iterator[slice]:
+def blocks(samples: int, numbers: int = 1, multiple: int = 1) -> Iterator[slice]:
     """Yield the parts of a course one after the other, and let the system forget those that have been.
 
     Parameters
@@ -152,8 +152,11 @@ def blocks(samples: int, numbers: int = 1) -> Iterator[slice]:
         The length of the course.
     numbers
         How many numbers are computed with at each of them.
+    multiple
+        All parts but the last one have a multiple of so many samples.
     """
     length = max(_AT_ONCE // max(numbers, 1), _FEWEST)
+    length = max(length // multiple, 1) * multiple
     for start in range(0, samples, length):
         yield slice(start, min(start + length, samples))
         forget()

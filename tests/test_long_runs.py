@@ -23,6 +23,7 @@ from cosim.errors import InputError
 from cosim.master.mock_fleet import MockFleet
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
+from cosim.report import content
 from cosim.results import metrics, passes, representative
 from cosim.results.files import load, save
 from cosim.results.panels import panels_by_sample
@@ -124,6 +125,8 @@ def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monke
     monkeypatch.setattr(cosim.storage, "_AT_ONCE", 64)
     monkeypatch.setattr(cosim.storage, "_FEWEST", 16)
     monkeypatch.setattr(representative, "MOST", 100)
+    monkeypatch.setattr(content, "MOST_NUMBERS", 100)
+    monkeypatch.setattr(content, "MOST_POSES", 100)
 
     def peak(horizon: str) -> int:
         scenario = mock_scenario(tmp_path / horizon, horizon=horizon)
@@ -132,7 +135,7 @@ def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monke
         with Simulation(scenario, setup, fleet=partial(MockFleet, moving)) as simulation:
             result = simulation.run_to_end()
         save(result, tmp_path / "result.nc")
-        summarise(scenario, result)
+        content.content_of(result, summarise(scenario, result))
         representative.representative(result)
         peaked = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()

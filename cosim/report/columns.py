@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
@@ -78,39 +79,42 @@ def samples_in_bucket(samples: int, columns: int, most: int = MOST_NUMBERS) -> i
     return -(-samples // buckets)
 
 
-def extremes(values: Floats, size: int) -> Floats:
-    """Return the extremes of each bucket of samples.
+def extremes(part: Callable[[slice], Floats], samples: int, size: int) -> Floats:
+    """Return the extremes of each bucket of samples, of several courses.
 
     Parameters
     ----------
-    values
-        A course (T,).
+    part
+        Returns some samples of the courses, (samples, courses): one block after the other, never all at once.
+    samples
+        How many there are.
     size
-        Samples in a bucket; 1: the course is returned as it is.
+        Samples in a bucket; 1: the courses are returned as they are.
 
     Returns
     -------
     ndarray
-        For each bucket its least and its greatest value, the one that comes first at first; NaN if it has no number.
+        For each bucket (2, courses): the least and the greatest value of each course, the one that comes first at
+        first; NaN if it has no number.
     """
     if size == 1:
-        return values
-    found = np.empty(2 * -(-len(values) // size))
-    for block in blocks(len(values), 1):
-        start = -(-block.start // size)
-        stop = -(-block.stop // size)
-        part = values[start * size : min(stop * size, len(values))]
-        found[2 * start : 2 * stop] = _extremes(part, size)
+        return part(slice(0, samples))
+    width = part(slice(0, 0)).shape[1]
+    found = np.empty((2 * -(-samples // size), width))
+    for block in blocks(samples, width, size):
+        start = 2 * (block.start // size)
+        own = _extremes(part(block), size)
+        found[start : start + len(own)] = own
     return found
 
 
 def _extremes(values: Floats, size: int) -> Floats:
     rows = -(-len(values) // size)
-    padded = np.full(rows * size, np.nan)
-    padded[: len(values)] = values
-    table = padded.reshape(rows, size)
+    padded = np.full((values.shape[1], rows * size), np.nan)
+    padded[:, : len(values)] = values.T
+    table = padded.reshape(-1, rows, size)
     missing = np.isnan(table)
-    least = np.where(missing, np.inf, table).argmin(axis=1)
-    greatest = np.where(missing, -np.inf, table).argmax(axis=1)
-    both = np.sort(np.stack([least, greatest], axis=1), axis=1)
-    return np.asarray(np.take_along_axis(table, both, axis=1).ravel())
+    least = np.where(missing, np.inf, table).argmin(axis=2)
+    greatest = np.where(missing, -np.inf, table).argmax(axis=2)
+    both = np.sort(np.stack([least, greatest], axis=2), axis=2)
+    return np.take_along_axis(table, both, axis=2).reshape(len(table), -1).T

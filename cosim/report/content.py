@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,9 +13,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Reference, Rows, extremes, samples_in_bucket
+from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Rows, extremes, samples_in_bucket
 from cosim.results.bands import bands_of_kind, kinds_of
-from cosim.results.drawable_part import drawable
+from cosim.results.drawable_part import Part, drawable_parts
 from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
@@ -23,12 +23,13 @@ from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
 from cosim.results.provenance import Provenance
-from cosim.results.result import Result, Variable
+from cosim.results.result import Result
 from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
 from cosim.scenario.reader import read_events
 from cosim.scenario.scenario import LEADER, Event
+from cosim.storage import blocks
 
 Json: TypeAlias = dict[str, Any]
 
@@ -67,7 +68,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     step = float(result.attrs["step"])
     if not 0.0 < step < math.inf:
         raise InputError(f"this is not the result of a run: its step is {step:g} s")
-    shown, columns = drawable(result), Columns()
+    columns = Columns()
     kinds, events = kinds_of(result), _events(result)
     bands = [[band for band in bands_of_kind(kind, result) if band.signal in result] for kind in kinds]
     content = {
@@ -81,7 +82,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "samples": samples,
         "end": summary.end_time,
         "vehicles": _vehicles(result),
-        **courses_of(shown, columns, share),
+        **courses_of(result, columns, share, drawable_parts(result)),
         "verdicts": _verdicts(summary, kinds, bands, result),
         "bands": [
             {**asdict(band), "robots": list(kind.written.robots), "text": kind.text}
@@ -100,11 +101,18 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     return {**without_nan(content), "numbers": columns.packed()}
 
 
-def courses_of(result: Result, columns: Columns | Rows, share: int = 1) -> Json:
-    """Return the motion and the signals of a result, or of a part of one, whose numbers are added to columns."""
+def courses_of(
+    result: Result, columns: Columns | Rows, share: int = 1, parts: Mapping[str, Part] | None = None
+) -> Json:
+    """Return the motion and the signals of a result, or of a part of one, whose numbers are added to columns.
+
+    ``parts`` returns samples of a signal as they are shown; without it, they are shown as they are.
+    """
+    if parts is None:
+        parts = {name: signal.values.__getitem__ for name, signal in result.data_vars.items()}
     return {
-        "motion": _motion(result, columns, MOST_POSES // share),
-        "signals": _signals(result, columns, MOST_NUMBERS // share),
+        "motion": _motion(result, parts, columns, MOST_POSES // share),
+        "signals": _signals(result, parts, columns, MOST_NUMBERS // share),
     }
 
 
@@ -113,8 +121,10 @@ def _check_times(result: Result) -> None:
     if "time" not in result:
         return
     time = result["time"].values
-    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
-        raise InputError("this is not the result of a run: its times do not increase")
+    for block in blocks(len(time)):
+        some = time[max(block.start - 1, 0) : block.stop]
+        if not (np.isfinite(some).all() and (np.diff(some) > 0.0).all()):
+            raise InputError("this is not the result of a run: its times do not increase")
 
 
 def _events(result: Result) -> tuple[Event, ...]:
@@ -154,15 +164,15 @@ def _pose_entries(result: Result, row: int) -> list[str]:
     return [str(name) for name in names]
 
 
-def _motion(result: Result, columns: Columns | Rows, most: int) -> Json:
+def _motion(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, most: int) -> Json:
     """Return poses and errors of place at evenly spaced samples, the last one among them."""
     samples, robots = result.sizes["time"], range(len(result.robots))
     entries = result.sizes["pose_component"]
     width = (1 + len(robots)) * entries + len(robots) * len(_ERRORS)
     every = max(1, math.ceil(samples * width / most))
     chosen = np.unique(np.append(np.arange(0, samples, every), samples - 1))
-    leader, poses = result["leader_pose"].values[chosen], result["pose"].values[chosen]
-    errors = [result[name].values[chosen] for name in _ERRORS if name in result]
+    leader, poses = parts["leader_pose"](chosen), parts["pose"](chosen)
+    errors = [parts[name](chosen) for name in _ERRORS if name in result]
     return {
         "every": every,
         "samples": len(chosen),
@@ -176,24 +186,26 @@ def _motion(result: Result, columns: Columns | Rows, most: int) -> Json:
 # Signals ----------------------------------------------------------------------------------------------------
 
 
-def _signals(result: Result, columns: Columns | Rows, most: int) -> Json:
+def _signals(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, most: int) -> Json:
     """Return all signals over time; of many samples the extremes of each bucket of them."""
-    signals = {name: signal for name, signal in result.data_vars.items() if signal.dims[:1] == ("time",)}
-    width = sum(math.prod(signal.values.shape[1:]) for signal in signals.values())
+    names = [name for name, signal in result.data_vars.items() if signal.dims[:1] == ("time",)]
+    width = sum(math.prod(result[name].values.shape[1:]) for name in names)
     size = samples_in_bucket(result.sizes["time"], width, most)
-    return {
-        "bucket": size,
-        "list": [_signal(result, name, signal, size, columns) for name, signal in signals.items()],
-    }
+    return {"bucket": size, "list": [_signal(result, name, parts[name], size, columns) for name in names]}
 
 
-def _signal(result: Result, name: str, signal: Variable, size: int, columns: Columns | Rows) -> Json:
-    of_robots = "robot" in signal.dims
-    robots = result.robots if of_robots else (LEADER,)
+def _signal(result: Result, name: str, part: Part, size: int, columns: Columns | Rows) -> Json:
+    signal = result[name]
+    robots = result.robots if "robot" in signal.dims else (LEADER,)
     labels = result.components(name)
     units = units_by_component(labels, str(signal.attrs.get("units", "")))
-    shape = (len(signal.values), len(robots), len(labels))
-    values = signal.values.reshape(shape)
+    count = len(robots) * len(labels)
+
+    def courses_in(some: slice) -> Floats:
+        values = part(some)
+        return values.reshape(len(values), count)
+
+    courses = extremes(courses_in, len(signal.values), size)
     return {
         "name": name,
         "about": str(signal.attrs.get("long_name", name)),
@@ -201,13 +213,9 @@ def _signal(result: Result, name: str, signal: Variable, size: int, columns: Col
         "components": [{"name": label, "unit": units[label]} for label in labels],
         "robots": list(robots),
         "columns": [
-            [_column(values[:, row, k], size, columns) for k in range(len(labels))] for row in range(len(robots))
+            [columns.add(courses[:, row * len(labels) + k]) for k in range(len(labels))] for row in range(len(robots))
         ],
     }
-
-
-def _column(values: Floats, size: int, columns: Columns | Rows) -> Reference:
-    return columns.add(extremes(values, size))
 
 
 # Verdicts ---------------------------------------------------------------------------------------------------

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.result import Result, Variable
+from cosim.storage import blocks
+
+Floats: TypeAlias = NDArray[np.float64]
+Samples: TypeAlias = slice | NDArray[np.intp]
+"""Which samples of a course."""
+Part: TypeAlias = Callable[[Samples], Floats]
+"""Returns some samples of a course."""
 
 _LARGEST = 1e12
 """No motion that means anything reaches it; far larger numbers overflow when they are drawn."""
@@ -21,32 +30,73 @@ def drawable(result: Result) -> Result:
     Numbers that are not finite or enormous are left out. If the run ended early, so are numbers more than ten times as
     large as any in its first nine tenths: they would flatten the rest of the curve.
     """
+    drawn = {name: replace(result[name], values=part(slice(None))) for name, part in drawable_parts(result).items()}
+    return replace(result, data_vars={**result.data_vars, **drawn})
+
+
+def drawable_parts(result: Result) -> dict[str, Part]:
+    """Return, for each signal, a function that returns some samples of `drawable`: a long one is never made whole."""
     ended_early = result.attrs["status"] != "completed"
-    signals = {
-        name: replace(signal, values=_masked(name, signal, ended_early))
+    return {
+        name: _of_path(signal, ended_early) if name in ("pose", "leader_pose") else _of_signal(signal, ended_early)
         for name, signal in result.data_vars.items()
         if signal.dims[:1] == ("time",)
     }
-    return replace(result, data_vars={**result.data_vars, **signals})
 
 
-def _masked(name: str, signal: Variable, ended_early: bool) -> NDArray[np.float64]:
-    values = np.array(signal.values, dtype=float)
-    components = values.ndim > 1 + ("robot" in signal.dims)
-    if name in ("pose", "leader_pose"):  # a point of a path is drawn or not
+def _of_signal(signal: Variable, ended_early: bool) -> Part:
+    def raw(which: Samples) -> Floats:
+        return np.array(signal.values[which], dtype=float)
+
+    return _bounded(raw, signal, ended_early)
+
+
+def _of_path(signal: Variable, ended_early: bool) -> Part:
+    """Return a function for poses: a point of a path is drawn or not."""
+    first = signal.values[:1]
+
+    def distance(which: Samples) -> Floats:
         with np.errstate(over="ignore", invalid="ignore"):
-            x, y = np.moveaxis(values - values[:1], -1, 0)[:2]
-            values[_runs_away(np.hypot(x, y), ended_early)] = np.nan
-    for part in np.moveaxis(values, -1, 0) if components else [values]:  # views; components have other units
-        part[_runs_away(part, ended_early)] = np.nan
-    return values
+            x, y = np.moveaxis(signal.values[which] - first, -1, 0)[:2]
+            return np.asarray(np.hypot(x, y))
+
+    most = _largest(distance, len(signal.values), first[..., 0].size) if ended_early else _LARGEST
+
+    def points(which: Samples) -> Floats:
+        values = np.array(signal.values[which], dtype=float)
+        values[~(distance(which) <= most)] = np.nan
+        return values
+
+    return _bounded(points, signal, ended_early)
 
 
-def _runs_away(values: NDArray[np.float64], ended_early: bool) -> NDArray[np.bool_]:
-    """Return which values (T, ...) are not drawn."""
-    magnitude = np.abs(values)
-    away = ~(magnitude <= _LARGEST)
-    if ended_early and len(values):
-        early = np.where(away, 0.0, magnitude)[: int(_LATE * (len(values) - 1)) + 1].max()
-        away |= magnitude > (_GROWTH * early if early > 0 else _LARGEST)
-    return np.asarray(away)
+def _bounded(part: Part, signal: Variable, ended_early: bool) -> Part:
+    """Leave out what is too large; components have other units, so each has a limit of its own."""
+    components = signal.values.ndim > 1 + ("robot" in signal.dims)
+    size = signal.values[:1].size
+
+    def courses(which: Samples) -> Floats:
+        values = part(which)
+        return values if components else values[..., np.newaxis]
+
+    def most(component: int) -> float:
+        return _largest(lambda which: np.abs(courses(which)[..., component]), len(signal.values), size)
+
+    count = signal.values.shape[-1] if components else 1
+    limits = np.array([most(one) if ended_early else _LARGEST for one in range(count)])
+
+    def bounded(which: Samples) -> Floats:
+        values = courses(which)  # a copy
+        values[~(np.abs(values) <= limits)] = np.nan
+        return values if components else values[..., 0]
+
+    return bounded
+
+
+def _largest(magnitude: Part, samples: int, size: int) -> float:
+    """Return up to which magnitude a course of a run that ended early is drawn."""
+    largest = 0.0
+    for block in blocks(min(int(_LATE * (samples - 1)) + 1, samples), size):
+        early = magnitude(block)
+        largest = max(largest, early[early <= _LARGEST].max(initial=0.0))
+    return min(_GROWTH * largest, _LARGEST) if largest > 0.0 else _LARGEST
