@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -34,6 +35,16 @@ def own_caches(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setattr("cosim.cli.console.PATIENCE", 3600.0)
         patch.setattr("cosim.compiling.LONG", 3600.0)
         yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_instance_left() -> Iterator[None]:
+    """Demand of the tests of a module that all instances of FMUs that they have made are freed."""
+    yield
+    log = sys.modules.get("cosim.plant.log")
+    if log is not None and (left := [one._name.decode() for one in log.Log._open.values()]):
+        log.Log.begin_anew()
+        pytest.fail(f"instances of the robots {left} are left open")
 
 
 @pytest.fixture(scope="session")

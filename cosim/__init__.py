@@ -37,6 +37,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cosim import blas_room
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from concurrent.futures import Executor
@@ -89,6 +91,8 @@ __all__ = [
     "study",
     "summary_of",
 ]
+
+blas_room.demand()
 
 
 def run(

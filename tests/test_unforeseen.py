@@ -199,6 +199,25 @@ def test_a_command_needs_no_thread_for_numpy(line: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits the memory as Linux does")
+@pytest.mark.parametrize("library", ["scipy.linalg", "scipy.special"])
+def test_a_library_without_room_does_not_hang(library: str) -> None:
+    """OpenBLAS asks for its memory for ever."""
+    program = f"""if True:
+        import importlib, resource
+        import cosim, numpy, scipy
+        before = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (before + 70 * 2**20, resource.RLIM_INFINITY))
+        try:
+            importlib.import_module("{library}")
+        except Exception as error:
+            print(type(error).__name__, error)
+    """
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith("MemoryError scipy."), done
+    assert done.stdout.endswith(" needs 128 MiB\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the memory as Linux does")
 def test_whatever_fails_without_memory_is_a_lack(monkeypatch: pytest.MonkeyPatch) -> None:
     error = OSError("Could not find a shared object file; it may have any reason")
     assert isinstance(foreseen(error), Fault)

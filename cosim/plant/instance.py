@@ -297,18 +297,26 @@ class Instance:
         """Terminate the instance, free it and release its library, as far as its status and its threads allow."""
         fmu, self._fmu = self._fmu, None
         self.living[:] = [spec for spec in self.living if spec is not self.spec]
-        if fmu is not None and fmu.component and self._initialised and self.status < ERROR:
+        try:  # an interrupt may come at any moment
+            if fmu is not None and fmu.component and self._initialised and self.status < ERROR:
+                try:
+                    fmu.terminate()
+                except FMICallException as error:
+                    self._note(error)
+        finally:
             try:
-                fmu.terminate()
-            except FMICallException as error:
-                self._note(error)
+                self._release(fmu)
+            finally:
+                self.log.close()
+
+    def _release(self, fmu: Any) -> None:
+        """Free the instance and release its library."""
         if fmu is not None and self.status < FATAL:
             if fmu.component:
                 getattr(fmu, self._free)(fmu.component)  # FMPy's freeInstance would unload the library too
             unload((fmu, self.log), fmu.freeLibrary, self._threads)
         elif fmu is not None:
             keep((fmu, self.log))
-        self.log.close()
 
     @property
     def _version(self) -> int:

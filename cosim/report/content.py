@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Rows, extremes, samples_in_bucket
@@ -29,7 +30,7 @@ from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
 from cosim.scenario.reader import read_events
 from cosim.scenario.scenario import LEADER, Event
-from cosim.storage import blocks
+from cosim.storage import blocks, forget
 
 Json: TypeAlias = dict[str, Any]
 
@@ -171,8 +172,8 @@ def _motion(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, 
     width = (1 + len(robots)) * entries + len(robots) * len(_ERRORS)
     every = max(1, math.ceil(samples * width / most))
     chosen = np.unique(np.append(np.arange(0, samples, every), samples - 1))
-    leader, poses = parts["leader_pose"](chosen), parts["pose"](chosen)
-    errors = [parts[name](chosen) for name in _ERRORS if name in result]
+    leader, poses = _at(chosen, parts["leader_pose"]), _at(chosen, parts["pose"])
+    errors = [_at(chosen, parts[name]) for name in _ERRORS if name in result]
     return {
         "every": every,
         "samples": len(chosen),
@@ -181,6 +182,16 @@ def _motion(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, 
         ],
         "errors": [[columns.add(one[:, robot]) for one in errors] for robot in robots],
     }
+
+
+def _at(chosen: NDArray[np.intp], part: Part) -> Floats:
+    """Return the chosen samples of a signal, which may lie far apart in a large file."""
+    ends = np.searchsorted(chosen, [block.stop for block in blocks(int(chosen[-1]) + 1)])
+    found = []
+    for some in np.split(chosen, ends[:-1]):
+        found.append(part(some))
+        forget()
+    return np.concatenate(found)
 
 
 # Signals ----------------------------------------------------------------------------------------------------
