@@ -28,6 +28,7 @@ from cosim.fmu.vehicle import open_fmu
 from cosim.master.robot_plants import in_own_process
 from cosim.master.simulation import Simulation
 from cosim.plant.calls import c_function
+from cosim.plant.log import Log
 from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding, read_scenario
@@ -651,3 +652,18 @@ def test_plain_python_moves_alike_to_the_bit(make: Make, tmp_path: Path, monkeyp
     subprocess.run([sys.executable, "-c", PLAIN, str(tmp_path / "torques.npy"), *arguments], cwd=tmp_path, check=True)
     for number, (fmu, solver) in enumerate(cases):
         np.testing.assert_array_equal(np.load(tmp_path / f"{number}.npy"), drive(fmu, TORQUES, solver=solver))
+
+
+def test_an_end_that_is_interrupted_leaves_no_instance(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Messages of the next one would go to it: with FMI 1.0 only the name tells them apart."""
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(fmi="1.0")}" isolate="no"/>')
+
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fmpy.fmi1.FMU1Slave.terminate", interrupted)
+    with pytest.raises(KeyboardInterrupt), Simulation(read_scenario(path)) as simulation:
+        simulation.step()
+    assert not Log._open
