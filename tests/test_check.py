@@ -61,7 +61,7 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
     roles = '<role name="x" variable="px"/><role name="y" variable="py" factor="-1"/>'
     names = {"x": "px", "y": "py"}
     kinds = {
-        "plain": ({}, "", "FMI 2.0 Co-Simulation, in the harness"),
+        "plain": ({}, "", "FMI 2.0 Co-Simulation, supervised"),
         "apart": ({"fmi": "3.0"}, 'isolate="process"', "FMI 3.0 Co-Simulation, its robots in a process of their own"),
         "once": (
             {"once": True},
@@ -72,12 +72,12 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
         "steps": (
             {"interface": "model_exchange"},
             'solver_step="5 ms"',
-            "FMI 2.0 Model Exchange, runge_kutta_4 in steps of 0.005 s, in the harness",
+            "FMI 2.0 Model Exchange, runge_kutta_4 in steps of 0.005 s, supervised",
         ),
         "cvode": (
             {"interface": "model_exchange"},
             'solver="cvode"',
-            "FMI 2.0 Model Exchange, cvode with a tolerance of 1e-06, in the harness",
+            "FMI 2.0 Model Exchange, cvode with a tolerance of 1e-06, supervised",
         ),
     }
     plants_ = ""
@@ -93,6 +93,16 @@ def test_what_is_decided_of_plants(tmp_path: Path, capsys: pytest.CaptureFixture
         assert line in printed.splitlines()
     assert "plant ours_apart: its robots in a process of their own" in printed
     assert "plant ours:" not in printed
+
+
+def test_where_an_fmu_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make_fmu(tmp_path)}" isolate="no"/>')
+    assert main(["check", str(path)]) == 0
+    assert "FMI 2.0 Co-Simulation, in the harness;" in capsys.readouterr().out
+    path.write_text(path.read_text(encoding="utf-8").replace(' isolate="no"', ""), encoding="utf-8")
+    monkeypatch.setattr("cosim.master.foreign._SUPERVISES", False)
+    assert main(["check", str(path)]) == 0
+    assert "FMI 2.0 Co-Simulation, its robots in a process of their own;" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["clmr_line", "half_power"])

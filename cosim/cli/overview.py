@@ -12,6 +12,7 @@ from rich.console import Console
 from cosim.cli.console import broken, safe, say, table
 from cosim.fmu.capabilities import NAMES
 from cosim.fmu.solver import usual_step
+from cosim.master.foreign import for_whole_run, is_supervised
 from cosim.master.robot_plants import each_alone, in_own_process, tolerance_of, why_own_process
 from cosim.master.setup import Setup
 from cosim.plant.constant_step import misfit
@@ -94,9 +95,10 @@ def doubtful_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
 
 def described_plants(scenario: Scenario, setup: Setup) -> Iterator[str]:
     """Return how each FMU is run and the players of its roles; for a built-in model only unusual settings."""
+    scenario = for_whole_run(scenario)
+    shared = "supervised" if is_supervised(scenario) else "in the harness"
     for name, fmu in setup.fmus.items():
-        source = scenario.plants[name]
-        how = "in the harness"
+        source, how = scenario.plants[name], shared
         if in_own_process(fmu, source):
             how = f"{'each robot' if each_alone(fmu, source) else 'its robots'} in a process of "
             how += "its own" if each_alone(fmu, source) else "their own"

@@ -36,8 +36,8 @@ from cosim.master.team_arrays import TeamArrays
 from cosim.master.teams import teams_of
 from cosim.master.ticks import Ticks, driven_robots
 from cosim.master.timing import timed
-from cosim.plant.fleet import returning
 from cosim.plant.one_core import OneCore
+from cosim.plant.working_folder import returning
 from cosim.results.provenance import Part
 from cosim.results.result import Result
 from cosim.scenario.edits import Change

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,6 +36,7 @@ from cosim.plant.message import Message, RobotMessage
 from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
+from cosim.plant.working_folder import returning
 
 T = TypeVar("T")
 
@@ -407,17 +407,6 @@ class Fleet:
 def _memory(array: NDArray[Any]) -> tuple[object, ...]:
     """Return where an array is and how its numbers lie there."""
     return array.ctypes.data, array.shape, array.strides
-
-
-@contextmanager
-def returning() -> Iterator[None]:
-    """Return to the working directory at the end of the block, from where an FMU may have gone."""
-    folder = os.getcwd()
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # it is gone
-            os.chdir(folder)
 
 
 def _links(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from typing import Any, ClassVar, TypeVar
@@ -32,6 +31,7 @@ from cosim.plant.missing_library import why_not_loaded
 from cosim.plant.saved import restore, serialised
 from cosim.plant.spec import CO_SIMULATION, PlantSpec, Value
 from cosim.plant.unloading import keep, threads, unload
+from cosim.plant.working_folder import loading, returning
 
 _MAX_EVENT_ITERATIONS = 100
 _MAX_STATES = 1_000_000
@@ -141,9 +141,8 @@ class Instance:
         """Make the instance ready to be initialised, and do that; close it if that fails."""
         self.next_event = float("inf")
         self._it = "it "  # the subject of messages until the plant is started
-        folder = os.getcwd()
         try:
-            with kept_arithmetic():
+            with kept_arithmetic(), returning():
                 make_ready()
                 self._initialise()
             self._it = ""
@@ -157,8 +156,6 @@ class Instance:
                 raise
             # FMPy raises a bare Exception if loading or instantiation fails
             raise error if isinstance(error, PlantError) else PlantError(said) from None
-        finally:
-            os.chdir(folder)  # FMPy leaves it where a library could not be loaded, and an FMU may have its own way
 
     @property
     def component(self) -> int:
@@ -343,7 +340,8 @@ class Instance:
         models = {1: fmi1.FMU1Model, 2: fmi2.FMU2Model, 3: fmi3.FMU3Model}
         self._threads = threads()
         try:
-            self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
+            with loading():  # FMPy goes to its folder, and stays there if that fails
+                self._fmu = (slaves if self._co_simulation else models)[self._version](**about)
         except Exception as error:
             reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before the system's
             raise PlantError(f"its binary cannot be loaded: {why_not_loaded(reason, spec.directory)}") from None

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import fmpy.fmi1
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from cosim.master.simulation import Simulation
 from cosim.plant.calls import c_function
 from cosim.plant.log import Log
 from cosim.plant.spec import Block, Exchanged, PlantSpec, Value
+from cosim.plant.working_folder import returning
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_binding, read_scenario
 from cosim.scenario.scenario import BindingSource
@@ -667,3 +669,32 @@ def test_an_end_that_is_interrupted_leaves_no_instance(
     with pytest.raises(KeyboardInterrupt), Simulation(read_scenario(path)) as simulation:
         simulation.step()
     assert not Log._open
+
+
+def test_threads_return_to_the_working_directory(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """FMPy leaves it while it loads a library; a thread that begins then must not take that place for its own."""
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}" isolate="no"/>')
+    loads, begun = threading.Event(), threading.Event()
+    original, home = fmpy.fmi1._FMU.__init__, os.getcwd()
+
+    def slowly(fmu: Any, **about: Any) -> None:
+        original(fmu, **about)
+        os.chdir(tmp_path)  # as FMPy does for a moment
+        loads.set()
+        begun.wait(0.3)
+        os.chdir(home)
+
+    def other() -> None:
+        loads.wait()
+        with returning():
+            begun.set()
+            thread.join()
+
+    def load() -> None:
+        Simulation(read_scenario(path)).close()
+
+    monkeypatch.setattr("fmpy.fmi1._FMU.__init__", slowly)
+    thread = threading.Thread(target=load)
+    thread.start()
+    other()
+    assert os.getcwd() == home

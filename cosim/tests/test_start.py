@@ -205,7 +205,7 @@ def test_the_first_step_in_a_scenario(make: Make, tmp_path: Path, capsys: pytest
     late = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(late="zero")}" start="first_step"/>')
     result = cosim.run(late)
     assert main(["check", str(late)]) == 0
-    assert "in the harness, outputs read from the first step on;" in capsys.readouterr().out
+    assert "supervised, outputs read from the first step on;" in capsys.readouterr().out
     at_once = cosim.run(scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make()}"/>'))
     file = "plant_sha256"  # in which the two differ, and in attributes
     assert result.drop_vars(file).identical(at_once.drop_vars(file).assign_attrs(result.attrs))
