@@ -160,6 +160,30 @@ def test_a_command_that_is_killed_leaves_no_process(command: Callable[..., Comma
 # What is run so -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("where", ["os.fork", "os.close"])
+def test_ctrl_c_as_the_process_starts_or_ends_leaves_nothing(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """Neither the process, which the test's fixture looks for, nor a pipe."""
+    path, before = write(tmp_path / "s.xml", make()), set(os.listdir("/proc/self/fd"))
+    module, name = where.split(".")
+    original, supervising, pressed = getattr(sys.modules[module], name), os.getpid(), list[bool]()
+
+    def interrupted(*arguments: object) -> object:
+        found = original(*arguments)
+        if os.getpid() == supervising and cosim.master.supervised.__file__ == sys._getframe(1).f_code.co_filename:
+            pressed.append(True)
+            if len(pressed) == 1:
+                signal.raise_signal(signal.SIGINT)
+        return found
+
+    monkeypatch.setattr(sys.modules[module], name, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        cosim.run(path)
+    assert pressed
+    assert set(os.listdir("/proc/self/fd")) == before
+
+
 def test_which_runs_are_supervised(make: Make, tmp_path: Path) -> None:
     fmu = make(name="car")
     for attributes, expected in (("", SupervisedRun), ('isolate="no"', Simulation), ('isolate="process"', Simulation)):

@@ -56,6 +56,7 @@ from cosim.plant.start_check import not_started
 from cosim.results.result import Result
 from cosim.scenario.scenario import SUPERVISED_TIME_LIMIT, Scenario
 from cosim.shared_memory import provide
+from cosim.undisturbed import undisturbed
 
 _LOOK = 0.05
 """Time [s] between two looks at the process."""
@@ -290,6 +291,10 @@ class SupervisedRun:
     # The process --------------------------------------------------------------------------------------------
 
     def _fork(self, run: Callable[[int, int, int], None]) -> None:
+        with undisturbed():  # a process that nobody knows would be left, and pipes
+            self._fork_undisturbed(run)
+
+    def _fork_undisturbed(self, run: Callable[[int, int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
         self._mark = process_tree.new_mark()
         for stream in (sys.stdout, sys.stderr):
@@ -393,18 +398,22 @@ class SupervisedRun:
 
     def _kill(self) -> None:
         """See that the process has ended, with all that it has started, and close the pipes."""
-        if self._pipes:
-            give_up = time.monotonic() + _LAST_MOMENT  # its pipe closes a little before it ends
-            while self._status is None and _lives(self._pid) and time.monotonic() < give_up:
-                time.sleep(0.001)
-            if self._left:  # and nothing that it has started is left
-                self._has_ended()
-            self._end_tree()
-            for pipe in self._pipes:
-                os.close(pipe)
-            self._pipes = ()
-            if self._printed is not None:
-                self._printed.close()
+        with undisturbed():
+            if self._pipes:
+                self._kill_undisturbed()
+
+    def _kill_undisturbed(self) -> None:
+        give_up = time.monotonic() + _LAST_MOMENT  # its pipe closes a little before it ends
+        while self._status is None and _lives(self._pid) and time.monotonic() < give_up:
+            time.sleep(0.001)
+        if self._left:  # and nothing that it has started is left
+            self._has_ended()
+        self._end_tree()
+        for pipe in self._pipes:
+            os.close(pipe)
+        self._pipes = ()
+        if self._printed is not None:
+            self._printed.close()
 
 
 def _lives(pid: int) -> bool:
