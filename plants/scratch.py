@@ -52,8 +52,10 @@ def make(base: Path, prefix: str) -> Path:
 
 
 def remove(folder: Path) -> None:
-    """Remove a folder of `make`, as far as that is possible."""
+    """Remove a folder of `make`, as far as that is possible; what a thread still writes into is removed at exit."""
     shutil.rmtree(folder, ignore_errors=True)
+    if folder in _locks and folder.exists():
+        return
     descriptor, identity = _locks.pop(folder, (-1, None))
     with suppress(OSError):  # an FMU may have closed it, and another file may have its number now
         if identity is not None and _identity(descriptor) == identity:

@@ -204,3 +204,17 @@ print(made.exists())
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "True\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_into_which_a_thread_still_writes_is_removed_at_exit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupt has ended the block in which it was made, and the thread has written a file meanwhile."""
+    made = scratch.make(tmp_path, "scratch-")
+    with monkeypatch.context() as patch:
+        patch.setattr("shutil.rmtree", lambda *_, **__: None)
+        scratch.remove(made)
+    assert made in scratch.remembered()
+    scratch._remove_at_exit()
+    assert not made.exists()
+    assert made not in scratch.remembered()
