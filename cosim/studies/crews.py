@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 from cosim.studies.cluster import of_scheduler
 from cosim.studies.crew import Crew, Done, elsewhere
-from cosim.studies.task import Task, rows_of
+from cosim.studies.task import Task, close_all, rows_of
 from cosim.studies.worker_process import Processes
 
 
@@ -74,4 +74,7 @@ def _here() -> Iterator[Crew]:
         future.set_result((rows, time.perf_counter() - began))
         return future
 
-    yield Crew(submit, lambda: 1)
+    try:
+        yield Crew(submit, lambda: 1)
+    finally:
+        close_all()  # the plants of the last runs are in this process
