@@ -66,6 +66,11 @@ class Sampled:
         Numbers.
     integers : sequence of Port
         Parameters that are whole numbers.
+    program : bool
+        Whether a program works beside it, which its C starts: it defines `model_open` and the other functions of that
+        kind, too. Then it has no states to save, and is for systems of the kind of Unix.
+    resources : mapping
+        Further files by name, which its C finds.
     pages : mapping
         More about it, for its documentation: paragraphs of plain text by heading.
     """
@@ -81,6 +86,8 @@ class Sampled:
     parameters: Sequence[Port] = ()
     outputs: Sequence[Port] = ()
     integers: Sequence[Port] = ()
+    program: bool = False
+    resources: Mapping[str, bytes] = field(default_factory=dict)
     pages: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -9,6 +9,8 @@ A frame is a kind (one byte), a length (four bytes, the least significant first)
 numbers of a tick lie in memory that both sides share; whoever waits looks at a number there before it sleeps, as in
 `cosim.plant.bells`. Numba, which the laws need anyway, makes the exchange of that number atomic; without it both sides
 ring through the pipes alone.
+
+An FMU is a harness of its own kind. It has no Python and shares no memory: see `_Alone`.
 """
 
 from __future__ import annotations
@@ -704,6 +706,139 @@ class _Host:
         }
 
 
+class _Alone:
+    """The law of an FMU, whose numbers come and go through the pipe, in frames of bytes as this machine has them.
+
+    A request for teams brings the FMU's parameters, and leads the law back to before its start. A request for a step
+    brings two integers, team and tick, and the team's inputs; its reply, commands and telemetry. The tick of a team
+    that has come last may come again with other inputs: the law is led back to before it.
+
+    Parameters
+    ----------
+    requests, replies
+        The pipes.
+    file
+        What the FMU says of its law, see `cosim.team_fmu.law_in_host`.
+    """
+
+    def __init__(self, requests: int, replies: int, file: str) -> None:
+        self._requests, self._replies = requests, replies
+        with open(file, encoding="utf-8") as opened:
+            self._about = json.load(opened)
+        self._law: Any = None
+        self._teams: list[_Team] = []
+        self._arrays: list[list[Any]] = []
+        self._before: list[tuple[int, bytes]] = []
+
+    def serve(self, fault: str) -> None:
+        """Answer requests until the FMU wants no more; say first what is at fault with this environment, if so."""
+        self._reply(fault or self._load())
+        while (header := _exactly(self._requests, HEADER.size)) is not None:
+            kind, length = HEADER.unpack(header)
+            body = _exactly(self._requests, length)
+            if body is None:
+                return
+            try:
+                answer = self._make(body) if kind == TEAMS else self._step(body)
+            except (Exception, SystemExit) as error:
+                row, robots = row_of(error), self._robots
+                whose = f"{robots[row]}, " if row is not None and 0 <= row < len(robots) else ""
+                failed = "" if kind == TEAMS else " failed"
+                self._reply(f"{failed}: {whose}{said(error, self._law)}")
+            else:
+                write_frame(self._replies, DONE, answer)
+
+    def _load(self) -> str:
+        """Find the law; return what is at fault with it, in words that follow its name."""
+        from formation_controllers.registry import installed, load
+
+        name, wanted = self._about["name"], (self._about["package"], self._about["version"])
+        found = installed().get(name)
+        if found is None:
+            return f" is not installed in the environment of {sys.executable}"
+        if (found.package, found.version) != wanted:
+            return f" is wanted, and the environment of {sys.executable} has that of {found.package} {found.version}"
+        try:
+            self._law = load(name)
+        except Exception as error:
+            return f": {not_imported(error, found.entry_point.module)}"
+        return ""
+
+    def _reply(self, fault: str) -> None:
+        text = "".join(c if c.isprintable() else " " for c in fault).encode("utf-8", "replace")
+        text = text[: self._about["longest"]].decode("utf-8", "ignore").encode()
+        write_frame(self._replies, FAILED if text else DONE, text)
+
+    def _make(self, parameters: bytes) -> bytes:
+        import numpy as np
+
+        self._robots: list[str] = []
+        self._values = np.frombuffer(parameters).tolist()
+        self._teams, self._arrays, self._before = [], [], []
+        for number in range(len(self._about["teams"])):
+            self._make_one(number)
+        return b""
+
+    def _make_one(self, number: int) -> None:
+        """Make a team, in place of one that was there."""
+        import math
+
+        import numpy as np
+
+        about = self._about["teams"][number]
+        self._robots = about["robots"]
+        size = sum(math.prod(shape) for shape in about["shapes"])
+        (arrays,) = parts_of(np.zeros(size), [about["shapes"]])
+        team = _Team(self._law, {**about, **self._gains(about)}, arrays)
+        self._teams[number:] = [team, *self._teams[number + 1 :]]
+        self._arrays[number:] = [arrays, *self._arrays[number + 1 :]]
+        self._before[number:] = [(-1, b""), *self._before[number + 1 :]]
+
+    def _gains(self, about: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the gains of a team, some of them parameters of the FMU."""
+
+        def value(given: Any, place: Any) -> Any:
+            if isinstance(given, list):
+                return [value(*own) for own in zip(given, place, strict=True)]
+            return given if place is None else self._values[place]
+
+        gains = [[[name, value(given, place)] for name, given, place in own] for own in about["gains"]]
+        return {"gains": gains, "shared": about["shared"] and all(own == gains[0] for own in gains)}
+
+    def _step(self, body: bytes) -> bytes:
+        import numpy as np
+
+        number, tick = struct.unpack_from("=qq", body)
+        self._robots = self._about["teams"][number]["robots"]
+        if tick == 0 and self._before[number][0] >= 0:
+            self._make_one(number)
+        team = self._teams[number]
+        *inputs, commands, telemetry = self._arrays[number]
+        if tick > 0 and tick == self._before[number][0]:
+            if not self._before[number][1]:
+                raise RuntimeError("its inputs have changed after its tick, and it cannot be led back to before it")
+            team.go_on(self._before[number][1])
+        elif tick > 0:
+            self._before[number] = tick, self._state(team)
+        else:
+            self._before[number] = 0, b""
+        given = np.frombuffer(body, offset=16)
+        (own,) = parts_of(given, [[array.shape for array in inputs]])
+        for array, values in zip(inputs, own, strict=True):
+            array[:] = values
+        team.tick(FIRST if tick == 0 else AS_COMPILED)
+        if not np.isfinite(commands).all():
+            raise team.not_finite()
+        return bytes(commands.tobytes() + telemetry.tobytes())
+
+    def _state(self, team: _Team) -> bytes:
+        """Return the state of a team; nothing if it cannot be told."""
+        try:
+            return team.state()
+        except Exception:  # a law that is not asked to go back need not be able to
+            return b""
+
+
 def _refusal(error: BaseException) -> dict[str, Any]:
     place = error.place if isinstance(error, GainFault) else None
     text = str(error) if isinstance(error, GainFault) else f"{type(error).__name__}: {error}"
@@ -711,8 +846,12 @@ def _refusal(error: BaseException) -> dict[str, Any]:
 
 
 def send(pipe: int, kind: int, about: Any = None) -> None:
-    """Write a frame."""
-    body = b"" if about is None else json.dumps(about).encode()
+    """Write a frame of JSON."""
+    write_frame(pipe, kind, b"" if about is None else json.dumps(about).encode())
+
+
+def write_frame(pipe: int, kind: int, body: bytes) -> None:
+    """Write a frame with a body."""
     data = HEADER.pack(kind, len(body)) + body
     while data:
         data = data[os.write(pipe, data) :]
@@ -803,9 +942,11 @@ def main() -> None:
     """Serve the laws of this environment until the harness wants no more, or has ended.
 
     The arguments are the harness's process, whether its main thread has started this one, and the text after which
-    its replies begin: until then modules that Python loads at its start may have printed.
+    its replies begin: until then modules that Python loads at its start may have printed. Those of an FMU are
+    ``--pipe``, its process, the file that says what its law is, and that text.
     """
-    parent, main_thread, begins = sys.argv[1:4]
+    file = sys.argv[3] if sys.argv[1] == "--pipe" else None
+    parent, main_thread, begins = sys.argv[1:4] if file is None else (sys.argv[2], "0", sys.argv[4])
     del sys.argv[1:]
     _leave_terminal()
     replies, requests = _out_of_reach(1), _out_of_reach(0)
@@ -817,9 +958,13 @@ def main() -> None:
     try:
         os.write(replies, begins.encode())
         greeting = _greeting()
-        send(replies, DONE, greeting)
-        if "fault" not in greeting:
-            _Host(requests, replies).serve()
+        if file is not None:
+            fault = greeting.get("fault", "")
+            _Alone(requests, replies, file).serve(fault and f" cannot run by {sys.executable}: {fault}")
+        else:
+            send(replies, DONE, greeting)
+            if "fault" not in greeting:
+                _Host(requests, replies).serve()
     except BaseException:
         traceback.print_exc()
         status = 1

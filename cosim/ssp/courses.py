@@ -55,12 +55,13 @@ static long long place_of(const long long *ticks, long long count, long long tic
 """
 _TICK = """
 const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,
-                       Memory *memory, double *outputs)
+                       Memory *memory, struct Tool *tool, double *outputs)
 {
     (void)inputs;
     (void)parameters;
     (void)integers;
     (void)memory;
+    (void)tool;
 %s
     return 0;
 }

@@ -43,6 +43,12 @@ def assignments(place: str, value: Any) -> Iterator[str]:
         yield f"{place} = {number(value)};"
 
 
+def member(at: str) -> str:
+    """Return a name with places behind it, such as ``K[0]``, as a member of a struct."""
+    name, bracket, rest = at.partition("[")
+    return identifier(name) + bracket + rest
+
+
 def table(declaration: str, values: Iterable[str]) -> str:
     """Return the definition of a constant array, several entries a line."""
     lines, line = [], "   "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,10 @@ from formation_controllers.team_records import TeamRecords
 
 from cosim.control.team_here import TeamHere
 from cosim.errors import InputError
+from cosim.team_fmu.c_text import assignments, member
+from cosim.team_fmu.ports import gain_parameters, telemetry_outputs
 from cosim.translation import CSource, Entry
+from plants.sampled import Port
 
 PRIMITIVES = elementary.PRIMITIVES
 """The smallest parts of the elementary functions of laws."""
@@ -44,6 +47,52 @@ class LawInC:
     prepared: bool
     entries: tuple[Entry, Entry]
 
+    needs_tool = False
+
+    @property
+    def taken(self) -> str:
+        """The inputs of a tick, in C."""
+        return f"in_{self.label}"
+
+    def remembered(self, source: CSource) -> str:
+        """Return the type in C of what it remembers."""
+        return self.types(source)[1]
+
+    def gains(self, index: int, robot: str) -> Iterator[tuple[Port, str]]:
+        """Yield the gains of a robot that are parameters, each with its place in C."""
+        if not self.prepared:
+            for port, at in gain_parameters(self.team.controller.robot_gains[index], robot):
+                yield port, f"memory->team_{self.label}.gains[{index}].{member(at)}"
+
+    def starts(self) -> Iterator[str]:
+        """Yield the statements before the first tick."""
+        own = self.records
+        telemetry = np.full_like(own.telemetry, np.nan)
+        room = {name: np.zeros_like(getattr(own, name)) for name in ("seen", "columns")}
+        yield from assignments(f"memory->team_{self.label}", own._replace(telemetry=telemetry, **room))
+
+    def declares(self, source: CSource) -> Iterator[str]:
+        """Yield the declaration of the inputs of a tick."""
+        yield f"{self.types(source)[0]} {self.taken};"
+
+    def ticks(self, gains: Sequence[str]) -> Iterator[str]:
+        """Yield the statements of a tick, given those that set its gains."""
+        label, taken, records = self.label, self.taken, f"memory->team_{self.label}"
+        yield from gains
+        yield f"if (tick == 0) team_start_{label}(&{taken}, &{records});"
+        yield f"double command_{label}[{len(self.team.rows)}][{len(self.team.vehicle.command)}];"
+        yield f"team_tick_{label}(&{taken}, &{records}, command_{label});"
+
+    @property
+    def command(self) -> str:
+        """Its commands, in C."""
+        return f"command_{self.label}"
+
+    def telemetry(self, index: int, robot: str, depends: tuple[str, ...]) -> Iterator[tuple[Port, str]]:
+        """Yield the signals of a robot, each with its place in C."""
+        for port, at in telemetry_outputs(self.team, robot, depends):
+            yield port, f"memory->team_{self.label}.telemetry[{index}].{member(at)}"
+
     def types(self, source: CSource) -> tuple[str, str]:
         """Return the names in C of its inputs and of its records."""
         found = re.search(r"\(\s*const (\w+) \*\w+,\s*(\w+) \*", source.prototypes[f"tick_{self.label}"])
@@ -70,15 +119,10 @@ def law_in_c(team: TeamHere, label: str, prepare: Callable[[TeamHere], None]) ->
         It is no compiled law of the package's kind: free Python, which has no translation.
     """
     controller, source = team.controller, team.law.source
-    tick: CompiledTick | None = controller.compiled_tick()
-    start = getattr(controller, "compiled_start", lambda: None)()
+    tick, start = _compiled(controller)
     if tick is None or start is None or not isinstance(tick.own, TeamRecords):
         lacks = "tick" if tick is None else "start" if start is None else "records of the usual kind"
-        raise InputError(
-            f"the controller {source.name!r} has no compiled {lacks}: only a law whose tick and start are compiled "
-            "functions, as a CompiledLaw's are, becomes an FMU",
-            source.where,
-        )
+        raise InputError(f"the controller {source.name!r} has no compiled {lacks}", source.where)
     if start.prepared:
         prepare(team)
     size, vehicle = len(team.robots), team.vehicle
@@ -98,6 +142,16 @@ def law_in_c(team: TeamHere, label: str, prepare: Callable[[TeamHere], None]) ->
         Entry(f"tick_{label}", tick.function, (inputs, tick.own, command)),
     )
     return LawInC(team, label, records, bool(start.prepared), entries)
+
+
+def is_translatable(team: TeamHere) -> bool:
+    """Return whether a law states its start and its tick as compiled functions, as a CompiledLaw does."""
+    tick, start = _compiled(team.controller)
+    return tick is not None and start is not None and isinstance(tick.own, TeamRecords)
+
+
+def _compiled(controller: Any) -> tuple[CompiledTick | None, Any]:
+    return controller.compiled_tick(), getattr(controller, "compiled_start", lambda: None)()
 
 
 def _only(state: np.ndarray[Any, Any], names: Sequence[str]) -> np.ndarray[Any, Any]:

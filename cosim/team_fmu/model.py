@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import formation_controllers as fc
 import numpy as np
 
-from cosim.control.law import Law
+from cosim.control.team import Team
 from cosim.control.team_here import TeamHere
+from cosim.control.teams import team_of
 from cosim.errors import InputError
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -19,12 +19,13 @@ from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
 from cosim.signals.random import words_of
 from cosim.signals.sensors import pose_sensors
-from cosim.team_fmu.c_text import assignments, block, number, numbers, table
+from cosim.team_fmu.c_text import block, number, numbers, table
 from cosim.team_fmu.chains import LEVEL, ChainInC, stream_names
 from cosim.team_fmu.courses import FUNCTION, Courses
-from cosim.team_fmu.laws import PRIMITIVES, LawInC, law_in_c
+from cosim.team_fmu.law_in_host import LawInHost, files_of, law_in_host
+from cosim.team_fmu.laws import PRIMITIVES, LawInC, is_translatable, law_in_c
 from cosim.team_fmu.leader_in_c import LeaderInC
-from cosim.team_fmu.ports import command_outputs, gain_parameters, state_inputs, telemetry_outputs
+from cosim.team_fmu.ports import command_outputs, state_inputs
 from cosim.translation import CSource, translate
 from cosim.translation.names import identifier
 from plants.sampled import Port, Sampled
@@ -53,13 +54,13 @@ def team_model(scenario: Scenario, setup: Setup, controller: str) -> Sampled:
     if not made_of:
         known = ", ".join(dict.fromkeys(follower.controller for follower in scenario.followers))
         raise InputError(f"no follower has the controller {controller!r}; there are {known}", scenario.where)
-    return _Model(scenario, setup, [_here(*own) for own in made_of]).sampled(controller)
+    return _Model(scenario, setup, [team_of(*own) for own in made_of]).sampled(controller)
 
 
 class _Model:
     """The parts of the model; rows are those of the leader and of the followers of this controller."""
 
-    def __init__(self, scenario: Scenario, setup: Setup, teams: Sequence[TeamHere]) -> None:
+    def __init__(self, scenario: Scenario, setup: Setup, teams: Sequence[Team]) -> None:
         self._scenario, self._setup, self._teams = scenario, setup, teams
         self._places = sorted(int(row) for team in teams for row in team.rows)  # in the scenario
         self._followers = [setup.followers[row] for row in self._places]
@@ -75,7 +76,13 @@ class _Model:
         self._sensors = ChainInC("sense", sensors, 0)
         self._actuators = ChainInC("actuate", acting, len(self._sensors.streams))
         self._delays = any(effect.element == "delay" for effect in acting.effects)
-        self._laws = [law_in_c(team, str(k + 1), self._prepare) for k, team in enumerate(teams)]
+        self._laws: list[LawInC | LawInHost] = [
+            law_in_c(team, str(k + 1), self._prepare)
+            if isinstance(team, TeamHere) and is_translatable(team)
+            else law_in_host(team, k, setup.motion is not None)
+            for k, team in enumerate(teams)
+        ]
+        self._hosted = [law for law in self._laws if isinstance(law, LawInHost)]
         self._courses = Courses()
         self._leaders = [LeaderInC(law.label, law.team) for law in self._laws]
         self._inputs: list[Port] = []
@@ -111,16 +118,15 @@ class _Model:
                 plus = "" if besides_text in ("0.0", "-0.0") else f" + {besides_text}"
                 self._results.append(f"acting[{row}][{column}]{plus}")
             law, index = self._law_of(place)
-            for port, at in telemetry_outputs(law.team, robot.name, depends):
+            for port, result in law.telemetry(index, robot.name, depends):
                 self._outputs.append(port)
-                self._results.append(f"memory->team_{law.label}.telemetry[{index}].{_member(at)}")
-            if not law.prepared:
-                for port, at in gain_parameters(law.team.controller.robot_gains[index], robot.name):
-                    place_in_c = f"memory->team_{law.label}.gains[{index}].{_member(at)}"
+                self._results.append(result)
+            for port, place_in_c in law.gains(index, robot.name):
+                if place_in_c:
                     self._gains[law.label].append(f"{place_in_c} = parameters[{len(self._parameters)}];")
-                    self._parameters.append(port)
+                self._parameters.append(port)
 
-    def _law_of(self, place: int) -> tuple[LawInC, int]:
+    def _law_of(self, place: int) -> tuple[LawInC | LawInHost, int]:
         for law in self._laws:
             rows = law.team.rows.tolist()
             if place in rows:
@@ -160,6 +166,10 @@ class _Model:
         if streams:
             sources |= {name: (_TEMPLATE / name).read_text("utf-8") for name in ("streams.c", "streams.h")}
             sources["ziggurat.h"] = _ziggurat()
+        resources: dict[str, bytes] = {}
+        if self._hosted:
+            own, resources = files_of(self._hosted, self._parameters)
+            sources |= own
         seed = Port("seed", "", "Seed of the noise", start=scenario.seed, min=0, max=LARGEST_SEED)
         laws = ", ".join(dict.fromkeys(law.team.law.source.name for law in self._laws))
         return Sampled(
@@ -174,6 +184,8 @@ class _Model:
             outputs=self._outputs,
             integers=(seed,) if streams and scenario.seed <= LARGEST_SEED else (),
             pages=self._pages(laws),
+            program=bool(self._hosted),
+            resources=resources,
         )
 
     def _pages(self, laws: str) -> dict[str, Sequence[str]]:
@@ -185,23 +197,33 @@ class _Model:
                 f"the law {laws} of {package.package} {package.version} compute commands, and passes these through the "
                 "actuators. Desired places over time are in it. All units are SI.",
                 f"The law runs every {self._scenario.period * self._scenario.step:g} s; in between commands are held.",
-                "Its C is translated from the law's Python, whose names and comments it keeps.",
+                self._how(package.package, package.version),
             ]
         }
+
+    def _how(self, package: str, version: str) -> str:
+        if not self._hosted:
+            return "Its C is translated from the law's Python, whose names and comments it keeps."
+        return (
+            f"The law is Python, which a process beside the FMU runs: it needs an environment with {package} {version}."
+            " The FMU's file resources/interpreter.txt names its interpreter, and the environment variable "
+            "FORMATION_LAW_PYTHON another one."
+        )
 
     def _memory(self, source: CSource) -> str:
         streams = len(self._sensors.streams) + len(self._actuators.streams)
         members = [
-            *(f"{law.types(source)[1]} team_{law.label};" for law in self._laws),
+            *(f"{law.remembered(source)} team_{law.label};" for law in self._laws),
             f"double command[{len(self._followers)}][{self._commands}]; /* held until the law's next tick */",
             *self._sensors.members,
             *self._actuators.members,
             *([f"Stream streams[{streams}];"] if streams else []),
         ]
         includes = '#include "team.h"\n' + ('#include "streams.h"\n' if streams else "")
+        types = "".join(f"{law.type_in_c()}\n" for law in self._hosted)
         return (
             "/* What the team remembers from tick to tick. */\n#ifndef MEMORY_H\n#define MEMORY_H\n\n"
-            f"{includes}\ntypedef struct {{\n{block(members)}}} Memory;\n\n#endif\n"
+            f"{includes}\n{types}typedef struct {{\n{block(members)}}} Memory;\n\n#endif\n"
         )
 
     def _start_and_tick(self, controller: str, source: CSource, tick: str) -> str:
@@ -210,7 +232,8 @@ class _Model:
         functions = [self._sensors.function, self._actuators.function]
         parts = [
             f"/* The controller {controller} of {self._scenario.name}: when what is computed. */\n"
-            '#include "model.h"\n\n#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n#include <string.h>',
+            f'#include "{"child" if self._hosted else "model"}.h"\n\n'
+            "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n#include <string.h>",
             *tables,
             courses,
             FUNCTION if "at(course_" in tick else "",
@@ -225,11 +248,7 @@ class _Model:
         lines: list[str] = []
         streams = self._sensors.streams + self._actuators.streams
         for law in self._laws:
-            at = f"memory->team_{law.label}"
-            own = law.records
-            telemetry = np.full_like(own.telemetry, np.nan)
-            room = {name: np.zeros_like(getattr(own, name)) for name in ("seen", "columns")}
-            lines += assignments(at, own._replace(telemetry=telemetry, **room))
+            lines += law.starts()
         if streams:
             words = words_of(self._scenario.seed).tolist()
             if self._scenario.seed <= LARGEST_SEED:
@@ -278,18 +297,16 @@ class _Model:
         lines.append("")
         for index, (port, result) in enumerate(zip(self._outputs, self._results, strict=True)):
             lines.append(f"outputs[{index}] = {result}; /* {port.name} [{port.unit}] */")
-        lines += ["(void)parameters;", "(void)integers;", "return NULL;"]
+        lines += ["(void)parameters;", "(void)integers;", "(void)tool;", "return NULL;"]
         head = (
             "const char *model_tick(long long tick, const double *inputs, const double *parameters,\n"
-            "                       const int *integers, Memory *memory, double *outputs)"
+            "                       const int *integers, Memory *memory, struct Tool *tool, double *outputs)"
         )
         return f"{head}\n{{\n{block(lines)}}}"
 
-    def _law(self, law: LawInC, leader: LeaderInC, source: CSource) -> Iterator[str]:
-        team, label = law.team, law.label
-        inputs_type, _ = law.types(source)
-        taken, records = f"in_{label}", f"memory->team_{label}"
-        yield f"{inputs_type} {taken};"
+    def _law(self, law: LawInC | LawInHost, leader: LeaderInC, source: CSource) -> Iterator[str]:
+        team, taken = law.team, law.taken
+        yield from law.declares(source)
         for index, row in enumerate(team.rows.tolist()):
             robot, own = self._setup.followers[row], 1 + self._places.index(row)
             for column in range(len(team.vehicle.pose)):
@@ -310,11 +327,8 @@ class _Model:
             else ["0.0"] * len(kind.velocity)
         )
         yield from leader.lines(source, taken, "measured[0]", velocities, accelerations)
-        yield from self._gains[label]
-        yield f"if (tick == 0) team_start_{label}(&{taken}, &{records});"
+        yield from law.ticks(self._gains[law.label])
         commands = len(team.vehicle.command)
-        yield f"double command_{label}[{len(team.rows)}][{commands}];"
-        yield f"team_tick_{label}(&{taken}, &{records}, command_{label});"
         for index, row in enumerate(team.rows.tolist()):
             own = self._places.index(row)
             robot = self._setup.followers[row].name
@@ -323,31 +337,15 @@ class _Model:
                     yield f"memory->command[{own}][{column}] = NAN;"
                     continue
                 yield (
-                    f"if (!isfinite(command_{label}[{index}][{column}])) "
+                    f"if (!isfinite({law.command}[{index}][{column}])) "
                     f'return "the law\'s command for {robot} is not finite";'
                 )
-                yield f"memory->command[{own}][{column}] = command_{label}[{index}][{column}];"
+                yield f"memory->command[{own}][{column}] = {law.command}[{index}][{column}];"
         yield ""
 
 
-def _here(law: Law, *others: Any) -> TeamHere:
-    """Return a team whose law is in this environment."""
-    if law.host is not None:
-        raise InputError(
-            f"the controller {law.source.id!r} is in an environment of its own: only a law of this environment becomes "
-            "an FMU; install its package here, and leave the attribute environment out",
-            law.source.where,
-        )
-    return TeamHere(law, *others)
-
-
-def _needs(law: LawInC) -> bool:
+def _needs(law: LawInC | LawInHost) -> bool:
     return law.team.measured
-
-
-def _member(at: str) -> str:
-    name, bracket, rest = at.partition("[")
-    return identifier(name) + bracket + rest
 
 
 def _ziggurat() -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.gains import gain_info, gain_records
+from formation_controllers.gains import GainInfo, gain_info, gain_records
 
-from cosim.control.team_here import TeamHere
+from cosim.control.team import Team
 from cosim.master.robot import RobotSetup
 from cosim.scenario.scenario import LEADER
 from plants import units
@@ -36,7 +37,7 @@ def command_outputs(robot: RobotSetup, depends: tuple[str, ...]) -> Iterator[Por
         yield Port(f"{robot.name}.{role.name}", role.unit, text, depends=depends)
 
 
-def telemetry_outputs(team: TeamHere, robot: str, depends: tuple[str, ...]) -> Iterator[tuple[Port, str]]:
+def telemetry_outputs(team: Team, robot: str, depends: tuple[str, ...]) -> Iterator[tuple[Port, str]]:
     """Yield the signals of a team's law for a robot, each with its place in the telemetry record."""
     for signal in team.law.signals:
         for index, component in enumerate(signal.components or [""]):
@@ -53,27 +54,34 @@ def gain_parameters(own: fc.Gains, robot: str) -> Iterator[tuple[Port, str]]:
     """
     record = gain_records([own])
     for name, info in gain_info(type(own)).items():
-        values = record[name][0]
-        for index in np.ndindex(np.shape(values)):
-            start = float(np.asarray(values)[index])
-            if not math.isfinite(start):
-                continue
-            at = "".join(f"[{i + 1}]" for i in index)
-            low = info.above if info.above is not None else info.at_least
-            yield (
-                Port(
-                    f"{robot}.{name}{at}",
-                    _known(info.unit if info.size != 2 or index == (0,) else _of_bearing(info.unit)),
-                    sentence(f"Gain {info.symbol} of {robot}: {info.description}"),
-                    start=start,
-                    min=-math.inf if low is None else low,
-                    max=math.inf if info.below is None else info.below,
-                    above=info.above is not None,
-                    below=info.below is not None,
-                    tunable=True,
-                ),
-                name + "".join(f"[{i}]" for i in index),
-            )
+        for port, index in gain_ports(name, info, record[name][0], robot, tunable=True):
+            yield port, name + "".join(f"[{i}]" for i in index)
+
+
+def gain_ports(
+    name: str, info: GainInfo, values: Any, robot: str, *, tunable: bool
+) -> Iterator[tuple[Port, tuple[int, ...]]]:
+    """Yield the entries of a gain that can be parameters, each with its place."""
+    for index in np.ndindex(np.shape(values)):
+        start = float(np.asarray(values)[index])
+        if not math.isfinite(start):
+            continue
+        at = "".join(f"[{i + 1}]" for i in index)
+        low = info.above if info.above is not None else info.at_least
+        yield (
+            Port(
+                f"{robot}.{name}{at}",
+                _known(info.unit if info.size != 2 or index == (0,) else _of_bearing(info.unit)),
+                sentence(f"Gain {info.symbol} of {robot}: {info.description}"),
+                start=start,
+                min=-math.inf if low is None else low,
+                max=math.inf if info.below is None else info.below,
+                above=info.above is not None,
+                below=info.below is not None,
+                tunable=tunable,
+            ),
+            index,
+        )
 
 
 def _known(unit: str) -> str:

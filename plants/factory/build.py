@@ -39,6 +39,8 @@ def build(
         compilers = {host(): find_compiler()}
     else:
         compilers = {platform: cross_compiler(platform) for platform in choose(platforms, version)}
+    if isinstance(model, Sampled) and model.program:
+        compilers = _of_unix(compilers)
     tools = [store.package_digest(), version]
     for platform, compiler in compilers.items():
         tools += [platform.name, *compiler.command, compiler.version]
@@ -62,6 +64,14 @@ def build(
             raise
         return store.write(wanted, make)  # without a cache, then
     return fmu if out is None else store.copy(fmu, wanted)
+
+
+def _of_unix(compilers: dict[Platform, Compiler]) -> dict[Platform, Compiler]:
+    """Return those that a model with a program beside it can do with."""
+    kept = {platform: compiler for platform, compiler in compilers.items() if platform.suffix != ".dll"}
+    if not kept:
+        raise BuildError("this FMU starts a program beside it, which it can do on Linux and macOS only")
+    return kept
 
 
 def _generate(model: "OdeModel | Sampled", fmi: str, starts: Mapping[str, float | str]) -> dict[str, bytes]:

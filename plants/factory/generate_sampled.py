@@ -25,6 +25,7 @@ def generate_sampled(model: Sampled, fmi: str) -> dict[str, bytes]:
     """Return the files of a sampled model's FMU, but the binaries, by their path in the FMU."""
     version, table = VERSIONS[fmi], _tabulate(model)
     files = runtime_of(version, RUNTIME) | {f"sources/{name}": text.encode() for name, text in model.sources.items()}
+    files |= {f"resources/{name}": content for name, content in model.resources.items()}
     attributes = _INTERFACES["CoSimulation"] | ({_FIXED_STEP: repr(model.step)} if fmi == "3.0" else {})
     is_structured = all(_STRUCTURED.fullmatch(variable.name) for variable in table.variables)
     context = {
@@ -33,6 +34,7 @@ def generate_sampled(model: Sampled, fmi: str) -> dict[str, bytes]:
         "interfaces": {"CoSimulation": attributes},
         "naming": "structured" if is_structured else "flat",
         "stop": model.stop,
+        "needs_tool": model.program,
     }
     templates = version.templates | _TEMPLATES
     # An icon is all that is left of terminals and icons, which the hand-written files bring.

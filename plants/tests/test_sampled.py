@@ -32,9 +32,10 @@ void model_start(const double *parameters, const int *integers, Memory *memory)
 }
 
 const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,
-                       Memory *memory, double *outputs)
+                       Memory *memory, struct Tool *tool, double *outputs)
 {
     (void)integers;
+    (void)tool;
     memory->sum += parameters[0] * inputs[0];
     outputs[0] = memory->sum;
     outputs[1] = (double)tick;

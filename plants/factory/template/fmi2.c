@@ -64,7 +64,6 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn)
 {
     static const Function function = {"fmi2Instantiate", ANY_MODE, ANY_MODE};
-    (void)fmuResourceLocation;
     (void)visible;
     if (functions == NULL) return NULL;
 
@@ -100,7 +99,10 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     memcpy(instance, &made, sizeof made);
     strcpy(instance->name, instanceName);
     instance->base.name = instance->name;
-    simulation_reset(&instance->base.now.simulation);
+    if (!instance_open(&instance->base, &function, fmuResourceLocation)) {
+        fmi2FreeInstance(instance);
+        return NULL;
+    }
     return instance;
 }
 
@@ -108,6 +110,7 @@ void fmi2FreeInstance(fmi2Component c)
 {
     Instance *const instance = c;
     if (instance != NULL) {
+        instance_close(instance);
         instance->release(instance);
     }
 }

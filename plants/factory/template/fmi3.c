@@ -62,7 +62,7 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean loggingOn, size_t nCa
 }
 
 static Fmi3Instance *instantiate(const Function *function, Interface interface, fmi3String name, fmi3String token,
-                                 fmi3Boolean is_logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+                                 fmi3String resources, fmi3Boolean is_logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     Fmi3Instance made = {
         .base = {.now = {.interface = interface, .mode = INSTANTIATED},
@@ -87,8 +87,11 @@ static Fmi3Instance *instantiate(const Function *function, Interface interface, 
     memcpy(instance, &made, sizeof made);
     strcpy(instance->name, name);
     instance->base.name = instance->name;
+    if (!instance_open(&instance->base, function, resources)) {
+        fmi3FreeInstance(instance);
+        return NULL;
+    }
     instance->base.logged = is_logging ? LOG_PROBLEMS : 0;
-    simulation_reset(&instance->base.now.simulation);
     return instance;
 }
 
@@ -108,10 +111,9 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
 {
     static const Function function = {"fmi3InstantiateModelExchange", ANY_MODE, ANY_MODE};
-    (void)resourcePath;
     (void)visible;
     if (!OFFERS_MODEL_EXCHANGE) return not_offered(function.name, instanceEnvironment, logMessage);
-    return instantiate(&function, MODEL_EXCHANGE, instanceName, instantiationToken, loggingOn, instanceEnvironment,
+    return instantiate(&function, MODEL_EXCHANGE, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment,
                        logMessage);
 }
 
@@ -124,7 +126,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3IntermediateUpdateCallback intermediateUpdate)
 {
     static const Function function = {"fmi3InstantiateCoSimulation", ANY_MODE, ANY_MODE};
-    (void)resourcePath;
     (void)visible;
     (void)earlyReturnAllowed; /* never made use of */
     (void)requiredIntermediateVariables;
@@ -133,7 +134,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
         : nRequiredIntermediateVariables > 0  ? "there are no intermediate updates: providesIntermediateUpdate is false"
                                               : NULL;
     Fmi3Instance *const instance = instantiate(&function, CO_SIMULATION, instanceName, instantiationToken,
-                                               loggingOn || refusal != NULL, instanceEnvironment, logMessage);
+                                               resourcePath, loggingOn || refusal != NULL, instanceEnvironment, logMessage);
     if (instance != NULL && refusal != NULL) {
         instance_refuse(&instance->base, &function, refusal);
         fmi3FreeInstance(instance);
@@ -162,6 +163,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
 
 void fmi3FreeInstance(fmi3Instance c)
 {
+    if (c != NULL) instance_close(c);
     free(c);
 }
 

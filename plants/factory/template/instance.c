@@ -128,6 +128,18 @@ bool instance_may_start(const Instance *instance, const Function *function, cons
     return false;
 }
 
+bool instance_open(Instance *instance, const Function *function, const char *resources)
+{
+    simulation_reset(&instance->now.simulation);
+    const Status status = simulation_open(&instance->now.simulation, resources);
+    return instance_report(instance, function, status) == STATUS_OK;
+}
+
+void instance_close(Instance *instance)
+{
+    simulation_close(&instance->now.simulation);
+}
+
 Status instance_lacks(void *component, const char *function_name, const char *reason)
 {
     const Function function = {function_name, ANY_MODE, ANY_MODE};
@@ -182,7 +194,9 @@ Status instance_start(void *component, const Function *function)
 
 Status instance_terminate(void *component, const Function *function)
 {
-    return instance_change_mode(component, function, TERMINATED);
+    const Status status = instance_change_mode(component, function, TERMINATED);
+    if (status == STATUS_OK) simulation_end(&((Instance *)component)->now.simulation);
+    return status;
 }
 
 Status instance_reset(void *component, const Function *function)
@@ -250,7 +264,9 @@ Status instance_has_none(void *component, const Function *function, size_t n)
     return n == 0 ? STATUS_OK : instance_refuse(instance, function, "there are no variables of this type");
 }
 
-/* ---- saved states: a snapshot; as bytes, the GUID goes before it ---- */
+/* ---- saved states, where they are offered: a snapshot; as bytes, the GUID goes before it ---- */
+
+static const char no_states[] = "states of this FMU cannot be saved: the description says so";
 
 enum { GUID_SIZE = sizeof MODEL_GUID, BYTES_SIZE = GUID_SIZE + 2 * (int)sizeof(int) + SERIALIZED_SIZE };
 
@@ -258,6 +274,7 @@ Status instance_get_state(void *component, const Function *function, void **stat
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
+    if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (state == NULL) return instance_refuse_null(instance, function);
     if (*state == NULL) {
         *state = instance->allocate(1, sizeof(Snapshot));
@@ -271,6 +288,7 @@ Status instance_set_state(void *component, const Function *function, const void 
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
+    if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (state == NULL) return instance_refuse_null(instance, function);
     const Snapshot *const snapshot = state;
     if (snapshot->interface != instance->now.interface) {
@@ -297,6 +315,7 @@ Status instance_get_serialized_size(void *component, const Function *function, c
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
+    if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (state == NULL || size == NULL) return instance_refuse_null(instance, function);
     *size = BYTES_SIZE;
     return STATUS_OK;
@@ -306,6 +325,7 @@ Status instance_serialize(void *component, const Function *function, const void 
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
+    if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (state == NULL || bytes == NULL) return instance_refuse_null(instance, function);
     if (size < BYTES_SIZE) return instance_refuse(instance, function, "the buffer is too small: ask for the size first");
     const Snapshot *const snapshot = state;
@@ -330,6 +350,7 @@ Status instance_deserialize(void *component, const Function *function, const uns
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
+    if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (bytes == NULL || state == NULL) return instance_refuse_null(instance, function);
     if (size != BYTES_SIZE || memcmp(bytes, MODEL_GUID, GUID_SIZE) != 0) {
         return instance_refuse(instance, function, "these bytes are not a state of this FMU");

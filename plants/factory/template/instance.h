@@ -63,6 +63,10 @@ typedef struct Instance {
 /* Whether an instance may be made: an error is logged for `instance`, which needs no more than its name and log. */
 bool instance_may_start(const Instance *instance, const Function *function, const char *guid);
 
+/* What an instance needs beside its memory: found, or an error is logged; and given back. */
+bool instance_open(Instance *instance, const Function *function, const char *resources);
+void instance_close(Instance *instance);
+
 /* The instance, or NULL, with a message, if the function must not be called now. */
 Instance *instance_enter(void *component, const Function *function);
 

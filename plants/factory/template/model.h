@@ -6,7 +6,7 @@
 #include "variables.h"
 
 #define INTERFACES "Co-Simulation and Model Exchange"
-enum { OFFERS_MODEL_EXCHANGE = 1 };
+enum { OFFERS_MODEL_EXCHANGE = 1, OFFERS_STATES = 1 };
 
 /* An expression that the equations hold for only between two bounds. */
 typedef struct {

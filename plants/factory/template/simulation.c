@@ -10,6 +10,23 @@
 
 /* ---- values ---- */
 
+Status simulation_open(Simulation *s, const char *resources)
+{
+    (void)s;
+    (void)resources;
+    return STATUS_OK;
+}
+
+void simulation_close(Simulation *s)
+{
+    (void)s;
+}
+
+void simulation_end(Simulation *s)
+{
+    (void)s;
+}
+
 void simulation_reset(Simulation *s)
 {
     memset(s, 0, sizeof *s);

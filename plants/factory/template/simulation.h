@@ -35,6 +35,11 @@ typedef struct {
     char message[MESSAGE_SIZE];
 } Simulation;
 
+/* A plant needs nothing beside this struct. */
+Status simulation_open(Simulation *s, const char *resources);
+void simulation_close(Simulation *s);
+void simulation_end(Simulation *s);
+
 /* Everything to its start value. */
 void simulation_reset(Simulation *s);
 

@@ -6,11 +6,59 @@
 
 #include "values.h"
 
+/* ---- the program beside the model ---- */
+
+Status simulation_open(Simulation *s, const char *resources)
+{
+#if NEEDS_TOOL
+    const char *fault = NULL;
+    s->tool = model_open(resources, &fault);
+    if (s->tool == NULL) return say(s, STATUS_ERROR, "%s", fault);
+#else
+    (void)s;
+    (void)resources;
+#endif
+    return STATUS_OK;
+}
+
+void simulation_end(Simulation *s)
+{
+#if NEEDS_TOOL
+    model_end(s->tool);
+#else
+    (void)s;
+#endif
+}
+
+void simulation_close(Simulation *s)
+{
+#if NEEDS_TOOL
+    model_close(s->tool);
+    s->tool = NULL;
+#else
+    (void)s;
+#endif
+}
+
+/* To before the first tick. */
+static Status begin(Simulation *s)
+{
+    memset(&s->before, 0, sizeof s->before);
+    model_start(&s->values[FIRST_PARAMETER], s->integers, &s->before);
+#if NEEDS_TOOL
+    const char *const fault = model_begin(s->tool, &s->values[FIRST_PARAMETER], s->integers);
+    if (fault != NULL) return say(s, STATUS_ERROR, "%s", fault);
+#endif
+    return STATUS_OK;
+}
+
 /* ---- values ---- */
 
 void simulation_reset(Simulation *s)
 {
+    struct Tool *const tool = s->tool;
     memset(s, 0, sizeof *s);
+    s->tool = tool;
     s->phase = BEFORE_START;
     s->stop_time = INFINITY;
     s->fresh = true;
@@ -43,13 +91,13 @@ static Status evaluate(Simulation *s)
     }
     const double *const parameters = &s->values[FIRST_PARAMETER];
     if (s->phase == BEFORE_START) {
-        memset(&s->before, 0, sizeof s->before);
-        model_start(parameters, s->integers, &s->before);
+        const Status status = begin(s);
+        if (status != STATUS_OK) return status;
     }
     memcpy(&s->after, &s->before, sizeof s->after);
     double outputs[ROOM(N_OUTPUTS)];
     const double *const inputs = LATE && s->tick == 0 ? s->first : &s->values[FIRST_INPUT];
-    const char *const fault = model_tick(s->tick, inputs, parameters, s->integers, &s->after, outputs);
+    const char *const fault = model_tick(s->tick, inputs, parameters, s->integers, &s->after, s->tool, outputs);
     if (fault != NULL) return say(s, STATUS_ERROR, "%s at time %.16g s", fault, s->time);
     memcpy(&s->values[FIRST_OUTPUT], outputs, N_OUTPUTS * sizeof(double));
     s->current = true;
@@ -87,10 +135,10 @@ Status simulation_setup(Simulation *s, double start_time, double stop_time)
 
 Status simulation_start(Simulation *s)
 {
-    const Status status = check_parameters(s);
+    Status status = check_parameters(s);
     if (status != STATUS_OK) return status;
-    memset(&s->before, 0, sizeof s->before);
-    model_start(&s->values[FIRST_PARAMETER], s->integers, &s->before);
+    status = begin(s);
+    if (status != STATUS_OK) return status;
     memcpy(s->first, &s->values[FIRST_INPUT], sizeof(double) * N_INPUTS);
     s->phase = RUNNING;
     return STATUS_OK;
@@ -219,7 +267,7 @@ void simulation_serialize(const Simulation *s, unsigned char bytes[])
 
 Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
 {
-    Simulation read;
+    Simulation read = {.tool = s->tool};
     simulation_reset(&read);
     int phase;
     const unsigned char *from = take(&phase, bytes, sizeof phase);

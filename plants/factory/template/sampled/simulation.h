@@ -43,8 +43,16 @@ typedef struct {
     bool current;               /* outputs and `after` belong to this tick and the other values */
     Memory before;              /* of the model, before this tick */
     Memory after;               /* and after it */
+    struct Tool *tool;          /* NULL unless NEEDS_TOOL is set */
     char message[MESSAGE_SIZE];
 } Simulation;
+
+/* What an instance needs beside this struct, which is zero: it is found, and given back. */
+Status simulation_open(Simulation *s, const char *resources);
+void simulation_close(Simulation *s);
+
+/* No step will follow, unless after a reset. */
+void simulation_end(Simulation *s);
 
 /* Everything to its start value. */
 void simulation_reset(Simulation *s);
