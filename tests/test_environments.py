@@ -29,80 +29,10 @@ from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
 
 from .commands import command, failed
-from .environments import CONTROLLERS, ROOT, distribution, environment, packages_of
+from .environments import CONTROLLERS, FAULTY, ROOT, distribution, environment, packages_of
 
 SHORT = ("--horizon", "0.6 s", "--no-expectations", "--no-figure", "--no-report")
 LINE = ROOT / "scenarios" / "clmr_line.xml"
-
-FAULTY = '''"""A law that does what its gain says."""
-
-import os
-import sys
-import time
-from dataclasses import dataclass
-
-import numpy as np
-from formation_controllers import ControllerError, Signal
-from formation_controllers.controller import Controller
-from formation_controllers.gains import Gains, gain
-
-
-@dataclass(frozen=True)
-class FaultyGains(Gains):
-    fault: float = gain(0.0, "f", "1", "what it does at tick 10", at_least=0)
-
-
-class Faulty(Controller[FaultyGains]):
-    interface = "1.1"
-    vehicles = ("car_like",)
-    gains_type = FaultyGains
-    signals = (Signal("count", "1", "ticks so far"), Signal("pair", "m, rad", "two numbers", ("range", "bearing")))
-
-    def state_shapes(self):
-        return {"count": ()}
-
-    def on_start(self, pose, leader, desired):
-        if self.gains.fault == 20:
-            os._exit(4)
-
-    def on_step(self, pose, leader, desired):
-        self._telemetry["count"] = self._state["count"]
-        self._telemetry["pair"] = pose[:, :2]
-        self._state["count"] += 1
-        if self._state["count"][0] == 11:
-            fault(self.gains.fault)
-        return np.stack([8.0 + 0.01 * pose[:, 0], -0.1 * pose[:, 3]], axis=1) * (np.nan if torn(self) else 1.0)
-
-
-def torn(law):
-    return law.gains.fault == 8 and law._state["count"][0] == 11
-
-
-def fault(number):
-    if number == 1:
-        time.sleep(1000)
-    if number == 2:
-        os.kill(os.getpid(), 11)
-    if number == 3:
-        os._exit(7)
-    if number == 4:
-        sys.exit("enough")
-    if number == 5:
-        for line in range(1_000_000):
-            print("line", line)
-    if number == 6:
-        raise ControllerError("too near", robot=1)
-    if number == 7:
-        for descriptor in range(3, 30):
-            try:
-                os.write(descriptor, b"nonsense" * 10)
-            except OSError:
-                pass
-    if number == 9:
-        1 // 0
-    if number == 10:
-        time.sleep(0.7)
-'''
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -25,9 +26,10 @@ from cosim.errors import InputError
 from cosim.master.setup import Setup, set_up
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
-from cosim.team_fmu import build_team_fmu, team_fmus
+from cosim.team_fmu import build_team_fmu
 
 from .commands import failed
+from .environments import CONTROLLERS, FAULTY, distribution, environment
 from .team_loop import Slave, closed_loop
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -285,15 +287,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "no follower has the controller 'nobody'; there are pid, reference" in said
 
 
-def test_a_law_in_free_python_is_refused_with_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = read_scenario(ROOT / "scenarios/convoy.xml")
-    from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
-
-    monkeypatch.setattr(NeuralAdaptivePid, "compiled_tick", lambda self: None)
-    with pytest.raises(InputError, match=r"convoy\.xml:17.*has no compiled tick: only a law whose tick and start are"):
-        team_fmus(scenario, tmp_path)
-
-
 @pytest.mark.skipif(os.environ.get("CI") is None and shutil.which("zig") is None, reason="takes long")
 def test_binaries_of_other_platforms(made: Callable[..., Made], tmp_path: Path) -> None:
     pytest.importorskip("ziglang")
@@ -303,3 +296,197 @@ def test_binaries_of_other_platforms(made: Callable[..., Made], tmp_path: Path) 
 
     names = zipfile.ZipFile(fmu).namelist()
     assert sum(name.startswith("binaries/") for name in names) >= 4
+
+
+# Laws in Python ------------------------------------------------------------------------------------------------------
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="such an FMU starts its law on Linux and macOS only")
+PID = re.compile("<controller.*</controller>", re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an environment with laws in free Python: the example of the documentation, and one that can fail."""
+    laws = tmp_path_factory.mktemp("laws")
+    distribution(laws, "look-ahead-controller", "0.1.0", ["look-ahead = look_ahead:LookAhead"])
+    distribution(laws, "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty"], FAULTY)
+    folder = tmp_path_factory.mktemp("environments") / "own"
+    return environment(folder, CONTROLLERS, laws, ROOT / "examples/own_controller")
+
+
+def with_law(made_of: str, folder: Path, change: Callable[[str], str], fmi: str = "2.0", cleanup: Any = None) -> Made:
+    """Build the FMUs of a scenario with another controller."""
+    file = folder / f"{made_of}.xml"
+    file.write_text(change((ROOT / f"scenarios/{made_of}.xml").read_text(encoding="utf-8")), encoding="utf-8")
+    scenario = read_scenario(file).edited(expectations=False)
+    setup = set_up(scenario, cleanup, {})
+    ids = dict.fromkeys(follower.controller for follower in scenario.followers)
+    return Made(scenario, setup, tuple(build_team_fmu(scenario, setup, own, folder, fmi=fmi) for own in ids))
+
+
+def look_ahead(folder: Path, gains: str = "") -> Callable[[str], str]:
+    law = (
+        '<controller id="pid" name="look-ahead" package="look-ahead-controller" version="~=0.1.0" '
+        f'environment="{folder}">{gains}</controller>'
+    )
+    return lambda text: PID.sub(law, text)
+
+
+@pytest.fixture(scope="module")
+def faults(elsewhere: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return a scenario whose law does what its gain says."""
+    law = (
+        f'<controller id="pid" name="faulty" package="faulty-laws" version="==1.2" environment="{elsewhere}" '
+        'time_limit="0.3 s"/>'
+    )
+    with ExitStack() as cleanup:
+        folder = tmp_path_factory.mktemp("faults")
+        yield with_law("clmr_line", folder, lambda text: PID.sub(law, text), cleanup=cleanup)
+
+
+def hosts_in(folder: Path) -> list[str]:
+    """Return the processes that run the host of an FMU in a folder; those that are about to end get a moment."""
+    for _ in range(100):
+        found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
+        mine = [line for line in found.splitlines() if f"{folder}/" in line and "--pipe" in line]
+        if not mine:
+            break
+        time.sleep(0.02)
+    return mine
+
+
+@posix
+def test_laws_in_python_have_the_bits_of_our_own_run(elsewhere: Path, tmp_path: Path) -> None:
+    def inside(text: str) -> str:  # compiled laws, one of them of two teams
+        return text.replace("<controller ", f'<controller environment="{elsewhere}" ')
+
+    changes = {"mixed_team": ("2.0", inside), "formation_change": ("3.0", look_ahead(elsewhere))}
+    for name, (fmi, change) in changes.items():
+        with ExitStack() as cleanup:
+            own = with_law(name, tmp_path, change, fmi, cleanup)
+            assert [validate_fmu(str(fmu)) for fmu in own.fmus] == [[]] * len(own.fmus)
+            description = fmpy.read_model_description(own.fmus[0]).coSimulation
+            assert description.needsExecutionTool
+            assert not description.canGetAndSetFMUstate
+            result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path / name), tmp_path / name, TICKS)
+            assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
+            assert hosts_in(tmp_path) == []
+
+
+@posix
+def test_a_law_of_this_environment_that_is_not_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
+
+    monkeypatch.setattr(NeuralAdaptivePid, "compiled_tick", lambda self: None)
+    with ExitStack() as cleanup:
+        own = with_law("convoy", tmp_path, str, "3.0", cleanup)
+        assert fmpy.read_model_description(own.fmus[0]).coSimulation.needsExecutionTool
+        result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, 40)
+        compare(result, reference(own.scenario, 40), own.setup)
+
+
+@posix
+def test_gains_of_a_law_in_python_and_inputs_that_change_within_a_tick(
+    elsewhere: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with ExitStack() as cleanup:
+        own = with_law("formation_change", tmp_path, look_ahead(elsewhere), cleanup=cleanup)
+        (tmp_path / "stiff").mkdir()
+        stiff = with_law(
+            "formation_change",
+            tmp_path / "stiff",
+            look_ahead(elsewhere, '<gain name="K" value="25 30"/>'),
+            cleanup=cleanup,
+        )
+        followers = [robot.name for robot in own.setup.followers]
+        by_parameter, by_scenario = Slave(own.fmus[0], tmp_path / "a", "a"), Slave(stiff.fmus[0], tmp_path / "b", "b")
+        by_parameter.set({f"{name}.K[{k}]": gain for name in followers for k, gain in ((1, 25.0), (2, 30.0))})
+        inputs = [v.name for v in by_parameter.variables.values() if v.causality == "input"]
+        outputs = [v.name for v in by_parameter.variables.values() if v.causality == "output"]
+        starts = np.array([float(by_parameter.variables[name].start) for name in inputs])
+        for slave in (by_parameter, by_scenario):
+            slave.begin()
+        by_parameter.get(outputs)  # a tick that another one takes the place of
+        for slave in (by_parameter, by_scenario):
+            slave.fmu.exitInitializationMode()
+        for tick in range(30):
+            values = starts + 0.01 * tick * np.cos(np.arange(len(inputs)))
+            for _ in range(tick % 3):
+                by_parameter.set(dict(zip(inputs, values + 0.3, strict=True)))
+                by_parameter.get(outputs)
+            for slave in (by_parameter, by_scenario):
+                slave.set(dict(zip(inputs, values, strict=True)))
+            assert by_parameter.get(outputs) == by_scenario.get(outputs)
+            for slave in (by_parameter, by_scenario):
+                slave.step(0.02 * tick, 0.02)
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            by_parameter.fmu.getFMUstate()
+        assert "states of this FMU cannot be saved: the description says so" in capfd.readouterr().out
+        by_parameter.fmu.reset()
+        by_scenario.fmu.freeInstance()
+        by_parameter.start()  # once more, from the start
+        assert by_parameter.get(outputs)
+        by_parameter.close()
+        assert hosts_in(tmp_path) == []
+
+
+@posix
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (1, " did not complete the tick within 0.3 s; its process was ended at time 0.2 s"),
+        (2, " did not complete the tick: its process crashed (signal 11) at time 0.2 s"),
+        (3, " did not complete the tick: its process exited with status 7 at time 0.2 s"),
+        (4, " failed: SystemExit: enough, at "),
+        (6, " failed: follower_2, too near at time 0.2 s"),
+        (8, " failed: follower_1, the torque is not finite, at count = 10.0 1"),
+        (20, " did not complete the tick: its process exited with status 4 at time 0 s"),
+    ],
+)
+def test_a_law_in_python_that_fails_is_named(
+    faults: Made, tmp_path: Path, capfd: pytest.CaptureFixture[str], fault: int, message: str
+) -> None:
+    (team,) = slaves(faults, tmp_path)
+    team.set({f"{robot.name}.fault": fault for robot in faults.setup.followers})
+    team.start()
+
+    def run() -> None:
+        for tick in range(20):
+            team.step(0.02 * tick, 0.02)
+
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        run()
+    team.fmu.freeInstance()
+    assert f"the controller 'faulty' of faulty-laws 1.2{message}" in capfd.readouterr().out
+    assert hosts_in(tmp_path) == []
+
+
+@posix
+def test_a_python_that_will_not_do(
+    faults: Made, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "other"
+    distribution(tmp_path / "laws", "faulty-laws", "1.3", ["faulty = faulty_laws:Faulty"], FAULTY)
+    environment(other, CONTROLLERS, tmp_path / "laws")
+    without = environment(tmp_path / "without", CONTROLLERS)
+    sentences = {
+        tmp_path
+        / "nowhere/python": "nowhere/python cannot be started (No such file or directory); FORMATION_LAW_PYTHON",
+        Path("/bin/true"): "did not start: its process exited with status 0",
+        other / "bin/python": "other/bin/python has that of faulty-laws 1.3",
+        without / "bin/python": "is not installed in the environment of",
+    }
+    for number, (python, sentence) in enumerate(sentences.items()):
+        monkeypatch.setenv("FORMATION_LAW_PYTHON", str(python))
+        team = Slave(faults.fmus[0], tmp_path / f"x{number}", "team")
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            team.start()
+        team.fmu.freeInstance()
+        assert sentence in capfd.readouterr().out
+
+
+@posix
+def test_no_binary_for_windows_where_a_law_stays_python(faults: Made, tmp_path: Path) -> None:
+    pytest.importorskip("ziglang")
+    with pytest.raises(InputError, match="it can do on Linux and macOS only"):
+        build_team_fmu(faults.scenario, faults.setup, "pid", tmp_path, platforms="windows-x86_64")

@@ -169,15 +169,15 @@ static Moved child_move(const struct Tool *tool, bool writes, void *bytes, size_
 static const char *child_lost(struct Tool *tool, const char *what, Moved moved, double limit)
 {
     const int status = child_stop(tool, moved == CHILD_LATE ? 0.0 : child_farewell);
-    char how[96] = "its process has ended";
+    char how[96] = ": its process has ended";
     if (moved == CHILD_LATE) {
-        snprintf(how, sizeof how, "not within %g s; its process was ended", limit);
+        snprintf(how, sizeof how, " within %g s; its process was ended", limit);
     } else if (status != -1 && WIFSIGNALED(status)) {
-        snprintf(how, sizeof how, "its process crashed (signal %d)", WTERMSIG(status));
+        snprintf(how, sizeof how, ": its process crashed (signal %d)", WTERMSIG(status));
     } else if (status != -1 && WIFEXITED(status)) {
-        snprintf(how, sizeof how, "its process exited with status %d", WEXITSTATUS(status));
+        snprintf(how, sizeof how, ": its process exited with status %d", WEXITSTATUS(status));
     }
-    snprintf(tool->message, sizeof tool->message, LAW " did not %s: %s", what, how);
+    snprintf(tool->message, sizeof tool->message, LAW " did not %s%s", what, how);
     return tool->message;
 }
 
