@@ -446,7 +446,7 @@ def test_gains_of_a_law_in_python_and_inputs_that_change_within_a_tick(
 def test_a_law_in_python_that_fails_is_named(
     faults: Made, tmp_path: Path, capfd: pytest.CaptureFixture[str], fault: int, message: str
 ) -> None:
-    (team,) = slaves(faults, tmp_path)
+    (team,) = slaves(faults, tmp_path / "a place %41")
     team.set({f"{robot.name}.fault": fault for robot in faults.setup.followers})
     team.start()
 

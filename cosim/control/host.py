@@ -35,6 +35,7 @@ if TYPE_CHECKING:  # a host starts without
     from typing import Any
 
 HEADER = struct.Struct("<BI")
+_TICK = struct.Struct("=qq")
 SPOKEN = "1"
 """First number of the versions of the controllers' interface that a host speaks."""
 PUBLIC = "formation_controllers"
@@ -729,6 +730,7 @@ class _Alone:
         self._teams: list[_Team] = []
         self._arrays: list[list[Any]] = []
         self._before: list[tuple[int, bytes]] = []
+        self._robots: list[str] = []
 
     def serve(self, fault: str) -> None:
         """Answer requests until the FMU wants no more; say first what is at fault with this environment, if so."""
@@ -772,7 +774,6 @@ class _Alone:
     def _make(self, parameters: bytes) -> bytes:
         import numpy as np
 
-        self._robots: list[str] = []
         self._values = np.frombuffer(parameters).tolist()
         self._teams, self._arrays, self._before = [], [], []
         for number in range(len(self._about["teams"])):
@@ -790,9 +791,8 @@ class _Alone:
         size = sum(math.prod(shape) for shape in about["shapes"])
         (arrays,) = parts_of(np.zeros(size), [about["shapes"]])
         team = _Team(self._law, {**about, **self._gains(about)}, arrays)
-        self._teams[number:] = [team, *self._teams[number + 1 :]]
-        self._arrays[number:] = [arrays, *self._arrays[number + 1 :]]
-        self._before[number:] = [(-1, b""), *self._before[number + 1 :]]
+        place = slice(number, number + 1)  # which may be behind the last one
+        self._teams[place], self._arrays[place], self._before[place] = [team], [arrays], [(-1, b"")]
 
     def _gains(self, about: Mapping[str, Any]) -> dict[str, Any]:
         """Return the gains of a team, some of them parameters of the FMU."""
@@ -808,7 +808,7 @@ class _Alone:
     def _step(self, body: bytes) -> bytes:
         import numpy as np
 
-        number, tick = struct.unpack_from("=qq", body)
+        number, tick = _TICK.unpack_from(body)
         self._robots = self._about["teams"][number]["robots"]
         if tick == 0 and self._before[number][0] >= 0:
             self._make_one(number)
@@ -822,7 +822,7 @@ class _Alone:
             self._before[number] = tick, self._state(team)
         else:
             self._before[number] = 0, b""
-        given = np.frombuffer(body, offset=16)
+        given = np.frombuffer(body, offset=_TICK.size)
         (own,) = parts_of(given, [[array.shape for array in inputs]])
         for array, values in zip(inputs, own, strict=True):
             array[:] = values

@@ -53,7 +53,6 @@ class LawInHost:
     accelerates: bool
     shapes: list[tuple[int, ...]]
 
-    needs_tool = True
     entries: tuple[Entry, ...] = ()
 
     @property

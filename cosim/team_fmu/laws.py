@@ -13,7 +13,6 @@ from formation_controllers.interface import CompiledTick, TickInputs
 from formation_controllers.team_records import TeamRecords
 
 from cosim.control.team_here import TeamHere
-from cosim.errors import InputError
 from cosim.team_fmu.c_text import assignments, member
 from cosim.team_fmu.ports import gain_parameters, telemetry_outputs
 from cosim.translation import CSource, Entry
@@ -46,8 +45,6 @@ class LawInC:
     records: TeamRecords
     prepared: bool
     entries: tuple[Entry, Entry]
-
-    needs_tool = False
 
     @property
     def taken(self) -> str:
@@ -102,7 +99,7 @@ class LawInC:
 
 
 def law_in_c(team: TeamHere, label: str, prepare: Callable[[TeamHere], None]) -> LawInC:
-    """Return the law of a team.
+    """Return the law of a team; it `is_translatable`.
 
     Parameters
     ----------
@@ -112,17 +109,9 @@ def law_in_c(team: TeamHere, label: str, prepare: Callable[[TeamHere], None]) ->
         The end of its names in C.
     prepare
         Starts the controller of a team whose law prepares states in Python.
-
-    Raises
-    ------
-    InputError
-        It is no compiled law of the package's kind: free Python, which has no translation.
     """
-    controller, source = team.controller, team.law.source
-    tick, start = _compiled(controller)
-    if tick is None or start is None or not isinstance(tick.own, TeamRecords):
-        lacks = "tick" if tick is None else "start" if start is None else "records of the usual kind"
-        raise InputError(f"the controller {source.name!r} has no compiled {lacks}", source.where)
+    tick, start = _compiled(team.controller)
+    assert tick is not None
     if start.prepared:
         prepare(team)
     size, vehicle = len(team.robots), team.vehicle

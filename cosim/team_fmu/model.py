@@ -78,10 +78,11 @@ class _Model:
         self._delays = any(effect.element == "delay" for effect in acting.effects)
         self._laws: list[LawInC | LawInHost] = [
             law_in_c(team, str(k + 1), self._prepare)
-            if isinstance(team, TeamHere) and is_translatable(team)
-            else law_in_host(team, k, setup.motion is not None)
             for k, team in enumerate(teams)
+            if isinstance(team, TeamHere) and is_translatable(team)
         ]
+        if len(self._laws) < len(teams):
+            self._laws = [law_in_host(team, k, setup.motion is not None) for k, team in enumerate(teams)]
         self._hosted = [law for law in self._laws if isinstance(law, LawInHost)]
         self._courses = Courses()
         self._leaders = [LeaderInC(law.label, law.team) for law in self._laws]
