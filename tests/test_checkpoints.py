@@ -151,6 +151,12 @@ def test_an_interrupted_run_says_how_it_goes_on(built_in: Path, whole: Path, tmp
     assert not list(differences(whole, tmp_path / "cars", tmp_path))
 
 
+def test_a_run_without_changes_goes_on_in_its_own_folder(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = failed(capsys, 2, "resume", str(left), "--out", str(left.with_name("other")), *LEAST)
+    assert "a run without changes goes on in its own folder" in told
+    assert load(left / "result.nc").sizes["time"] == 25
+
+
 # Branches ---------------------------------------------------------------------------------------------------
 
 
@@ -365,8 +371,8 @@ def test_a_full_disk_costs_no_run(
     [
         (["--checkpoint", "10s"], "--checkpoint 10s: expected every=TIME, such as every=10s"),
         (["--checkpoint", "every=10"], "--checkpoint every=10: '10': the unit is missing"),
-        (["--checkpoint", "every=-1s"], "--checkpoint every= -1s: expected a time after 0 s"),
-        (["--checkpoint", "every=0.03s"], "falls between two ticks, which are 0.02 s apart"),
+        (["--checkpoint", "every=-1s"], "--checkpoint every=-1s: expected a time after 0 s"),
+        (["--checkpoint", "every=0.03s"], "--checkpoint every=0.03s: falls between two ticks, which are 0.02 s apart"),
         (["--until", "2 s"], "--until 2 s: expected a time after 0 s and not after the end at 1 s"),
         (["--until", "0.41 s"], "falls between two ticks"),
     ],

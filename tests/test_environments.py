@@ -22,7 +22,10 @@ from formation_controllers.controller import Controller
 import cosim
 import plants
 from cosim.cli import main
-from cosim.control import host, host_process
+from cosim.control import host, host_process, new_environment
+from cosim.control.environment import environment_at
+from cosim.control.hosts import Host
+from cosim.control.law import Law
 from cosim.errors import InputError, SimulationError
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
@@ -129,6 +132,23 @@ def test_a_state_goes_on_in_another_host(own: Path, tmp_path: Path) -> None:
         assert other.result()["count"].values[1].tolist() == [5.0] * 4
         with pytest.raises(SimulationError, match="the bytes are not a controller's state"):
             its.from_bytes(b"nothing", 0.1)
+
+
+def test_a_run_of_a_law_in_an_environment_goes_on_to_the_same_results(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path / "line.xml", faulty(own))
+    command(capsys, "run", file, "--out", tmp_path / "whole", *SHORT)
+    command(capsys, "run", file, "--out", tmp_path, "--until", "0.3 s", *SHORT)
+    left = tmp_path / "clmr_line"
+    with monkeypatch.context() as patch:
+        patch.setattr(Law, "environment", {"python": "3.11.1", "numpy": "1.0"})
+        told = failed(capsys, 2, "resume", str(left), "--no-figure", "--no-report")
+    assert f"the environment of the controller 'pid' had numpy {np.__version__} (here 1.0) when the checkpoint" in told
+    command(capsys, "resume", left, "--no-figure", "--no-report")
+    unbroken, resumed = (xr.load_dataset(folder / "result.nc") for folder in (tmp_path / "whole" / "clmr_line", left))
+    assert unbroken["count"].values[:, 0].tolist() == list(range(31))
+    same(unbroken, resumed)
 
 
 def test_a_set_up_comes_back_without_its_processes(own: Path, tmp_path: Path) -> None:
@@ -250,6 +270,18 @@ def test_an_environment_is_made_whole_or_not_at_all(tmp_path: Path, capsys: pyte
     assert "there is no such wheel or folder" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), "no.whl")
     assert "name a package" in failed(capsys, 2, "env", "create", str(tmp_path / "x"))
     assert "is no project" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), str(there))
+    assert "takes none of --python" in failed(capsys, 2, "env", "list", str(there), "--share")
+
+
+def test_a_shared_environment_has_the_controllers_that_are_installed_for_editing(tmp_path: Path) -> None:
+    there = environment(tmp_path / "there")
+    new_environment._share(there)
+    (packages_of(there) / "found.pth").unlink()
+    its = Host(environment_at(there))
+    try:
+        assert "neural-adaptive-pid" in its.installed()
+    finally:
+        its.stop()
 
 
 # Faults -------------------------------------------------------------------------------------------------------------
@@ -456,6 +488,7 @@ def test_a_controller_that_is_not_there(own: Path, tmp_path: Path, old: str, new
         ("import os; os._exit(9)", "did not describe the controller 'own': its process exited with status 9"),
         ("import time; time.sleep(100)", "did not describe the controller 'own' within 2 s; its process was ended"),
         ("1 // 0", "cannot be imported: integer division or modulo by zero, at "),
+        ("import sys; sys.exit('no licence')", "'own' of own-laws 1.0 cannot be imported: SystemExit: no licence, at "),
         ("Law = 3", "is 3: expected a subclass of Controller"),
     ],
 )
@@ -467,6 +500,14 @@ def test_a_module_that_fails(
     there = environment(tmp_path / "environment", CONTROLLERS, tmp_path / "laws")
     text = faulty(there).replace("faulty-laws", "own-laws").replace("~=1.2", "~=1.0").replace('"faulty"', '"own"')
     assert sentence in refused(written(tmp_path / "line.xml", text))
+
+
+def test_a_law_that_exits_when_it_is_made(tmp_path: Path) -> None:
+    text = FAULTY.replace("def state_shapes(self):", "def state_shapes(self):\n        sys.exit('no licence')")
+    distribution(tmp_path / "laws", "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty"], text)
+    there = environment(tmp_path / "environment", CONTROLLERS, tmp_path / "laws")
+    said = refused(written(tmp_path / "line.xml", faulty(there)))
+    assert f"controller 'pid': SystemExit: no licence, at {tmp_path / 'laws' / 'faulty_laws.py'}:" in said
 
 
 def test_a_vehicle_that_a_law_does_not_serve(own: Path, tmp_path: Path) -> None:

@@ -51,6 +51,8 @@ class Installed:
             loaded = self.entry_point.load()
         except Exception as error:  # a foreign module can raise anything when it is imported
             raise ControllerError(f"{which} cannot be imported: {error}") from error
+        except SystemExit as error:
+            raise ControllerError(f"{which} cannot be imported: SystemExit: {error}") from error
         from formation_controllers.controller import Controller
 
         if not (isinstance(loaded, type) and issubclass(loaded, Controller)):

@@ -23,23 +23,24 @@ from cosim.scenario.scenario import Scenario
 _EVERY = "every="
 
 
-def tick_of(option: str, text: str, scenario: Scenario) -> int:
-    """Return the tick of a time that an option states.
+def tick_of(option: str, text: str, scenario: Scenario, told: str = "") -> int:
+    """Return the tick of a time that an option states; ``told`` is what it states, where that is more than the time.
 
     Raises
     ------
     InputError
         It is no time, no tick is there, or it is not within the run.
     """
+    told = told or text
     try:
         time = quantity(text, "s")
     except ValueError as error:
         raise InputError(f"{option}: {error}") from None
     if problem := scenario.clock.off_tick(time):
-        raise InputError(f"{option} {text}: {problem}")
+        raise InputError(f"{option} {told}: {problem}")
     tick = round(time / scenario.step)
     if not 0 < tick <= scenario.ticks:
-        raise InputError(f"{option} {text}: expected a time after 0 s and not after the end at {scenario.horizon:g} s")
+        raise InputError(f"{option} {told}: expected a time after 0 s and not after the end at {scenario.horizon:g} s")
     return tick
 
 
@@ -54,7 +55,7 @@ def every_of(texts: str | None, scenario: Scenario) -> int | None:
         long = quantity(time, "s") > scenario.horizon
     except ValueError as error:
         raise InputError(f"--checkpoint {texts}: {error}") from None
-    return scenario.ticks if long else tick_of(f"--checkpoint {_EVERY}", time, scenario)
+    return scenario.ticks if long else tick_of("--checkpoint", time, scenario, texts)
 
 
 @dataclass

@@ -22,6 +22,8 @@ def environments(options: argparse.Namespace) -> int:
             create(folder, options.packages, python=options.python, wheels=options.wheels, share=options.share)
     elif options.packages:
         raise InputError(f'formation env list DIR takes no package: "{options.packages[0]}"')
+    elif options.python or options.wheels is not None or options.share:
+        raise InputError("formation env list DIR takes none of --python, --wheels and --share: they are of env create")
     _show(folder)
     return 0
 

@@ -15,7 +15,13 @@ _STATUS = {
 }
 _OF = {
     "run": {0: "all expectations hold, or the run was left as asked", 1: None, 2: None, 3: None, 130: None},
-    "resume": {0: "all expectations hold", 1: None, 2: "bad input, such as a damaged checkpoint", 3: None, 130: None},
+    "resume": {
+        0: "all expectations hold, or the run was left as asked",
+        1: None,
+        2: "bad input, such as a damaged checkpoint",
+        3: None,
+        130: None,
+    },
     "study": {0: "all holds that must, or nothing was asked for", 1: "something does not hold", 2: None, 130: None},
     "show": {0: "all expectations held", 1: None, 2: None, 3: "the simulation failed", 130: "it was interrupted"},
     "judge": {0: "all expectations hold", 1: "an expectation failed, or could not be judged", 2: None},

@@ -51,6 +51,11 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
         raise InputError(_nothing(folder))
     found.origin.check_surroundings(found.path)
     changes = as_changes(options.set, options.horizon, options.expectations)
+    if options.out is not None and not changes:
+        raise InputError(
+            f"--out {options.out}: a run without changes goes on in its own folder, {folder}; --set, --horizon or "
+            "--no-expectations make another one"
+        )
     at = None if options.at is None else tick_of("--at", options.at, found.scenario)
     if not changes and at is None:
         _check_not_complete(folder, found.scenario)

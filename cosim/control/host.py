@@ -677,7 +677,7 @@ class _Host:
             self._current[0] = number
             try:
                 self._teams.append(_Team(law, own, arrays))
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 self._teams = []
                 return [{"team": number, "fault": said(error, law)}]
             finally:

@@ -118,12 +118,16 @@ def _has_pip() -> bool:
 
 
 def _share(folder: Path) -> None:
-    """Let an environment find libraries where this process finds NumPy; what it has itself comes first."""
+    """Let an environment find libraries where this process finds NumPy; what it has itself comes first.
+
+    Then come the controllers of this process, which lie elsewhere if they are installed for editing.
+    """
+    import formation_controllers
     import numpy as np
 
-    libraries = Path(np.__file__).parents[1]
+    places = dict.fromkeys(Path(module.__path__[0]).parent for module in (np, formation_controllers))
     for packages in folder.glob("[Ll]ib/**/site-packages"):
-        (packages / SHARED).write_text(f"{libraries}\n", encoding="utf-8")
+        (packages / SHARED).write_text("".join(f"{place}\n" for place in places), encoding="utf-8")
 
 
 def _run(command: Sequence[str], folder: Path, failed: str) -> None:

@@ -36,6 +36,8 @@ class Origin:
         Name of the file, and SHA-256, of the FMU of each plant.
     laws : dict
         Package and version of each controller's law.
+    environments : dict
+        Versions of the libraries in the environment of each law, by the controller; empty for a law without one.
     versions : dict
         Those of the libraries, see `cosim.master.recorded_result.versions`.
     machine : dict
@@ -48,6 +50,7 @@ class Origin:
     files: Mapping[str, str]
     fmus: Mapping[str, tuple[str, str]]
     laws: Mapping[str, tuple[str, str]]
+    environments: Mapping[str, Mapping[str, str]]
     versions: Mapping[str, str]
     machine: Mapping[str, str]
     parts: tuple[Part, ...] = ()
@@ -60,6 +63,7 @@ class Origin:
             files={str(path): _checksum(path) for path in _files(scenario) if path.is_file()},
             fmus={name: (fmu.path.name, fmu.sha256) for name, fmu in setup.fmus.items()},
             laws={name: (law.package, law.version) for name, law in setup.laws.items()},
+            environments={name: dict(law.environment) for name, law in setup.laws.items()},
             versions=json.loads(versions()),
             machine=_machine(),
             parts=parts,
@@ -77,7 +81,7 @@ class Origin:
             "untrusted": [str(folder) for folder in scenario.untrusted],
             "changes": scenario.changes,
         }
-        rest = {name: getattr(self, name) for name in ("files", "fmus", "laws", "versions", "machine")}
+        rest = {name: getattr(self, name) for name in ("files", "fmus", "laws", "environments", "versions", "machine")}
         return json.dumps({"scenario": told, **rest, "parts": [part.as_data for part in self.parts]}).encode()
 
     @classmethod
@@ -106,6 +110,7 @@ class Origin:
             files=dict(about["files"]),
             fmus={name: (str(file), str(checksum)) for name, (file, checksum) in about["fmus"].items()},
             laws={name: (str(package), str(version)) for name, (package, version) in about["laws"].items()},
+            environments={name: dict(own) for name, own in about["environments"].items()},
             versions=dict(about["versions"]),
             machine=dict(about["machine"]),
             parts=tuple(Part.of(part) for part in about["parts"]),
@@ -126,9 +131,7 @@ class Origin:
         """
         here = json.loads(versions()) | _machine()
         there = {**self.versions, **self.machine}
-        names = [name for name in here if name in _DECIDES and here[name] != there.get(name)]
-        if names:
-            told = ", ".join(f"{name} {there.get(name, '?')} (here {here[name]})" for name in names)
+        if told := _others(here, there):
             raise InputError(
                 f"the checkpoint {path} was written with {told}: the run could not go on with the same bits; "
                 "take it up with those versions, or run the scenario again"
@@ -141,7 +144,7 @@ class Origin:
                 )
 
     def check_parts(self, setup: Setup, path: Path) -> None:
-        """Refuse other FMUs, and laws of other packages or versions.
+        """Refuse other FMUs, and laws of other packages or versions, or with other libraries in their environments.
 
         Raises
         ------
@@ -162,6 +165,20 @@ class Origin:
                     f"the controller {name!r} comes from {found.package} {found.version}, in the checkpoint {path} "
                     f"from {' '.join(law)}: install that version, or run the scenario again"
                 )
+            if found is not None and (others := _others(found.environment, self.environments.get(name, {}))):
+                raise InputError(
+                    f"the environment of the controller {name!r} had {others} when the checkpoint {path} was written: "
+                    "the run could not go on with the same bits; install those versions, or run the scenario again"
+                )
+
+
+def _others(here: Mapping[str, str], there: Mapping[str, str]) -> str:
+    """Return what decides on the bits and differs between some versions, in words; empty if nothing does."""
+    return ", ".join(
+        f"{name} {there.get(name, '?')} (here {here[name]})"
+        for name in here
+        if name in _DECIDES and here[name] != there.get(name)
+    )
 
 
 def _machine() -> dict[str, str]:
