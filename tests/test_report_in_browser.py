@@ -93,6 +93,16 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     return Result.of(result), folder / "report.html"
 
 
+def test_a_change_without_spaces_fits_a_phone(opened: Any, tmp_path: Path) -> None:
+    scenario = cosim.read_scenario(SCENARIOS[0].with_name("clmr_line.xml"))
+    change = "//plant[@id='clmr']/parameter[@name='m_c']/@value=45 kg"
+    save_report([cosim.run(scenario.edited([change], horizon=0.4, expectations=False))], tmp_path / "report.html")
+    page = opened(tmp_path / "report.html")
+    page.set_viewport_size({"width": 380, "height": 900})
+    assert "@value=45 kg" in page.locator("#runs").inner_text()
+    assert page.evaluate("document.documentElement.scrollWidth") == 380
+
+
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_the_page_of_every_scenario_plays(path: Path, opened: Any, tmp_path: Path) -> None:
     scenario = cosim.read_scenario(path).edited(expectations=False)

@@ -122,10 +122,10 @@ def _share(folder: Path) -> None:
 
     Then come the controllers of this process, which lie elsewhere if they are installed for editing.
     """
-    import formation_controllers
-    import numpy as np
+    from importlib.util import find_spec
 
-    places = dict.fromkeys(Path(module.__path__[0]).parent for module in (np, formation_controllers))
+    found = (find_spec(name) for name in ("numpy", "formation_controllers"))
+    places = dict.fromkeys(Path(spec.origin).parents[1] for spec in found if spec is not None and spec.origin)
     for packages in folder.glob("[Ll]ib/**/site-packages"):
         (packages / SHARED).write_text("".join(f"{place}\n" for place in places), encoding="utf-8")
 
