@@ -326,6 +326,54 @@ def test_values_changed_in_the_ssp_are_those_of_the_scenario(line: Exported, tmp
     assert "the connections were changed" in imported.notes[0]
 
 
+_POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
+_GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
+
+
+def _with(line: Exported, into: Path, file: str, pattern: str, by: str) -> Path:
+    """Return the SSP with another text in one of its files."""
+
+    def change(name: str, data: bytes) -> bytes:
+        if name != file:
+            return data
+        found, count = re.subn(pattern, by, data.decode(), count=1)
+        assert count
+        return found.encode("latin-1")
+
+    return _changed(line.path, into, change)
+
+
+def test_a_value_changed_to_another_unit_is_converted(line: Exported, tmp_path: Path) -> None:
+    pose = r'\1<ssv:Real value="-0.0075" unit="km"/>'
+    path = _with(line, tmp_path / "moved.ssp", "resources/follower_1.ssv", _POSE, pose)
+    scenario = read_scenario(_written(import_ssp(path, tmp_path / "moved.xml")))
+    assert scenario.followers[0].pose.values["x"] == -7.5
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "by", "why"),
+    [
+        ("follower_1.ssv", _POSE, r'\1<ssv:String value="here"/>', "'x' is 'here', where a number is needed"),
+        ("follower_1.ssv", _POSE, r'\1<ssv:Real value="1.0" unit="kg"/>', "in 'm', which is another quantity"),
+        ("pid.ssv", _GAIN, r'\1<ssv:Boolean value="true"/>', "'follower_2.k_d' is 'true', where a number is needed"),
+        ("scenario.xml", "</title>", "\xe9</title>", r"scenario\.xml: is no text in UTF-8"),
+        ("scenario.xml", 'model="car_like"', f'fmu="{"a" * 3000}"', ""),
+    ],
+)
+def test_changes_that_make_no_sense_are_refused(
+    line: Exported, tmp_path: Path, file: str, pattern: str, by: str, why: str
+) -> None:
+    path = _with(line, tmp_path / "changed.ssp", f"resources/{file}", pattern, by)
+    with pytest.raises(InputError, match=why) if why else contextlib.nullcontext():
+        import_ssp(path, tmp_path / "changed.xml")
+
+
+def test_a_quotation_mark_in_a_changed_name_is_a_name_that_is_not_there(line: Exported, tmp_path: Path) -> None:
+    path = _with(line, tmp_path / "changed.ssp", "resources/pid.ssv", 'name="follower_2.k_d"', 'name="it\'s.k_d"')
+    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    assert note.startswith("pid.it's.k_d was changed, which the scenario cannot state")
+
+
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, scenario = tmp_path / "line.ssp", tmp_path / "mine.xml"
     original = str(ROOT / "scenarios" / "clmr_line.xml")
@@ -340,6 +388,8 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert "name a file that ends in .ssp" in " ".join(capsys.readouterr().err.split())
     assert main(["export", str(tmp_path), "--seed", "3"]) == 2
     assert "--seed changes a scenario" in " ".join(capsys.readouterr().err.split())
+    assert main(["export", str(tmp_path), "--environment", "pid=env"]) == 2
+    assert "--environment changes a scenario" in " ".join(capsys.readouterr().err.split())
 
 
 def test_what_an_ssp_cannot_state_is_refused(tmp_path: Path) -> None:

@@ -86,6 +86,7 @@ def _check_no_changes(options: argparse.Namespace) -> None:
         "--binding": options.binding,
         "--untrusted": options.untrusted,
         "--controller": options.controller,
+        "--environment": options.environment,
     }
     for option, is_given in given.items():
         if is_given:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from lxml import etree
 
-from cosim.errors import InputError
+from cosim.errors import InputError, Location
 from cosim.fmu.binding import BoundVariable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
@@ -23,7 +25,7 @@ from cosim.scenario.tree_edits import add_namespace, insert, serialised, strip_n
 from cosim.ssp.document import ALL_PARAMETERS
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
-from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure
+from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
 
 _Changes = dict[str, dict[str, Parameter]]
 """Parameters that have another value than was written, by component and name."""
@@ -55,8 +57,8 @@ def own_scenario(
     shown = Path(f"{path}/{facts.scenario}")
     changed = {file for file in facts.sha256 if _sha256(directory / file) != facts.sha256[file]}
     notes = list(_notes(structure, facts, changed))
-    root = parse_document((directory / facts.scenario).read_text("utf-8"), shown).root
-    found, more = _changes(structure, directory, changed)
+    root = parse_document(_text(directory / facts.scenario, shown), shown).root
+    found, more = _changes(path, structure, directory, changed)
     notes += more
     strip_namespace(root)
     if root.get("name") != name:
@@ -72,7 +74,7 @@ def own_scenario(
         place = directory / RESOURCES / element.get(attribute, "")
         if not place.resolve().is_relative_to(directory.resolve()):
             raise InputError(f"{shown} names the file {element.get(attribute)!r}, which is not in the SSP")
-        if place.is_file():
+        if os.path.isfile(place):
             files[f"{folder}/{place.name}"] = place.read_bytes()
             element.set(attribute, f"{folder}/{place.name}")
     add_namespace(root)
@@ -82,7 +84,14 @@ def own_scenario(
 
 
 def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+    return hashlib.sha256(file.read_bytes()).hexdigest() if os.path.isfile(file) else ""
+
+
+def _text(file: Path, shown: Path) -> str:
+    try:
+        return file.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is no text in UTF-8: byte {error.start} is none of it", Location(str(shown))) from None
 
 
 def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
@@ -103,22 +112,32 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
             yield f"the component {component.name} with {component.source} was added since the export, and is left out"
 
 
-def _changes(structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
-    """Return the parameters that were changed, by component, and notes."""
+def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
+    """Return the parameters that were changed, by component and in the units that they had, and notes."""
     if not any(component.parameters_source in changed for component in structure.components):
         return {}, [] if ALL_PARAMETERS not in changed else [_UNREAD]
     if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
         return {}, [
             f"{ALL_PARAMETERS} was changed, too, so that no changed value is recognised: change the others only"
         ]
-    before = {parameter.name: parameter for parameter in parameters_of(directory, ALL_PARAMETERS)}
+    written, units = parameters_of(path, directory, ALL_PARAMETERS)
+    before = {parameter.name: parameter for parameter in written}
+    known = {**units, **structure.units}
     found: _Changes = {}
     for component in structure.components:
         for parameter in component.parameters:
             old = before.get(f"{component.name}.{parameter.name}")
             if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
-                found.setdefault(component.name, {})[parameter.name] = parameter
+                found.setdefault(component.name, {})[parameter.name] = _as_before(parameter, old, known)
     return found, []
+
+
+def _as_before(parameter: Parameter, old: Parameter | None, known: Units) -> Parameter:
+    """Return a changed parameter in the unit that it had."""
+    if old is None or old.type != "Real":
+        return parameter
+    value = parameter.in_unit(old.unit, *known[old.unit], known) if old.unit else parameter.number
+    return replace(parameter, type=old.type, value=value, unit=old.unit)
 
 
 _UNREAD = f"{ALL_PARAMETERS} was changed since the export, but only the sets of the components are read: change those"
@@ -137,13 +156,13 @@ def _experiment(root: etree._Element, structure: Structure) -> None:
 def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup]) -> Iterator[str]:
     """Put changed values into the scenario; yield what does not fit there."""
     for name, parameters in found.items():
-        element = root.find("leader") if name == LEADER else root.find(f"follower[@id='{name}']")
+        element = root.find("leader") if name == LEADER else _one(root, "follower", "id", name)
         for parameter in parameters.values():
             if element is not None and name in robots:
                 _of_robot(element, robots[name], parameter)
                 continue
             robot, _, gain = parameter.name.rpartition(".")
-            follower = root.find(f"follower[@id='{robot}']")
+            follower = _one(root, "follower", "id", robot)
             if follower is None or robot not in robots or gain in {role.name for role in robots[robot].kind.states}:
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
                 continue
@@ -161,17 +180,22 @@ def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) 
         for bound in commands:
             if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
                 tag = "torque" if robot.kind.takes_torques else "command"
-                number = float(parameter.value) * bound.played_by.scale + bound.played_by.offset
+                number = parameter.number * bound.played_by.scale + bound.played_by.offset
                 _child(element, tag).set(bound.role.name, f"{number!r} {bound.role.unit}")
                 return
         _named(element, "parameter", parameter.name, _written(parameter))
         return
     role, unit, number_of = initial[parameter.name]
-    _child(element, "pose").set(role, f"{float(parameter.value) * number_of.scale + number_of.offset!r} {unit}")
+    _child(element, "pose").set(role, f"{parameter.number * number_of.scale + number_of.offset!r} {unit}")
 
 
 def _written(parameter: Parameter) -> str:
     return f"{parameter.text} {parameter.unit}" if parameter.unit not in ("", "1") else parameter.text
+
+
+def _one(parent: etree._Element, tag: str, attribute: str, value: str) -> etree._Element | None:
+    """Return the child with an attribute; its value may have any quotation marks, which a path may not."""
+    return next((element for element in parent.iterfind(tag) if element.get(attribute) == value), None)
 
 
 def _child(parent: etree._Element, tag: str) -> etree._Element:
@@ -183,7 +207,7 @@ def _child(parent: etree._Element, tag: str) -> etree._Element:
 
 
 def _named(parent: etree._Element, tag: str, name: str, value: str) -> None:
-    found = parent.find(f"{tag}[@name='{name}']")
+    found = _one(parent, tag, "name", name)
     if found is None:
         found = etree.Element(tag, name=name)
         insert(parent, [found])

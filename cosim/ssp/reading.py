@@ -6,6 +6,7 @@ Components are FMUs in one flat system, as FMPy, libcosim and ecos take them too
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
@@ -27,6 +28,7 @@ from cosim.ssp.structure import (
     Facts,
     Parameter,
     Structure,
+    Units,
 )
 from plants import UnitError, units
 
@@ -52,16 +54,15 @@ def read_ssp(path: Path, directory: Path) -> Structure:
     return _Reader(path, directory).structure()
 
 
-def parameters_of(directory: Path, name: str) -> list[Parameter]:
-    """Return the parameters of a file with a set, in the folder of an unpacked SSP.
+def parameters_of(path: Path, directory: Path, name: str) -> tuple[list[Parameter], Units]:
+    """Return the parameters of a file with a set, and their units, in the folder in which an SSP is unpacked.
 
     Raises
     ------
     InputError
         The file is no parameter set.
     """
-    reader = _Reader(Path(name), directory)
-    return reader.parameters(name)
+    return _Reader(path, directory).parameters(name)
 
 
 class _Reader:
@@ -109,8 +110,9 @@ class _Reader:
         )
         return structure
 
-    def parameters(self, name: str) -> list[Parameter]:
-        return self._parameters(self._root(name, "ssv:ParameterSet"), {})
+    def parameters(self, name: str) -> tuple[list[Parameter], Units]:
+        known: _Units = {}
+        return self._parameters(self._root(name, "ssv:ParameterSet"), known), known
 
     # Components
 
@@ -165,11 +167,14 @@ class _Reader:
         written = element.get("source", "")
         if not written:
             raise self._error(element, f"names no {what}: source=... is missing")
-        parts = urlsplit(written)
+        try:
+            parts = urlsplit(written)
+        except ValueError as error:  # such as http://[
+            raise self._error(element, f"names the {what} {written!r}, which is no place of a file: {error}") from None
         place = PurePosixPath(unquote(parts.path))
         if parts.scheme or parts.netloc or parts.query or parts.fragment or place.is_absolute() or ".." in place.parts:
             raise self._error(element, f"names the {what} {written!r}; only files in the SSP itself are read")
-        if not (self._directory / place).is_file():
+        if not os.path.isfile(self._directory / place):  # pathlib raises an error for a name that is too long
             raise self._error(element, f"names the {what} {written!r}, which is not in the SSP")
         return place.as_posix()
 
@@ -272,8 +277,10 @@ class _Reader:
                 raise self._error(
                     element, f"{name!r} has an offset or a factor that is not positive, so it is not read"
                 )
-            exponents = tuple(int(self._number(base, unit, 0.0)) for unit in units.BASE_UNITS)
-            found[name] = (exponents, factor)
+            exponents = [self._number(base, unit, 0.0) for unit in units.BASE_UNITS]
+            if not all(exponent.is_integer() for exponent in exponents):
+                raise self._error(element, f"{name!r} has an exponent that is no whole number, so it is not read")
+            found[name] = (tuple(map(int, exponents)), factor)
         return found
 
     def _unit_by_name(self, element: etree._Element, name: str) -> tuple[tuple[int, ...], float]:

@@ -213,21 +213,11 @@ def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package,
 
 def _number(parameter: Parameter, variable: Variable, package: Package, known: Units) -> float:
     """Return the value of a parameter in the unit that its variable has in the FMU."""
-    value = float(parameter.value)
-    if not parameter.unit or parameter.unit == unit_name(variable):
-        return value
-    exponents, factor = known[parameter.unit]
     try:
         own = unit_of(package.description, variable)
     except UnitError:
-        return value
-    if own.exponents != exponents:
-        raise InputError(
-            f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the FMU has it in {unit_name(variable)!r}, "
-            "which is another quantity",
-            parameter.where,
-        )
-    return value * (factor / own.factor)
+        return parameter.number
+    return parameter.in_unit(unit_name(variable), own.exponents, own.factor, known)
 
 
 def _written(parameter: Parameter, variable: Variable, package: Package, known: Units) -> str:

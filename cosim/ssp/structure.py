@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from cosim.errors import Location
+from cosim.errors import InputError, Location
 
 NAMESPACES: Mapping[str, str] = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -80,6 +80,45 @@ class Parameter:
         if isinstance(self.value, bool):
             return str(self.value).lower()
         return repr(self.value) if isinstance(self.value, float) else str(self.value)
+
+    @property
+    def number(self) -> float:
+        """Its value as a number.
+
+        Raises
+        ------
+        InputError
+            It is a text or a truth value.
+        """
+        if isinstance(self.value, bool | str):
+            raise InputError(f"<Parameter>: {self.name!r} is {self.text!r}, where a number is needed", self.where)
+        return float(self.value)
+
+    def in_unit(self, name: str, exponents: tuple[int, ...], factor: float, known: Units) -> float:
+        """Return its value as a number in a unit; without a unit of its own it is in that one.
+
+        Parameters
+        ----------
+        name, exponents, factor
+            The unit.
+        known
+            The units of the SSP.
+
+        Raises
+        ------
+        InputError
+            It is no number, or in the unit of another quantity.
+        """
+        if not self.unit or self.unit == name:
+            return self.number
+        own_exponents, own_factor = known[self.unit]
+        if own_exponents != exponents:
+            raise InputError(
+                f"<Parameter>: {self.name!r} is in {self.unit!r}, and the FMU has it in {name!r}, which is another "
+                "quantity",
+                self.where,
+            )
+        return self.number * (own_factor / factor)
 
 
 @dataclass(frozen=True)

@@ -174,6 +174,18 @@ BAD = {
         {"s.ssv": parameters({})},
         "has a <ParameterMapping>, which is not read",
     ),
+    "no_url": (component("c", "http://[car"), {}, "which is no place of a file"),
+    "long_name": (component("c", "c" * 3000), {}, "which is not in the SSP"),
+    "text_for_a_number": (
+        component("c", inner=with_set("s.ssv")),
+        {"s.ssv": parameters({"x": 'String value="here"'})},
+        "'x' is 'here', where a number is needed",
+    ),
+    "root_of_a_unit": (
+        component("c", inner=with_set("s.ssv")),
+        {"s.ssv": parameters({"x": 'Real value="1" unit="furlong"'}).replace('m="1"', 'm="0.5"')},
+        "'furlong' has an exponent that is no whole number",
+    ),
     "no_fmu": (component("c", "no.fmu"), {"no.fmu": "text"}, "is not an FMU"),
 }
 
