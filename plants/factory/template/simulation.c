@@ -30,14 +30,7 @@ void simulation_end(Simulation *s)
 void simulation_reset(Simulation *s)
 {
     memset(s, 0, sizeof *s);
-    s->phase = BEFORE_START;
-    s->stop_time = INFINITY;
-    for (int i = 0; i < N_REALS; i++) {
-        s->values[i] = model_variables[i].start;
-    }
-    for (int i = 0; i < N_INTEGERS; i++) {
-        s->integers[i] = (int)model_variables[FIRST_INTEGER + i].start;
-    }
+    put_before_start(s);
 }
 
 void simulation_set_real(Simulation *s, unsigned reference, double value)
@@ -86,19 +79,6 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
 }
 
 /* ---- start ---- */
-
-Status simulation_setup(Simulation *s, double start_time, double stop_time)
-{
-    if (!isfinite(start_time) || !(stop_time >= start_time)) {
-        return say(s, STATUS_ERROR,
-                   "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop", start_time,
-                   stop_time);
-    }
-    s->time = start_time;
-    s->stop_time = stop_time;
-    s->current = false;
-    return STATUS_OK;
-}
 
 /* Whether the equations hold for these states: a message when a limit is left or kept again, a warning as long as it
  * is left, or an error with nothing changed if the simulation is to stop there. */
@@ -263,18 +243,8 @@ Status simulation_step(Simulation *s, double time, double step)
                          .parameters = &s->values[FIRST_PARAMETER],
                          .enumerations = s->integers};
 
-    if (!(step > 0.0) || !isfinite(step)) {
-        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
-    }
-    /* Masters that add up their time arrive some rounding errors off. */
-    const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
-    if (!(fabs(time - s->time) <= tolerance)) {
-        return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
-    }
-    if (time + step > s->stop_time + tolerance) {
-        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
-                   s->stop_time);
-    }
+    const Status allowed = check_step(s, time, step);
+    if (allowed != STATUS_OK) return allowed;
     const double ratio = step <= solver_step_max ? 1.0 : ceil(step / solver_step_max - 1e-6);
     if (ratio > max_internal_steps) {
         return say(s, STATUS_ERROR,
@@ -450,15 +420,5 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
         is_good = is_good && isfinite(read.slopes[i]);
         read.ramps = read.ramps || read.slopes[i] != 0.0;
     }
-    if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
-    read.phase = (Phase)phase;
-    if (read.phase == RUNNING) {
-        const Status status = check_parameters(&read);
-        if (status != STATUS_OK) {
-            memcpy(s->message, read.message, sizeof s->message);
-            return status;
-        }
-    }
-    *s = read;
-    return STATUS_OK;
+    return take_over(s, &read, phase, is_good);
 }

@@ -1,5 +1,6 @@
 #include "values.h"
 
+#include <float.h>
 #include <limits.h>
 #include <math.h>
 #include <stdarg.h>
@@ -129,6 +130,50 @@ Status check_parameters(Simulation *s)
     return STATUS_OK;
 }
 
+/* ---- start and steps ---- */
+
+void put_before_start(Simulation *s)
+{
+    s->phase = BEFORE_START;
+    s->stop_time = INFINITY;
+    for (int i = 0; i < N_REALS; i++) {
+        s->values[i] = model_variables[i].start;
+    }
+    for (int i = 0; i < N_INTEGERS; i++) {
+        s->integers[i] = (int)model_variables[FIRST_INTEGER + i].start;
+    }
+}
+
+Status simulation_setup(Simulation *s, double start_time, double stop_time)
+{
+    if (!isfinite(start_time) || !(stop_time >= start_time)) {
+        return say(s, STATUS_ERROR,
+                   "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop", start_time,
+                   stop_time);
+    }
+    s->time = start_time;
+    s->stop_time = stop_time;
+    s->current = false;
+    return STATUS_OK;
+}
+
+Status check_step(Simulation *s, double time, double step)
+{
+    if (!(step > 0.0) || !isfinite(step)) {
+        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
+    }
+    /* Masters that add up their time arrive some rounding errors off. */
+    const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
+    if (!(fabs(time - s->time) <= tolerance)) {
+        return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
+    }
+    if (time + step > s->stop_time + tolerance) {
+        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
+                   s->stop_time);
+    }
+    return STATUS_OK;
+}
+
 /* ---- as bytes ---- */
 
 unsigned char *put(unsigned char *to, const void *from, size_t size)
@@ -141,4 +186,19 @@ const unsigned char *take(void *to, const unsigned char *from, size_t size)
 {
     memcpy(to, from, size);
     return from + size;
+}
+
+Status take_over(Simulation *s, Simulation *read, int phase, bool is_good)
+{
+    if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
+    read->phase = (Phase)phase;
+    if (read->phase == RUNNING) {
+        const Status status = check_parameters(read);
+        if (status != STATUS_OK) {
+            memcpy(s->message, read->message, sizeof s->message);
+            return status;
+        }
+    }
+    *s = *read;
+    return STATUS_OK;
 }

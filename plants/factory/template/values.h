@@ -55,6 +55,15 @@ Status no_real(Simulation *s, unsigned reference);
 Status check_bounds(Simulation *s, Status status, unsigned reference, double value);
 Status check_parameters(Simulation *s);
 
+/* Lead a simulation whose bytes are all zero to before its start, with the start values. */
+void put_before_start(Simulation *s);
+
+/* Whether a communication step may begin at a time: from the communication point, forwards, and not beyond the stop. */
+Status check_step(Simulation *s, double time, double step);
+
+/* Take over what was read from bytes, if it is good: a state in which a simulation of this FMU can be. */
+Status take_over(Simulation *s, Simulation *read, int phase, bool is_good);
+
 /* Copy to bytes or from bytes; return where the next ones are. */
 unsigned char *put(unsigned char *to, const void *from, size_t size);
 const unsigned char *take(void *to, const unsigned char *from, size_t size);

@@ -1,6 +1,5 @@
 #include "simulation.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -59,15 +58,8 @@ void simulation_reset(Simulation *s)
     struct Tool *const tool = s->tool;
     memset(s, 0, sizeof *s);
     s->tool = tool;
-    s->phase = BEFORE_START;
-    s->stop_time = INFINITY;
     s->fresh = true;
-    for (int i = 0; i < N_REALS; i++) {
-        s->values[i] = model_variables[i].start;
-    }
-    for (int i = 0; i < N_INTEGERS; i++) {
-        s->integers[i] = (int)model_variables[FIRST_INTEGER + i].start;
-    }
+    put_before_start(s);
 }
 
 void simulation_set_real(Simulation *s, unsigned reference, double value)
@@ -121,18 +113,6 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value)
 
 /* ---- start ---- */
 
-Status simulation_setup(Simulation *s, double start_time, double stop_time)
-{
-    if (!isfinite(start_time) || !(stop_time >= start_time)) {
-        return say(s, STATUS_ERROR,
-                   "start time %.16g s, stop time %.16g s: the start must be finite and not after the stop", start_time,
-                   stop_time);
-    }
-    s->time = start_time;
-    s->stop_time = stop_time;
-    return STATUS_OK;
-}
-
 Status simulation_start(Simulation *s)
 {
     Status status = check_parameters(s);
@@ -164,18 +144,8 @@ static Status check_given(Simulation *s)
 
 Status simulation_step(Simulation *s, double time, double step)
 {
-    if (!(step > 0.0) || !isfinite(step)) {
-        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
-    }
-    /* Masters that add up their time arrive some rounding errors off. */
-    const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
-    if (!(fabs(time - s->time) <= tolerance)) {
-        return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
-    }
-    if (time + step > s->stop_time + tolerance) {
-        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
-                   s->stop_time);
-    }
+    const Status allowed = check_step(s, time, step);
+    if (allowed != STATUS_OK) return allowed;
     const double count = floor(step / SAMPLE_TIME + 0.5);
     if (count < 1.0 || count > 1e9 || fabs(step - count * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME) {
         return say(s, STATUS_ERROR,
@@ -292,15 +262,5 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     for (int i = 0; i < N_INPUTS; i++) {
         is_good = is_good && isfinite(read.first[i]);
     }
-    if (!is_good) return say(s, STATUS_ERROR, "these bytes are not a state of this FMU: they hold impossible values");
-    read.phase = (Phase)phase;
-    if (read.phase == RUNNING) {
-        const Status status = check_parameters(&read);
-        if (status != STATUS_OK) {
-            memcpy(s->message, read.message, sizeof s->message);
-            return status;
-        }
-    }
-    *s = read;
-    return STATUS_OK;
+    return take_over(s, &read, phase, is_good);
 }
