@@ -11,7 +11,7 @@ import numpy as np
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
-from cosim.control.host import telemetry_type
+from cosim.control.host import shapes_of, stated, telemetry_type
 from cosim.control.law import Law, LawGains
 from cosim.control.leader_view import alike, as_seen_by
 from cosim.errors import SimulationError
@@ -63,8 +63,10 @@ class Team(ABC):
     ) -> None:
         self.made_of = (law, tuple(gains), tuple(robots), tuple(rows), vehicle, leader, period)
         self.law = law
+        self.gains = tuple(gains)
         self.robots = tuple(robots)
         self.rows = np.asarray(rows)
+        self.period = period
         first, last = int(rows[0]), int(rows[-1])
         neighbours = list(rows) == list(range(first, last + 1))
         self.place: slice | NDArray[np.int_] = slice(first, last + 1) if neighbours else self.rows
@@ -76,6 +78,32 @@ class Team(ABC):
         self.alike = alike(vehicle, leader)
         self.measured = "velocity" in law.needs
         self.telemetry_type: np.dtype[np.void] = telemetry_type(law.signals)
+        self._make()
+
+    @abstractmethod
+    def _make(self) -> None:
+        """Make what a team of this kind has besides."""
+
+    @property
+    def shares_gains(self) -> bool:
+        """Whether all followers have the same gains."""
+        return all(own is self.gains[0] for own in self.gains)
+
+    @property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """The shapes of its inputs, commands and telemetry, as a host has them."""
+        pose, velocity, command = map(len, (self.vehicle.pose, self.vehicle.velocity, self.vehicle.command))
+        return shapes_of(len(self.robots), pose, velocity, command, self.telemetry_type.itemsize // 8)
+
+    def for_host(self, accelerates: bool) -> dict[str, Any]:
+        """Return what a host is told of it besides its gains, given whether the leader's accelerations are known."""
+        return {
+            "shared": self.shares_gains,
+            "vehicle": stated(self.vehicle),
+            "size": len(self.robots),
+            "period": self.period,
+            "accelerates": accelerates and self.alike,
+        }
 
     def _index(self, entries: int) -> tuple[slice | NDArray[np.int_], slice]:
         return self.place, slice(0, entries)
@@ -166,8 +194,3 @@ class Team(ABC):
 
 MadeOf = tuple[Law, tuple[LawGains, ...], tuple[str, ...], tuple[int, ...], Vehicle, Vehicle, float]
 """The arguments of a team."""
-
-
-def shared(gains: Sequence[Any]) -> bool:
-    """Return whether all followers have the same gains."""
-    return all(own is gains[0] for own in gains)

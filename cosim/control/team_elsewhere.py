@@ -8,14 +8,12 @@ from typing import Any
 
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
-from cosim.control.host import FIRST, STEP_BY_STEP, shapes_of, stated
+from cosim.control.host import FIRST, STEP_BY_STEP
 from cosim.control.host_process import HostError, HostProcess, Refused, Request
 from cosim.control.hosts import Host, HostedTeam
-from cosim.control.law import Law, LawGains
-from cosim.control.team import Team, shared
+from cosim.control.team import Team
 from cosim.errors import InputError, SimulationError, printable
 from cosim.plant.bells import Heard
 from cosim.scenario.scenario import TIME_LIMIT
@@ -37,40 +35,19 @@ class TeamElsewhere(Team):
         Its commands (n, entries) and the numbers of its telemetry; likewise.
     """
 
-    def __init__(
-        self,
-        law: Law,
-        gains: Sequence[LawGains],
-        robots: Sequence[str],
-        rows: Sequence[int],
-        vehicle: Vehicle,
-        leader: Vehicle,
-        period: float,
-    ) -> None:
-        super().__init__(law, gains, robots, rows, vehicle, leader, period)
-        assert law.host is not None
-        self.host: Host = law.host
-        self._period = period
-        self._gains = tuple(gains)
+    def _make(self) -> None:
+        assert self.law.host is not None
+        self.host: Host = self.law.host
         self.inputs: tuple[NDArray[np.float64], ...] = ()
         self.commanded = self.signals = np.zeros(0)
         self._is_asked = False
 
     def as_hosted(self, accelerates: bool) -> HostedTeam:
         """Return the team as its host makes it, given whether the leader's accelerations are known."""
-        same = shared(self._gains)
-        about: dict[str, Any] = {
-            "gains": self._gains[:1] if same else self._gains,
-            "shared": same,
-            "vehicle": stated(self.vehicle),
-            "size": len(self.robots),
-            "period": self._period,
-            "accelerates": accelerates and self.alike,
-        }
-        pose, velocity, command = map(len, (self.vehicle.pose, self.vehicle.velocity, self.vehicle.command))
-        shapes = shapes_of(len(self.robots), pose, velocity, command, self.telemetry_type.itemsize // 8)
+        gains = self.gains[:1] if self.shares_gains else self.gains
+        about = {"gains": gains, **self.for_host(accelerates)}
         limit = self.law.source.time_limit
-        return HostedTeam(self.law.source.name, about, shapes, TIME_LIMIT if limit is None else limit)
+        return HostedTeam(self.law.source.name, about, self.shapes, TIME_LIMIT if limit is None else limit)
 
     def use(self, arrays: Sequence[NDArray[np.float64]]) -> None:
         """Use these arrays, which the host uses, too."""

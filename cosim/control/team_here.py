@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import formation_controllers as fc
 import numpy as np
 from formation_controllers.controller import Controller
 from formation_controllers.interface import CompiledTick
-from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.host import NotFinite, checked_commands, is_stated, numbers_of, row_of, said
-from cosim.control.law import Law, LawGains
-from cosim.control.team import Team, shared
+from cosim.control.team import Team
 from cosim.errors import InputError, SimulationError
 
 
@@ -27,25 +24,16 @@ class TeamHere(Team):
         The law does not serve this vehicle.
     """
 
-    def __init__(
-        self,
-        law: Law,
-        gains: Sequence[LawGains],
-        robots: Sequence[str],
-        rows: Sequence[int],
-        vehicle: Vehicle,
-        leader: Vehicle,
-        period: float,
-    ) -> None:
-        super().__init__(law, gains, robots, rows, vehicle, leader, period)
-        assert law.controller_type is not None
-        self._law = law.controller_type
+    def _make(self) -> None:
+        assert self.law.controller_type is not None
+        self._law, source = self.law.controller_type, self.law.source
         try:
             self.controller = self._law(
-                fc.Team(vehicle, len(robots), period), gains[0] if shared(gains) else tuple(gains)
+                fc.Team(self.vehicle, len(self.robots), self.period),
+                self.gains[0] if self.shares_gains else self.gains,
             )
         except Exception as error:  # a controller is other people's code
-            raise InputError(f"controller {law.source.id!r}: {said(error, self._law)}", law.source.where) from None
+            raise InputError(f"controller {source.id!r}: {said(error, self._law)}", source.where) from None
         self._checks_torques = type(self.controller).step is Controller.step
         self._record: NDArray[np.void] | None = None
         self._numbers = np.zeros(0)

@@ -14,16 +14,15 @@ from typing import Any
 from formation_controllers.gains import GainInfo, Gains
 
 from cosim.control import host
+from cosim.control.host_process import START_LIMIT
 from cosim.control.law import Law, LawGains
-from cosim.control.team import Team, shared
+from cosim.control.team import Team
 from cosim.scenario.scenario import TIME_LIMIT
 from cosim.team_fmu.c_text import number
 from cosim.team_fmu.ports import gain_ports, telemetry_outputs
 from cosim.translation import CSource, Entry
 from plants.sampled import Port
 
-START_LIMIT = 300.0
-"""Time limit [s] for all that comes before the second tick, as in `cosim.control.host_process`."""
 _TEMPLATE = Path(__file__).parent / "template"
 _MESSAGE = 300
 """Bytes of a message with the law's name before it, see template/child.c."""
@@ -43,16 +42,12 @@ class LawInHost:
         Its place among the teams of the FMU.
     accelerates : bool
         Whether the leader's accelerations are known.
-    shapes : list of tuple
-        The shapes of inputs, commands and telemetry.
     """
 
     team: Team
     label: str
     number: int
     accelerates: bool
-    shapes: list[tuple[int, ...]]
-
     entries: tuple[Entry, ...] = ()
 
     @property
@@ -69,14 +64,14 @@ class LawInHost:
         names = (*host.INPUTS, "command", "telemetry")
         members = [
             f"    double {name}{''.join(f'[{size}]' for size in shape)};\n"
-            for name, shape in zip(names, self.shapes, strict=True)
+            for name, shape in zip(names, self.team.shapes, strict=True)
             if math.prod(shape)
         ]
         return f"typedef struct {{\n{''.join(members)}}} Team_{self.label};\n"
 
     def gains(self, index: int, robot: str) -> Iterator[tuple[Port, str]]:
         """Yield the gains of a robot that are parameters; they have no place in C, see `about`."""
-        for name, value in pairs(self.team.made_of[1][index]):
+        for name, value in pairs(self.team.gains[index]):
             facts = self.team.law.gain_facts[name]
             known = {f.name: facts[f.name] for f in fields(GainInfo) if f.name in facts}
             for port, _ in gain_ports(name, GainInfo(**known), value, robot, tunable=False):
@@ -110,28 +105,16 @@ class LawInHost:
 
     def about(self, names: Mapping[str, int]) -> dict[str, Any]:
         """Return what the host is told of the team, given the places of the FMU's parameters by their names."""
-        _, gains, robots, _, vehicle, _, period = self.team.made_of
+        team = self.team
         return {
-            "robots": robots,
+            "robots": team.robots,
             "gains": [
                 [[name, value, _places(f"{robot}.{name}", value, names)] for name, value in pairs(own)]
-                for robot, own in zip(robots, gains, strict=True)
+                for robot, own in zip(team.robots, team.gains, strict=True)
             ],
-            "shared": shared(gains),
-            "vehicle": host.stated(vehicle),
-            "size": len(robots),
-            "period": period,
-            "accelerates": self.accelerates and self.team.alike,
-            "shapes": self.shapes,
+            **team.for_host(self.accelerates),
+            "shapes": team.shapes,
         }
-
-
-def law_in_host(team: Team, number: int, accelerates: bool) -> LawInHost:
-    """Return the law of a team as it is run by a process."""
-    vehicle = team.vehicle
-    pose, velocity, command = map(len, (vehicle.pose, vehicle.velocity, vehicle.command))
-    shapes = host.shapes_of(len(team.robots), pose, velocity, command, team.telemetry_type.itemsize // 8)
-    return LawInHost(team, str(number + 1), number, accelerates, shapes)
 
 
 def files_of(laws: Sequence[LawInHost], parameters: Sequence[Port]) -> tuple[dict[str, str], dict[str, bytes]]:
@@ -140,7 +123,7 @@ def files_of(laws: Sequence[LawInHost], parameters: Sequence[Port]) -> tuple[dic
     named = f"the controller '{law.source.name}' of {law.package} {law.version}"
     shown = re.sub(r"[^A-Za-z0-9 ._'+-]", "_", named)[:120]
     limit = law.source.time_limit
-    room = 8 * max(len(parameters), *(2 + sum(map(math.prod, own.shapes[: len(host.INPUTS)])) for own in laws))
+    room = 8 * max(len(parameters), *(2 + sum(map(math.prod, own.team.shapes[: len(host.INPUTS)])) for own in laws))
     header = (
         "/* The law, which Python runs. */\n#ifndef LAW_H\n#define LAW_H\n\n"
         f'#define LAW "{shown}"\n\n'

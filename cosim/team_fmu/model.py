@@ -22,7 +22,7 @@ from cosim.signals.sensors import pose_sensors
 from cosim.team_fmu.c_text import block, number, numbers, table
 from cosim.team_fmu.chains import LEVEL, ChainInC, stream_names
 from cosim.team_fmu.courses import FUNCTION, Courses
-from cosim.team_fmu.law_in_host import LawInHost, files_of, law_in_host
+from cosim.team_fmu.law_in_host import LawInHost, files_of
 from cosim.team_fmu.laws import PRIMITIVES, LawInC, is_translatable, law_in_c
 from cosim.team_fmu.leader_in_c import LeaderInC
 from cosim.team_fmu.ports import command_outputs, state_inputs
@@ -82,7 +82,7 @@ class _Model:
             if isinstance(team, TeamHere) and is_translatable(team)
         ]
         if len(self._laws) < len(teams):
-            self._laws = [law_in_host(team, k, setup.motion is not None) for k, team in enumerate(teams)]
+            self._laws = [LawInHost(team, str(k + 1), k, setup.motion is not None) for k, team in enumerate(teams)]
         self._hosted = [law for law in self._laws if isinstance(law, LawInHost)]
         self._courses = Courses()
         self._leaders = [LeaderInC(law.label, law.team) for law in self._laws]
