@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from types import TracebackType
-from typing import Self
 
+from cosim.closing import Closing
 from cosim.errors import Failure
 from cosim.live.feed import Feed
 from cosim.live.server import Server
@@ -19,7 +18,7 @@ from cosim.results.summary import Summary, summarise
 from cosim.shared_memory import shared
 
 
-class LiveView:
+class LiveView(Closing):
     """Shows runs on a page in the browser while they go on, one after the other; the page can pause them.
 
     >>> with cosim.LiveView() as live, cosim.Simulation(scenario, observers=[live]) as simulation:
@@ -100,15 +99,6 @@ class LiveView:
         """End the server; whoever has the page open keeps what it shows."""
         self.gate.open()
         self._server.close()
-
-    def __enter__(self) -> Self:
-        """Return it; the server ends with the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     # An observer --------------------------------------------------------------------------------------------
 

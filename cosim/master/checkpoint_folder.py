@@ -6,9 +6,8 @@ import re
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from cosim.closing import Closing
 from cosim.errors import InputError, OutputError
 from cosim.file_lock import lock
 from cosim.master.checkpoint import Checkpoint
@@ -66,7 +65,7 @@ def _step(path: Path) -> float:
     return 0.0
 
 
-class HeldFolder:
+class HeldFolder(Closing):
     """A folder of checkpoints that no other command writes to, until it is closed.
 
     Parameters
@@ -102,12 +101,3 @@ class HeldFolder:
                 (self.path / _LOCK).unlink()
                 self.path.rmdir()
         self._file.close()
-
-    def __enter__(self) -> Self:
-        """Return the folder; it is closed at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()

@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.closing import Closing
 from cosim.errors import Failure, InputError, OtherStructure, SimulationError, nearest
 from cosim.known import Known
 from cosim.master.fleets import AnyFleet, members_of
@@ -40,7 +40,7 @@ EVERYTHING = "everything"
 """In place of names of signals: all of them are recorded."""
 
 
-class Prepared:
+class Prepared(Closing):
     """The structure of a scenario: its plants are built, loaded and started once, for any number of runs.
 
     A run has the scenario's robots, plants, step and horizon, and any seed and values: masses, gains, noise, starts,
@@ -139,15 +139,6 @@ class Prepared:
     def close(self) -> None:
         """End all plants and remove unpacked files."""
         self._cleanup.close()
-
-    def __enter__(self) -> Self:
-        """Return what is prepared; it is closed at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     # A run -------------------------------------------------------------------------------------------------
 

@@ -8,12 +8,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.closing import Closing
 from cosim.control.team import Team
 from cosim.control.teams import begin, companions, team_of
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, interruption, leave, nearest
@@ -52,7 +52,7 @@ _KEPT = 64 * 1024**2
 _NUMBERS = {1: "one", 2: "two", 3: "three"}
 
 
-class Simulation:
+class Simulation(Closing):
     """A scenario in the course of being run.
 
     Legal call order: `step` until `finished`, or `run`; `result`, `save` and `fork` at any time; `close` at the end (or
@@ -385,15 +385,6 @@ class Simulation:
         self._end(self._failure)
         self._ended = self._ended or "it is closed"
         self._cleanup.close()
-
-    def __enter__(self) -> Self:
-        """Return the simulation; it is closed at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     # Left and taken up again -------------------------------------------------------------------------------
 

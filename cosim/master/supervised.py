@@ -18,14 +18,14 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
 
 from cosim import process_tree
+from cosim.closing import Closing
 from cosim.errors import Failure, InputError, Location, RunInterrupted, SimulationError, interruption
 from cosim.master.branch import branched
 from cosim.master.checkpoint import Start
@@ -84,7 +84,7 @@ def whole_run(
     return Simulation(scenario, setup, observers=watching, start=start, checkpoints=checkpoints)
 
 
-class SupervisedRun:
+class SupervisedRun(Closing):
     """A run in a process of its own, which is started here.
 
     Legal call order: `run_to_end` once; `close` at the end (or use ``with``).
@@ -204,15 +204,6 @@ class SupervisedRun:
                     self._left |= told[0] == Told.CLOSED
         finally:
             self._cleanup.close()
-
-    def __enter__(self) -> Self:
-        """Return the run; it is closed at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     # What the process tells ---------------------------------------------------------------------------------
 
