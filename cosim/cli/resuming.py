@@ -14,7 +14,7 @@ from cosim.cli.ending import ended_by
 from cosim.cli.run import run_one, status_of_run
 from cosim.errors import InputError
 from cosim.master.checkpoint import Checkpoint
-from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest, readable
+from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest, name_of, readable
 from cosim.master.foreign import for_whole_run
 from cosim.master.setup import set_up
 from cosim.master.supervised import whole_run
@@ -60,7 +60,7 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
     if not changes and at is None:
         _check_not_complete(folder, found.scenario)
     held = None
-    if not changes or (at is not None and not (checkpoints / f"{at:010d}.checkpoint").exists()):
+    if not changes or (at is not None and not (checkpoints / name_of(at)).exists()):
         held = ending.enter_context(HeldFolder(checkpoints))
     if at is not None:
         found = _moved_to(at, found, held, folder)

@@ -14,9 +14,6 @@ from cosim.control.team_elsewhere import TeamElsewhere
 from cosim.frames import Bound
 from cosim.plant.bells import BELL, HEARD_DONE, Copies, Heard, can_ring, listen, ring
 
-_TOLD = 24
-"""Bytes of `Board.told`, and of `Board.tells`."""
-
 FRESH, RUNG, ANSWERED = range(3)
 """How far a tick is: nothing is asked; all hosts are; all have answered, to Python."""
 
@@ -48,8 +45,8 @@ class Exchange:
             host.process.ring_by(bell)
             board = host.process.board
             assert board is not None
-            gives.append((_at(board.told), _at(bell["time"]), _TOLD))
-            takes.append((_at(bell["failed"]), _at(board.tells), _TOLD))
+            gives.append((_at(board.told), _at(bell["time"]), board.told.nbytes))
+            takes.append((_at(bell["failed"]), _at(board.tells), board.tells.nbytes))
         for team, own in zip(teams, inputs, strict=True):
             gives += [(_at(to), _at(of), of.nbytes) for to, of in zip(team.inputs, own, strict=True) if of.nbytes]
         self._state = np.zeros(1, dtype=np.int64)

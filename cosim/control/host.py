@@ -202,11 +202,17 @@ def checked_commands(commands: Any, expected: tuple[int, ...]) -> Any:
     array = np.asarray(commands, dtype=float)
     if array.shape != expected:
         raise ValueError(f"it returned torques of shape {array.shape}, not {expected}")
-    finite = np.isfinite(array).all(axis=1)
-    if not finite.all():
-        row = int(np.argmin(finite))
-        raise NotFinite(f"the torque is {array[row].tolist()}: it must be finite", row)
+    if not np.isfinite(array).all():
+        raise not_finite(array)
     return array
+
+
+def not_finite(commands: Any) -> NotFinite:
+    """Return the error of commands of which some are not finite."""
+    import numpy as np
+
+    row = int(np.argmin(np.isfinite(commands).all(axis=1)))
+    return NotFinite(f"the torque is {commands[row].tolist()}: it must be finite", row)
 
 
 def telemetry_type(signals: Sequence[Any]) -> Any:
@@ -407,13 +413,10 @@ class _Team:
 
     def not_finite(self) -> BaseException:
         """Return the error of commands that are not finite."""
-        import numpy as np
-
         if hasattr(self.controller, "not_finite"):
             error: BaseException = self.controller.not_finite(self._commands.copy())
             return error
-        row = int(np.argmin(np.isfinite(self._commands).all(axis=1)))
-        return NotFinite(f"the torque is {self._commands[row].tolist()}: it must be finite", row)
+        return not_finite(self._commands)
 
     def state(self) -> bytes:
         """Return the state of the law as bytes."""

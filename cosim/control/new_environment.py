@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from cosim.control.environment import interpreter_in
@@ -143,10 +142,7 @@ def _run(command: Sequence[str], folder: Path, failed: str) -> None:
     lines = [line.strip() for line in (done.stderr or done.stdout).splitlines() if line.strip()]
     complaints = [line for line in lines if re.match(r"(ERROR|error|×|x |╰|Error)", line)] or lines
     text = printable("; ".join(line.removeprefix("ERROR:").strip() for line in complaints[-_LINES:]))
-    hint = ""
-    with suppress(ValueError):
-        if _offline("\n".join(lines)):
-            hint = "; without a network, --wheels DIR takes packages from a folder"
+    hint = "; without a network, --wheels DIR takes packages from a folder" if _offline("\n".join(lines)) else ""
     raise InputError(f"{folder} {failed}: {text or f'{Path(command[0]).name} ended with {done.returncode}'}{hint}")
 
 
