@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import importlib
-import os
 import re
 import shutil
-import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import fmpy
 import numpy as np
@@ -31,20 +26,12 @@ from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.ssp.exported import export_ssp
 from cosim.ssp.imported import Imported, import_ssp
+from plants.tests.other_masters import need
 
 ROOT = Path(__file__).parents[1]
 HORIZON = {"clmr_line": 6.0, "tractor_trailer_circle": 6.0, "mixed_team": 41.0, "figure_eight": 4.0}
 """Ends of the runs [s]; the leader of mixed_team begins to turn at 40 s."""
 Floats = NDArray[np.float64]
-
-
-def master(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except (ImportError, OSError) as error:
-        if os.environ.get("FORMATION_REQUIRE_MASTERS"):
-            raise
-        pytest.skip(f"{name} cannot be imported: {error}")
 
 
 class Exported:
@@ -121,7 +108,7 @@ def test_fmpy(exported: Exported) -> None:
 
 
 def test_libcosim(exported: Exported) -> None:
-    master("libcosimpy")
+    need("libcosimpy")
     from libcosimpy.CosimEnums import CosimVariableType
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -147,9 +134,7 @@ def test_libcosim(exported: Exported) -> None:
 
 def _in_ecos(exported: Exported) -> Floats:
     """Return the poses after each step (ticks, names)."""
-    with contextlib.suppress(OSError):  # TBB from the package tbb, where the linker does not look; else the system's
-        ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
-    master("ecospy")
+    need("ecospy")
     from ecospy import EcosSimulation
 
     rows = []

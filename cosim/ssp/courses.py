@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import plants
 from cosim.errors import InputError
+from cosim.team_fmu.c_text import numbers, table
 from plants.sampled import Port, Sampled
 
 MOST_VALUES = 2_000_000
@@ -115,13 +116,13 @@ def courses_fmu(name: str, description: str, courses: Sequence[Course], step: fl
         )
     for place, (course, ticks) in enumerate(zip(courses, changes, strict=True)):
         values = course.values[ticks]
-        tables.append(f"static const double values_{place}[] = {_listed(map(repr, values.tolist()))};")
+        tables.append(numbers(f"double values_{place}[{len(values)}]", values))
         if len(ticks) > last:
             lines.append(f"    outputs[{place}] = values_{place}[tick];")
         elif len(ticks) == 1:
             lines.append(f"    outputs[{place}] = values_{place}[0];")
         else:
-            tables.append(f"static const long long ticks_{place}[] = {_listed(map(str, ticks.tolist()))};")
+            tables.append(table(f"long long ticks_{place}[{len(ticks)}]", map(str, ticks.tolist())))
             lines.append(f"    outputs[{place}] = values_{place}[place_of(ticks_{place}, {len(ticks)}, tick)];")
     model = Sampled(
         name=name,
@@ -142,13 +143,3 @@ def _changes(values: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the ticks at which a course changes, the first one among them; all ticks if they are not few."""
     ticks = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
     return ticks if 2 * len(ticks) < len(values) else np.arange(len(values))
-
-
-def _listed(texts: Iterable[str]) -> str:
-    lines, line = [], ""
-    for text in texts:
-        if len(line) + len(text) > 110:
-            lines.append(line)
-            line = ""
-        line += text + ", "
-    return "{\n    " + "\n    ".join([*lines, line]).rstrip(", ") + "\n}"

@@ -37,6 +37,11 @@ class Number:
     offset: float
     start: float
 
+    @property
+    def from_role(self) -> tuple[float, float]:
+        """Factor and offset that lead from the role's unit to the number."""
+        return 1.0 / self.scale, -self.offset / self.scale
+
 
 @dataclass(frozen=True)
 class PlantComponent:

@@ -249,8 +249,9 @@ def _teams(
                 begun.append(Parameter(connector.name, "Real", value, connector.unit))
             elif (plant := plants_of.get(robot)) is not None and entry in plant.inputs:
                 number = plant.inputs[entry]
-                factor, offset = 1.0 / number.scale, -number.offset / number.scale
-                parts.connections.append(Connection((name, connector.name), (robot, number.variable), factor, offset))
+                parts.connections.append(
+                    Connection((name, connector.name), (robot, number.variable), *number.from_role)
+                )
         gains = [_start(v) for v in package.description.modelVariables if v.causality == "parameter"]
         _define_plain(parts, (*connectors, *gains))
         parts.components.append(
@@ -322,9 +323,8 @@ def _inputs(courses: Sequence[_Given], placed: Iterable[PlantComponent], scenari
     parts.components.append(_course_component(COURSES, text, [given.course for given in courses], scenario, parts))
     for given in courses:
         number = plants_of[given.robot].inputs[given.role]
-        factor, offset = 1.0 / number.scale, -number.offset / number.scale
         parts.connections.append(
-            Connection((COURSES, given.course.name), (given.robot, number.variable), factor, offset)
+            Connection((COURSES, given.course.name), (given.robot, number.variable), *number.from_role)
         )
 
 

@@ -87,6 +87,9 @@ class _Model:
         self._courses = Courses()
         self._leaders = [LeaderInC(law.label, law.team) for law in self._laws]
         self._inputs: list[Port] = []
+        self._streams = self._sensors.streams + self._actuators.streams
+        self._has_seed = bool(self._streams) and scenario.seed <= LARGEST_SEED
+        self._law_of = {int(row): (law, index) for law in self._laws for index, row in enumerate(law.team.rows)}
         self._parameters: list[Port] = []
         self._outputs: list[Port] = []
         self._gains: dict[str, list[str]] = {law.label: [] for law in self._laws}
@@ -107,18 +110,17 @@ class _Model:
         leader = setup.leader
         self._inputs += state_inputs(leader, velocities=True, accelerations=setup.motion is not None)
         shared = tuple(port.name for port in self._inputs)
-        for place, robot in zip(self._places, self._followers, strict=True):
+        for row, (place, robot) in enumerate(zip(self._places, self._followers, strict=True)):
             own = list(state_inputs(robot, velocities=place in needs))
             self._inputs += own
             depends = (*shared, *(port.name for port in own))
-            row = self._followers.index(robot)
-            besides = setup.followers[place].torque
+            besides = robot.torque
             for column, port in enumerate(command_outputs(robot, depends)):
                 self._outputs.append(port)
                 besides_text = self._courses.of(f"{port.name}, besides the law's", besides[:, column])
                 plus = "" if besides_text in ("0.0", "-0.0") else f" + {besides_text}"
                 self._results.append(f"acting[{row}][{column}]{plus}")
-            law, index = self._law_of(place)
+            law, index = self._law_of[place]
             for port, result in law.telemetry(index, robot.name, depends):
                 self._outputs.append(port)
                 self._results.append(result)
@@ -127,16 +129,10 @@ class _Model:
                     self._gains[law.label].append(f"{place_in_c} = parameters[{len(self._parameters)}];")
                 self._parameters.append(port)
 
-    def _law_of(self, place: int) -> tuple[LawInC | LawInHost, int]:
-        for law in self._laws:
-            rows = law.team.rows.tolist()
-            if place in rows:
-                return law, rows.index(place)
-        raise KeyError(place)
+        self._place_of = {port.name: place for place, port in enumerate(self._inputs)}
 
     def _input(self, robot: RobotSetup, entry: str) -> str:
-        name = f"{robot.name}.{entry}"
-        return f"inputs[{next(i for i, port in enumerate(self._inputs) if port.name == name)}]"
+        return f"inputs[{self._place_of[f'{robot.name}.{entry}']}]"
 
     # The model ---------------------------------------------------------------------------------------------
 
@@ -163,8 +159,7 @@ class _Model:
             "memory.h": memory,
             "model.c": self._start_and_tick(controller, source, tick),
         }
-        streams = self._sensors.streams + self._actuators.streams
-        if streams:
+        if self._streams:
             sources |= {name: (_TEMPLATE / name).read_text("utf-8") for name in ("streams.c", "streams.h")}
             sources["ziggurat.h"] = _ziggurat()
         resources: dict[str, bytes] = {}
@@ -183,7 +178,7 @@ class _Model:
             inputs=self._inputs,
             parameters=self._parameters,
             outputs=self._outputs,
-            integers=(seed,) if streams and scenario.seed <= LARGEST_SEED else (),
+            integers=(seed,) if self._has_seed else (),
             pages=self._pages(laws),
             program=bool(self._hosted),
             resources=resources,
@@ -213,15 +208,14 @@ class _Model:
         )
 
     def _memory(self, source: CSource) -> str:
-        streams = len(self._sensors.streams) + len(self._actuators.streams)
         members = [
             *(f"{law.remembered(source)} team_{law.label};" for law in self._laws),
             f"double command[{len(self._followers)}][{self._commands}]; /* held until the law's next tick */",
             *self._sensors.members,
             *self._actuators.members,
-            *([f"Stream streams[{streams}];"] if streams else []),
+            *([f"Stream streams[{len(self._streams)}];"] if self._streams else []),
         ]
-        includes = '#include "team.h"\n' + ('#include "streams.h"\n' if streams else "")
+        includes = '#include "team.h"\n' + ('#include "streams.h"\n' if self._streams else "")
         types = "".join(f"{law.type_in_c()}\n" for law in self._hosted)
         return (
             "/* What the team remembers from tick to tick. */\n#ifndef MEMORY_H\n#define MEMORY_H\n\n"
@@ -248,25 +242,22 @@ class _Model:
 
     def _start(self) -> str:
         lines: list[str] = []
-        streams = self._sensors.streams + self._actuators.streams
         for law in self._laws:
             lines += law.starts()
-        if streams:
+        if self._streams:
             words = words_of(self._scenario.seed).tolist()
-            if self._scenario.seed <= LARGEST_SEED:
+            if self._has_seed:
                 lines.append("const uint32_t seed[4] = {(uint32_t)integers[0], 0, 0, 0};")
             else:
                 lines.append(f"const uint32_t seed[{len(words)}] = {{{', '.join(f'{word}u' for word in words)}}};")
             lines += [
-                f"for (int i = 0; i < {len(streams)}; i++) {{",
+                f"for (int i = 0; i < {len(self._streams)}; i++) {{",
                 f"    stream_begin(&memory->streams[i], seed, {len(words)}, stream_names[i]);",
                 "}",
             ]
-        unused = ["(void)parameters;"] + (
-            [] if streams and self._scenario.seed <= LARGEST_SEED else ["(void)integers;"]
-        )
+        unused = ["(void)parameters;", *([] if self._has_seed else ["(void)integers;"])]
         head = "void model_start(const double *parameters, const int *integers, Memory *memory)"
-        names = stream_names(streams) + "\n\n" if streams else ""
+        names = stream_names(self._streams) + "\n\n" if self._streams else ""
         return f"{names}{head}\n{{\n{block([*unused, *lines])}}}"
 
     def _tick(self, source: CSource) -> str:

@@ -3,6 +3,7 @@
 import itertools
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from plants.factory.assemble import VERSIONS, rendered, runtime_of
 from plants.factory.variables import Entry, Table, Unknown
@@ -14,8 +15,6 @@ _TEMPLATES = {
     "sources/config.h": "sampled/config.h.jinja",
     "sources/variables.c": "sampled/variables.c.jinja",
 }
-_INTERFACES = {"CoSimulation": {"canHandleVariableCommunicationStepSize": "false"}}
-_FIXED_STEP = "fixedInternalStepSize"
 _STRUCTURED = re.compile(
     r"[A-Za-z_][A-Za-z0-9_]*(\[[1-9][0-9]*(,[1-9][0-9]*)*\])?(\.[A-Za-z_][A-Za-z0-9_]*(\[[1-9][0-9]*(,[1-9][0-9]*)*\])?)*"
 )
@@ -26,7 +25,8 @@ def generate_sampled(model: Sampled, fmi: str) -> dict[str, bytes]:
     version, table = VERSIONS[fmi], _tabulate(model)
     files = runtime_of(version, RUNTIME) | {f"sources/{name}": text.encode() for name, text in model.sources.items()}
     files |= {f"resources/{name}": content for name, content in model.resources.items()}
-    attributes = _INTERFACES["CoSimulation"] | ({_FIXED_STEP: repr(model.step)} if fmi == "3.0" else {})
+    attributes = {"canHandleVariableCommunicationStepSize": "false"}
+    attributes |= {"fixedInternalStepSize": repr(model.step)} if fmi == "3.0" else {}
     is_structured = all(_STRUCTURED.fullmatch(variable.name) for variable in table.variables)
     context = {
         "model": model,
@@ -66,20 +66,9 @@ def _tabulate(model: Sampled) -> Table:
     inputs = entries(model.inputs, "input", "continuous", None)
     parameters = entries(model.parameters, "parameter", "fixed", "exact")
     outputs = entries(model.outputs, "output", "discrete", "calculated")
+    numbers = entries(model.integers, "parameter", "fixed", "exact")
     integers = tuple(
-        Entry(
-            reference=next(references),
-            name=port.name,
-            causality="parameter",
-            variability="fixed",
-            initial="exact",
-            description=port.description,
-            start=int(port.start),
-            min=port.min,
-            max=port.max,
-            whole=True,
-        )
-        for port in model.integers
+        replace(entry, start=int(port.start), whole=True) for entry, port in zip(numbers, model.integers, strict=True)
     )
     time = Entry(next(references), "time", "independent", "continuous", None, "Time", unit="s")
     reference_of = {entry.name: entry.reference for entry in inputs}

@@ -1,16 +1,6 @@
-"""Our FMUs in masters that are not ours: the same trajectory as in FMPy, to rounding.
+"""Our FMUs in masters that are not ours: the same trajectory as in FMPy, to rounding."""
 
-The masters come with the extra ``bench``, and the TBB that ecos needs. Where one is missing its tests are skipped,
-unless FORMATION_REQUIRE_MASTERS is set.
-"""
-
-import contextlib
-import ctypes
-import importlib
-import os
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import fmpy
 import numpy as np
@@ -19,19 +9,12 @@ from fmpy.fmi2 import FMU2Slave
 
 import plants
 
+from .other_masters import need
+
 STEP = 0.02
 STEPS = 250
 START = {"x": 1.0, "y": -2.0, "psi": 0.5, "theta_1": 0.5, "theta_0": 0.4}
 TORQUES = (8.0, 1.0)
-
-
-def master(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except (ImportError, OSError) as error:
-        if os.environ.get("FORMATION_REQUIRE_MASTERS"):
-            raise
-        pytest.skip(f"{name} cannot be imported: {error}")
 
 
 @pytest.fixture(scope="module", params=sorted(plants.models()))
@@ -85,7 +68,7 @@ def test_the_robot_moves(experiment: Experiment) -> None:
 
 
 def test_libcosim(experiment: Experiment, capfd: pytest.CaptureFixture[str]) -> None:
-    master("libcosimpy")
+    need("libcosimpy")
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
@@ -105,9 +88,7 @@ def test_libcosim(experiment: Experiment, capfd: pytest.CaptureFixture[str]) -> 
 
 
 def test_ecos(experiment: Experiment) -> None:
-    with contextlib.suppress(OSError):  # TBB from the package tbb, where the linker does not look; else the system's
-        ctypes.CDLL(str(Path(sys.prefix, "lib", "libtbb.so.12")), ctypes.RTLD_GLOBAL)
-    master("ecospy")
+    need("ecospy")
     from ecospy.EcosParameterSet import EcosParameterSet
     from ecospy.EcosSimulation import EcosSimulation
     from ecospy.EcosSimulationStructure import EcosSimulationStructure
