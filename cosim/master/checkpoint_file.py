@@ -11,7 +11,7 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
@@ -44,7 +44,11 @@ def write_checkpoint(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, 
     try:
         try:
             with partial.open("wb", buffering=0) as file:
-                _write(file, MAGIC + len(about).to_bytes(8, "little") + about, arrays)
+                checksum = 0
+                for piece in _pieces(MAGIC + len(about).to_bytes(8, "little") + about, arrays.values()):
+                    checksum = zlib.crc32(piece, checksum)
+                    write_all(file, piece)
+                write_all(file, checksum.to_bytes(4, "little"))
                 os.fsync(file.fileno())
             os.replace(partial, path)
             _sync(path.parent)
@@ -56,15 +60,21 @@ def write_checkpoint(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, 
         raise OutputError(f"the checkpoint {path} cannot be written: {error.strerror}") from None
 
 
-def _write(file: FileIO, head: bytes, arrays: Mapping[str, NDArray[Any]]) -> None:
-    checksum = zlib.crc32(head)
-    write_all(file, head)
-    for array in arrays.values():
+def _pieces(head: bytes, arrays: Iterable[NDArray[Any]]) -> Iterator[bytes | memoryview]:
+    """Yield what a file consists of, in few pieces.
+
+    Whoever writes a piece lets go of the interpreter's lock and takes it back, for which it waits for the loop, and the
+    loop for it. So small arrays go together, and a large one is not divided.
+    """
+    small: list[bytes | memoryview] = [head]
+    for array in arrays:
         data = np.ascontiguousarray(array).data.cast("B") if array.size else memoryview(b"")
-        for start in range(0, len(data), _PIECE):  # while a piece is near the processor
-            checksum = zlib.crc32(data[start : start + _PIECE], checksum)
-            write_all(file, data[start : start + _PIECE])
-    write_all(file, checksum.to_bytes(4, "little"))
+        if len(data) < _PIECE:
+            small.append(data)
+        else:
+            yield from (b"".join(small), data)
+            small = []
+    yield b"".join(small)
 
 
 def _sync(folder: Path) -> None:

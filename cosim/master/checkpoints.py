@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -15,8 +16,10 @@ from cosim.master.origin import Origin
 from cosim.master.recorder import Recorder
 from cosim.master.run_state import RunState
 
-_SHARE = 0.04
-"""Part of a run's time that its checkpoints may take: one that would take more is left out."""
+SHARE = 0.04
+"""Part of a run's time that its checkpoints may take, by the clock."""
+LEAST, MOST = 1.0, 60.0
+"""Time [s] by the clock from one checkpoint to the next, at least and at most, whatever the share says."""
 
 
 @dataclass
@@ -24,10 +27,13 @@ class Checkpoints:
     """The checkpoints of a run in a folder, each with what was recorded since the one before.
 
     A checkpoint is taken between two ticks and written beside the loop, in a thread. One that is due is left out while
-    the one before is still being written, and where all of them would take more than a twenty-fifth of the time.
+    the one before is still being written, and then until a time has passed that follows from what that one has cost:
+    as long as `SHARE` asks for, but at least `LEAST` and at most `MOST`. The cost is the time by the clock of the loop,
+    which takes the state, and that of the thread, which writes: its CPU time is part of it. Before the first one the
+    time runs from the start of the loop.
 
-    Legal call order: `try_out`; then `next_stop` and `reach` in turn; `leave` if the run ends before its horizon;
-    `finish`.
+    Legal call order: `try_out`; then `reach` and `next_stop` in turn, `reach` first; `leave` if the run ends before its
+    horizon; `finish`.
 
     Parameters
     ----------
@@ -58,7 +64,8 @@ class Checkpoints:
     before: str = ""
     written: int | None = None
     fault: str = ""
-    _next: float = 0.0
+    _wait: float = LEAST
+    _next: float | None = None
     _refused: bool = False
     _thread: threading.Thread | None = field(default=None, repr=False)
 
@@ -79,25 +86,32 @@ class Checkpoints:
                 f"{error.robot}: {error.failure.message}, so the run cannot be left and taken up again; it can be run "
                 "again from the start up to any moment, with the same bits"
             ) from None
-        self._wait_after(began)
+        self._wait = _wait_for(time.perf_counter() - began)
 
     def next_stop(self, tick: int, last: int) -> int:
-        """Return the tick at which the run is to stop for a moment: the next one that is due, or its end."""
-        due = last + 1 if self.every is None else (tick // self.every + 1) * self.every
-        return min(due, last + 1 if self.until is None else self.until)
+        """Return the tick at which the run is to stop for a moment: the next one that is due, or its end.
+
+        Where the one that is due would be left out, the run does not stop for it: segments that are cut short cost
+        more than all else. A segment is much shorter than the time between two checkpoints.
+        """
+        end = last + 1 if self.until is None else self.until
+        if self.every is None or not self._may_be_taken:
+            return end
+        return min((tick // self.every + 1) * self.every, end)
 
     def reach(self, tick: int, take: Callable[[], RunState], recorder: Recorder) -> bool:
         """Take note of a tick before which the run is; return whether it is to be left there."""
         if tick == self.until:
             return True
-        due = self.every is not None and tick % self.every == 0 and tick > self.first
-        if due and not self._refused and not self._is_writing and time.perf_counter() >= self._next:
+        if self._next is None:
+            self._next = time.perf_counter() + self._wait
+        if self.every is not None and tick % self.every == 0 and tick > self.first and self._may_be_taken:
             began = time.perf_counter()
             snapshot = self._taken(take, recorder)
             if snapshot is not None:
-                self._thread = threading.Thread(target=self._write, args=(snapshot,))
+                self._next = math.inf  # until it is written
+                self._thread = threading.Thread(target=self._write_beside, args=(snapshot, began))
                 self._thread.start()
-            self._wait_after(began)
         return False
 
     def leave(self, tick: int, take: Callable[[], RunState], recorder: Recorder) -> None:
@@ -113,11 +127,11 @@ class Checkpoints:
             self._thread = None
 
     @property
-    def _is_writing(self) -> bool:
-        return self._thread is not None and self._thread.is_alive()
+    def _may_be_taken(self) -> bool:
+        return not self._refused and self._next is not None and time.perf_counter() >= self._next
 
     def _taken(self, take: Callable[[], RunState], recorder: Recorder) -> Snapshot | None:
-        self.finish()  # its thread has ended already
+        self.finish()  # its thread has nothing more to write
         try:
             return Snapshot.of(self.origin, take(), recorder, self.first, self.before, self.every)
         except SimulationError as error:
@@ -134,6 +148,14 @@ class Checkpoints:
             self.first = self.written = snapshot.tick
             self.before, self.fault = name, ""
 
-    def _wait_after(self, began: float) -> None:
-        now = time.perf_counter()
-        self._next = now + (now - began) / _SHARE
+    def _write_beside(self, snapshot: Snapshot, began: float) -> None:
+        try:
+            self._write(snapshot)
+        finally:
+            ended = time.perf_counter()
+            self._next = ended + _wait_for(ended - began)
+
+
+def _wait_for(cost: float) -> float:
+    """Return the time [s] that is to pass between two checkpoints, each of which costs some."""
+    return min(max(cost / SHARE, LEAST), MOST)
