@@ -6,7 +6,10 @@
 Printed for each scenario are the time of the loop by the clock, and the CPU time of its thread and of the whole
 process, each with checkpoints as a multiple of that without, and how many were written. A ratio is that of the least
 times of all rounds, and in brackets the median of the ratios of the rounds: the machine may be busy. The records must
-be the same to the bit. The thread that writes is part of the process, not of the loop.
+be the same to the bit. The thread that writes is part of the process, not of the loop; the loop waits for it at its
+end. A run that is shorter than a second writes none, and the ratio is that of what watches for them alone: a longer
+``--horizon``, or a machine that is slower, shows those that are written. ``--every`` does not: none lies less than a
+second after another one.
 """
 
 from __future__ import annotations

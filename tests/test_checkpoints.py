@@ -3,13 +3,18 @@
 import errno
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +26,10 @@ from cosim.errors import OutputError
 from cosim.master import checkpoint_file, checkpoints
 from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of, ticks_in
+from cosim.master.checkpoints import Checkpoints
+from cosim.report.content import content_of
 from cosim.results.files import load
+from cosim.results.result import Result
 from cosim.scenario.scenario import Scenario
 from cosim.tests.driving import scenario
 from tests.checkpoint_kills import Bench, differences
@@ -157,6 +165,88 @@ def test_a_run_without_changes_goes_on_in_its_own_folder(left: Path, capsys: pyt
     assert load(left / "result.nc").sizes["time"] == 25
 
 
+# How often --------------------------------------------------------------------------------------------------
+
+
+class Clock:
+    """A clock that a test turns."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        """Return the time [s]."""
+        return self.now
+
+    def go_on(self, seconds: float) -> None:
+        """Turn it."""
+        self.now += seconds
+
+
+class Slow:
+    """A run whose checkpoints cost what a test says; each tick records a million bytes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, taking: float, writing: float, per_tick: float) -> None:
+        self.clock, self.written = Clock(), list[int]()
+        self._writing, self._per_tick = writing, per_tick
+        monkeypatch.setattr(checkpoints.time, "perf_counter", self.clock)
+        monkeypatch.setattr(checkpoints.time, "thread_time", lambda: 0.0)
+        monkeypatch.setattr(checkpoints, "Snapshot", self)
+        self.checkpoints = Checkpoints(Path(), None, every=10)  # type: ignore[arg-type]
+        self._take = partial(self.clock.go_on, taking)
+        self.checkpoints.try_out(self._take, self)  # type: ignore[arg-type]
+
+    def numbers(self, first: int, last: int) -> list[np.ndarray[Any, Any]]:
+        return [np.zeros((last - first, 125_000))]
+
+    def of(self, origin: None, state: None, recorder: None, first: int, *_: object) -> Any:
+        """Return a snapshot of the ticks from one on."""
+        tick, size = self.tick, (self.tick - first) * 1_000_000
+
+        def write(path: Path) -> None:
+            self.clock.go_on(self._writing)
+            self.written.append(tick)
+
+        return SimpleNamespace(tick=tick, arrays={"": np.broadcast_to(np.zeros(1, "u1"), size)}, write=write)
+
+    def run(self, ticks: int) -> list[int]:
+        """Run; return the ticks of the checkpoints."""
+        self.tick = 0
+        while self.tick < ticks:
+            assert not self.checkpoints.reach(self.tick, self._take, self)  # type: ignore[arg-type]
+            self.checkpoints.finish()
+            stop = min(self.checkpoints.next_stop(self.tick, ticks), self.tick + 1)
+            self.clock.go_on((stop - self.tick) * self._per_tick)
+            self.tick = stop
+        return self.written
+
+
+@pytest.mark.parametrize(
+    ("taking", "writing", "per_tick", "expected"),
+    [
+        (0.0, 0.0, 0.05, [20, 40, 60, 80]),  # a second lies between two
+        (0.0, 0.19, 0.5, [10, 20, 30, 40, 50, 60, 70, 80, 90]),  # 0.19 s to write, 4.75 s
+        (0.0, 0.3, 0.5, [10, 30, 50, 70, 90]),  # 0.3 s to write, 7.5 s
+        (0.3, 0.0, 0.5, [20, 40, 60, 80]),  # the same to take, also before the first one
+        (0.0, 9.0, 1.0, [10, 70]),  # a minute at most
+        (0.0, 0.0, 0.02, []),  # a megabyte takes a millisecond, until another number is known: 5 % of 20 ms
+    ],
+)
+def test_a_checkpoint_that_would_cost_too_much_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, taking: float, writing: float, per_tick: float, expected: list[int]
+) -> None:
+    assert Slow(monkeypatch, taking, writing, per_tick).run(100) == expected
+
+
+def test_a_run_does_not_stop_for_a_checkpoint_that_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Slow(monkeypatch, 0.0, 0.0, 0.1)
+    assert run.checkpoints.next_stop(0, 100) == 101
+    assert not run.run(8)
+    assert run.checkpoints.next_stop(8, 100) == 101
+    run.clock.go_on(0.3)
+    assert run.checkpoints.next_stop(8, 100) == 10
+
+
 # Branches ---------------------------------------------------------------------------------------------------
 
 
@@ -168,7 +258,7 @@ def test_a_branch_keeps_the_run_and_tells_of_both_parts(
     setting = "//follower[@id='follower_1']/desired/@range=3 m"
     printed, errors = command(capsys, "resume", left, "--at", "0.4 s", "--set", setting, *LEAST)
     place = next(path for path in left.parent.iterdir() if path != left)
-    assert "at=0.4_s" in place.name
+    assert re.fullmatch(r"cars\+at=0\.4s\+follower_1\.desired\.range=3m-[0-9a-f]{8}", place.name)
     assert f"results in {place}/" in printed
     assert "running from 0.2 s to 0.4 s, where there is no checkpoint" in errors
     assert (left / "result.nc").read_bytes() == before
@@ -184,6 +274,25 @@ def test_a_branch_keeps_the_run_and_tells_of_both_parts(
     assert parts[-1]["changes"] == []
     assert 'range="2 m"' in parts[-1]["scenario"]
     assert json.loads(branch.attrs["changes"]) == [f'--set "{setting}"']
+
+
+def test_the_page_of_a_branch_says_how_to_repeat_it(
+    left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heavy, other = tmp_path / "heavier cars", tmp_path / "seed"
+    setting = "//plant/parameter[@name='m_c']/@value=35 kg"
+    command(capsys, "resume", left, "--set", setting, "--out", heavy, "--until", "0.6 s", *LEAST)
+    command(capsys, "resume", heavy, *LEAST)
+    command(capsys, "resume", heavy, "--at", "0.7 s", "--set", "simulation/@seed=5", "--out", other, *LEAST)
+    for place, start, change in (
+        (heavy, f"{left} --at '0.5 s'", f'"{setting}"'),
+        (other, f"'{heavy}' --at '0.7 s'", "simulation/@seed=5"),
+    ):
+        result = load(place / "result.nc")
+        told = content_of(Result.of(result))["provenance"]["command"]
+        assert told == f"formation resume {start} --set {change}"
+        command(capsys, *shlex.split(told)[1:], "--out", tmp_path / "again", *LEAST)
+        assert load(tmp_path / "again" / "result.nc").drop_attrs().identical(result.drop_attrs())
 
 
 def test_a_parameter_that_a_branch_changes_changes_as_by_an_event(

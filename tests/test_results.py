@@ -1,6 +1,7 @@
 """The files of a run: its changes, the reason of a failure, and the summary from them later."""
 
 import json
+import re
 import shutil
 import warnings
 from functools import partial
@@ -15,6 +16,7 @@ import cosim
 import plants
 from cosim.cli import main
 from cosim.cli.console import out
+from cosim.cli.earlier_results import label
 from cosim.cli.summary import print_summary
 from cosim.master.simulation import Simulation
 from cosim.results.drawable_part import drawable
@@ -23,6 +25,7 @@ from cosim.results.figure_panels import view
 from cosim.results.files import load, save
 from cosim.results.follower_figures import FollowerFigures
 from cosim.results.panels import panels
+from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.summary import Summary
 from cosim.scenario.edits import in_words, set_binding, set_controller, set_fmu, set_seed, set_value
@@ -170,6 +173,30 @@ def test_a_run_that_is_refused_says_where_the_results_before_are(
     told = capsys.readouterr().err
     assert f"warning: results of the run before ({line}, unchanged) are kept in {out}/clmr_line+unchanged/" in told
     assert not (tmp_path / "clmr_line" / "summary.json").exists(), "nobody takes it for that of the refused run"
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ([], "unchanged"),
+        (["--seed 2"], "seed=2"),
+        (["--at 40s", """--set "//plant[@id='clmr']/parameter[@name='m_c']/@value=45 kg\""""], "at=40s+clmr.m_c=45kg-"),
+        (["--set '//follower[1]/desired/@range=3 m'"], "follower.desired.range=3m-"),
+        (["--set '//follower[2]/desired/@range=3 m'"], "follower.desired.range=3m-"),
+        (["--horizon '20 s'", "--no-expectations"], "horizon=20s+no-expectations-"),
+        (["--set '//event[@at=\"../1 s\"]/@at=2 s'"], "event.at=2s-"),
+        (["--set 'no setting'"], "set=no_setting-"),
+        (["--controller pid=../law"], "controller=pid=.._law-"),
+    ],
+)
+def test_names_of_folders_can_be_read(changes: list[str], expected: str) -> None:
+    name = label(Provenance("line.xml", tuple(changes)), "line")
+    assert re.fullmatch(re.escape(expected) + ("[0-9a-f]{8}" if expected.endswith("-") else ""), name)
+    other = label(Provenance("other/line_2.xml", tuple(changes)), "line")
+    assert other.startswith("line_2+")
+    longer = label(Provenance("line.xml", (*changes, "--set " + "x" * 100)), "line")
+    assert len(longer) < 80
+    assert longer != label(Provenance("line.xml", (*changes, "--set " + "x" * 101)), "line")
 
 
 def test_results_of_other_changes_are_kept(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

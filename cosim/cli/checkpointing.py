@@ -70,8 +70,8 @@ class Course:
         Ticks between two checkpoints; the tick at which the run is left.
     checkpoint : Checkpoint or None
         From where it goes on.
-    changed : bool
-        Whether it goes on with another scenario.
+    branched : Path or None
+        The folder of the run from which it branches off: it goes on with another scenario.
     noted : bool
         Whether the result tells of that.
     held : HeldFolder or None
@@ -82,7 +82,7 @@ class Course:
     every: int | None = None
     until: int | None = None
     checkpoint: Checkpoint | None = None
-    changed: bool = False
+    branched: Path | None = None
     noted: bool = True
     held: HeldFolder | None = None
     checkpoints: Checkpoints | None = None
@@ -103,7 +103,7 @@ class Course:
         """From where the run goes on."""
         if self.checkpoint is None:
             return None
-        start = self.checkpoint.start(self.changed)
+        start = self.checkpoint.start(self.branched is not None, str(self.branched or ""))
         return start if self.noted else replace(start, parts=self.checkpoint.origin.parts)
 
     def begin(self, scenario: Scenario, setup: Setup, ending: ExitStack) -> tuple[Setup, Start | None]:

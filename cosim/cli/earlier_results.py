@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
@@ -17,6 +18,7 @@ from cosim.errors import InputError
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest
 from cosim.results.netcdf import attributes_of
 from cosim.results.provenance import Provenance
+from cosim.scenario.edits import split_setting
 
 RESULT, VERDICTS = "result.nc", ("summary.json", "figure.png", "report.html")
 FILES = (*VERDICTS, RESULT)
@@ -24,6 +26,14 @@ FILES = (*VERDICTS, RESULT)
 BEFORE, CHECKPOINTS_BEFORE = "result.before.nc", f"{FOLDER}.before"
 """The result and the checkpoints of an earlier run of the same file and changes, until the new one is complete."""
 _LONGEST = 60
+_STEP = re.compile(r"""(?:[^/[]|\[(?:'[^']*'|"[^"]*"|[^]'"])*\])+""")
+"""A step of an XPath, with what is asked of it in brackets."""
+_ID = re.compile(
+    r"""(?P<name>@?[\w.:-]*|\*) (?: \[ \s*@(?:id|name)\s*=\s* (?P<quote>['"])(?P<id>.*?)(?P=quote) \s*\] )? .*""", re.X
+)
+"""Name, and id or name, that a step asks for."""
+_UNIT = re.compile(r"^([-+\d.e]+) (\S+)$")
+"""A number with its unit."""
 
 
 def set_aside(
@@ -140,10 +150,28 @@ def _provenance(path: Path) -> Provenance | None:
 def label(provenance: Provenance, name: str) -> str:
     """Return a short name of a file and changes, another one for others."""
     stem = Path(provenance.file).stem
-    parts = [stem] if stem != name else []
-    parts += [change.removeprefix("--set ").removeprefix("--").replace(" ", "=", 1) for change in provenance.changes]
-    if not provenance.changes:
-        parts.append("unchanged")
-    exact = "+".join(parts)
-    short = "+".join(re.sub(r"[^\w.=-]+", "_", part).replace("=_", "=").strip("_") for part in parts)[:_LONGEST]
-    return short if short == exact else f"{short}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
+    parts = [(stem, stem)] if stem != name else []
+    parts += [(change, _readable(change)) for change in provenance.changes] or [("unchanged", "unchanged")]
+    short = "+".join(re.sub(r"[^\w.=-]+", "_", readable).strip("_") for _, readable in parts)
+    exact = "+".join(change.removeprefix("--").replace(" ", "=", 1) for change, _ in parts)
+    if short == exact and len(short) <= _LONGEST:
+        return short
+    return f"{short[:_LONGEST].rstrip('_.=-+')}-{hashlib.sha256(exact.encode()).hexdigest()[:8]}"
+
+
+def _readable(change: str) -> str:
+    """Return a change in few words: of a setting, which elements by their ids and names, and the attribute.
+
+    ``--set "//plant[@id='clmr']/parameter[@name='m_c']/@value=45 kg"`` is ``clmr.m_c=45kg``.
+    """
+    option, _, words = change.removeprefix("--").partition(" ")
+    with suppress(ValueError):
+        words = " ".join(shlex.split(words))
+    if option == "set":
+        with suppress(InputError):
+            xpath, words = split_setting(words)
+            steps = [_ID.fullmatch(step) for step in _STEP.findall(xpath)]
+            named = [step["id"] or step["name"] or step[0] if step else "" for step in steps]
+            option = ".".join(name.strip("@") for name in named if name not in ("", "@value"))
+    words = _UNIT.sub(r"\1\2", words)
+    return f"{option}={words}" if words else option

@@ -69,7 +69,7 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
     until = None if options.until is None else tick_of("--until", options.until, scenario)
     if until is not None and until <= found.state.tick:
         raise InputError(f"--until {options.until}: the run goes on from {found.time:g} s, so expected a later time")
-    course = Course(folder, every, until, found, changed=bool(changes), held=held)
+    course = Course(folder, every, until, found, folder if changes else None, held=held)
     if changes:
         course.place, course.held = _place(options, found, scenario), None
     return course, scenario
@@ -102,7 +102,7 @@ def _place(options: argparse.Namespace, found: Checkpoint, scenario: Scenario) -
     """Return the folder of a run that goes on with changes, from which an earlier one is taken away."""
     folder: Path = options.folder
     more = scenario.changes[len(found.scenario.changes) :]
-    about = Provenance(f"{folder.name}.xml", (f"--at {found.time:g} s", *more))
+    about = Provenance(f"{folder.name}.xml", (f"--at {found.time:g}s", *more))
     place: Path = options.out or folder.with_name(f"{folder.name}+{label(about, folder.name)}")
     if place.absolute() == folder.absolute():
         raise InputError(f"--out {place} is the folder of the run that is to be kept: choose another one")

@@ -160,16 +160,17 @@ class Checkpoint:
                 with file.understood():
                     file.read_into(f"records/{index}", place)
 
-    def start(self, changed: bool = False) -> Start:
+    def start(self, changed: bool = False, run: str = "") -> Start:
         """Return from where a run goes on.
 
         Parameters
         ----------
         changed
             Whether it goes on with another scenario.
+        run
+            The folder of the run from which it then branches off.
         """
-        text = self.scenario.text if changed else ""
-        part = Part(self.time, self.scenario.changes, text)
+        part = Part(self.time, self.scenario.changes, *((self.scenario.text, run) if changed else ()))
         return Start(self.scenario, self.state, self.fill, (*self.origin.parts, part))
 
 

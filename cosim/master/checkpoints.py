@@ -17,20 +17,25 @@ from cosim.master.recorder import Recorder
 from cosim.master.run_state import RunState
 
 SHARE = 0.04
-"""Part of a run's time that its checkpoints may take, by the clock."""
+"""Part of a run's time that its checkpoints may take."""
 LEAST, MOST = 1.0, 60.0
-"""Time [s] by the clock from one checkpoint to the next, at least and at most, whatever the share says."""
+"""Time [s] from one checkpoint to the next, at least and at most, whatever the share says."""
+_PER_BYTE = 1e-9
+"""CPU time [s] for which a byte is taken to be written before one was."""
+_LARGE = 2**20
+"""Bytes of a checkpoint from which on its CPU time says something about a byte."""
 
 
 @dataclass
 class Checkpoints:
     """The checkpoints of a run in a folder, each with what was recorded since the one before.
 
-    A checkpoint is taken between two ticks and written beside the loop, in a thread. One that is due is left out while
-    the one before is still being written, and then until a time has passed that follows from what that one has cost:
-    as long as `SHARE` asks for, but at least `LEAST` and at most `MOST`. The cost is the time by the clock of the loop,
-    which takes the state, and that of the thread, which writes: its CPU time is part of it. Before the first one the
-    time runs from the start of the loop.
+    A checkpoint is taken between two ticks and written beside the loop, in a thread, which slows the loop all the same
+    where both share a core or its memory. One that is due is left out while the one before is still being written, and
+    then until a time has passed by the clock of which it is no more than `SHARE`: neither what the one before has
+    taken by the clock, from the state to the disk, nor the CPU time that this one is likely to take, which grows with
+    the records since then. The time is at least `LEAST` and at most `MOST`. Before the first one it runs from the start
+    of the loop.
 
     Legal call order: `try_out`; then `reach` and `next_stop` in turn, `reach` first; `leave` if the run ends before its
     horizon; `finish`.
@@ -64,12 +69,15 @@ class Checkpoints:
     before: str = ""
     written: int | None = None
     fault: str = ""
-    _wait: float = LEAST
-    _next: float | None = None
+    _since: float | None = None
+    _taken_in: float = 0.0
+    _written_in: float = 0.0
+    _per_tick: int = 0
+    _per_byte: float = _PER_BYTE
     _refused: bool = False
     _thread: threading.Thread | None = field(default=None, repr=False)
 
-    def try_out(self, take: Callable[[], RunState]) -> None:
+    def try_out(self, take: Callable[[], RunState], recorder: Recorder) -> None:
         """Take a state at the start of a run, which shows whether that is possible, and how long it takes.
 
         Raises
@@ -86,7 +94,8 @@ class Checkpoints:
                 f"{error.robot}: {error.failure.message}, so the run cannot be left and taken up again; it can be run "
                 "again from the start up to any moment, with the same bits"
             ) from None
-        self._wait = _wait_for(time.perf_counter() - began)
+        self._taken_in = time.perf_counter() - began
+        self._per_tick = sum(numbers.nbytes for numbers in recorder.numbers(0, 1))
 
     def next_stop(self, tick: int, last: int) -> int:
         """Return the tick at which the run is to stop for a moment: the next one that is due, or its end.
@@ -95,7 +104,7 @@ class Checkpoints:
         more than all else. A segment is much shorter than the time between two checkpoints.
         """
         end = last + 1 if self.until is None else self.until
-        if self.every is None or not self._may_be_taken:
+        if self.every is None or not self._is_cheap(tick):
             return end
         return min((tick // self.every + 1) * self.every, end)
 
@@ -103,13 +112,14 @@ class Checkpoints:
         """Take note of a tick before which the run is; return whether it is to be left there."""
         if tick == self.until:
             return True
-        if self._next is None:
-            self._next = time.perf_counter() + self._wait
-        if self.every is not None and tick % self.every == 0 and tick > self.first and self._may_be_taken:
+        if self._since is None:
+            self._since = time.perf_counter()
+        if self.every is not None and tick % self.every == 0 and tick > self.first and self._is_cheap(tick):
             began = time.perf_counter()
             snapshot = self._taken(take, recorder)
+            self._taken_in = time.perf_counter() - began
             if snapshot is not None:
-                self._next = math.inf  # until it is written
+                self._since = math.inf  # until it is written
                 self._thread = threading.Thread(target=self._write_beside, args=(snapshot, began))
                 self._thread.start()
         return False
@@ -126,9 +136,13 @@ class Checkpoints:
             self._thread.join()
             self._thread = None
 
-    @property
-    def _may_be_taken(self) -> bool:
-        return not self._refused and self._next is not None and time.perf_counter() >= self._next
+    def _is_cheap(self, tick: int) -> bool:
+        """Return whether a checkpoint at a tick is not left out."""
+        if self._refused or self._since is None:
+            return False
+        likely = self._taken_in + (tick - self.first) * self._per_tick * self._per_byte
+        wait = max(likely / SHARE, self._written_in / SHARE, LEAST)
+        return time.perf_counter() - self._since >= min(wait, MOST)
 
     def _taken(self, take: Callable[[], RunState], recorder: Recorder) -> Snapshot | None:
         self.finish()  # its thread has nothing more to write
@@ -149,13 +163,11 @@ class Checkpoints:
             self.before, self.fault = name, ""
 
     def _write_beside(self, snapshot: Snapshot, began: float) -> None:
+        spent = time.thread_time()
         try:
             self._write(snapshot)
         finally:
-            ended = time.perf_counter()
-            self._next = ended + _wait_for(ended - began)
-
-
-def _wait_for(cost: float) -> float:
-    """Return the time [s] that is to pass between two checkpoints, each of which costs some."""
-    return min(max(cost / SHARE, LEAST), MOST)
+            size = sum(array.nbytes for array in snapshot.arrays.values())
+            self._per_byte = (time.thread_time() - spent) / max(size, _LARGE)
+            self._written_in = time.perf_counter() - began
+            self._since = time.perf_counter()  # last: from now on the loop may take one

@@ -151,7 +151,7 @@ class Simulation(Closing):
                 start.fill(recorder)
                 self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed, here=here)
             if checkpoints is not None:
-                checkpoints.try_out(self._ticks.saved)
+                checkpoints.try_out(self._ticks.saved, recorder)
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
             self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
             self._next_forget = self.tick + self._kept

@@ -286,11 +286,13 @@ def _provenance(result: Result, summary: Summary) -> Json:
 
 
 def _command(told: Provenance, scenario: str) -> str:
-    """Return the command that repeats a run, or the last part of one that branched off."""
+    """Return the command that repeats a run, or the last part of one that branched off; empty if none does."""
     changes, begin = told.changes, ["formation", "run", Path(told.file).name or f"{scenario}.xml"]
     branched = [part for part in told.parts if part.changes != changes]
     if branched:
-        begin = ["formation", "resume", f"runs/{scenario}", "--at", f"{branched[-1].until:g} s"]
+        if not branched[-1].run:  # by a program, or an older version
+            return ""
+        begin = ["formation", "resume", branched[-1].run, "--at", f"{branched[-1].until:g} s"]
         changes = changes[len(branched[-1].changes) :]
     return " ".join((shlex.join(begin), *changes))
 

@@ -26,16 +26,20 @@ class Part:
         Changes of the scenario in this part, as options of the command line.
     scenario : str
         Its resolved text; empty if the next part goes on with the same scenario.
+    run : str
+        The folder of the run from which the next part has branched off, as it was named; empty for none.
     """
 
     until: float
     changes: tuple[str, ...] = ()
     scenario: str = ""
+    run: str = ""
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Self:
         """Return the part of which `as_data` has told."""
-        return cls(float(data["until"]), tuple(map(str, data["changes"])), str(data["scenario"]))
+        changes, run = tuple(map(str, data["changes"])), str(data.get("run", ""))
+        return cls(float(data["until"]), changes, str(data["scenario"]), run)
 
     @property
     def as_data(self) -> dict[str, Any]:

@@ -145,7 +145,7 @@ function showProvenance(place, runs) {
     const told = run.provenance;
     const rows = [
       ["scenario", told.file || run.name],
-      ["repeat it", element("code", {}, told.command)],
+      ["repeat it", told.command && element("code", {}, told.command)],
       ["parts", told.resumed],
       ["seed", told.seed],
       ...Object.entries(told.plants || {}).map(([id, plant]) => [
