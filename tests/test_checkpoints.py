@@ -224,7 +224,7 @@ class Slow:
 @pytest.mark.parametrize(
     ("taking", "writing", "per_tick", "expected"),
     [
-        (0.0, 0.0, 0.05, [20, 40, 60, 80]),  # a second lies between two
+        (0.0, 0.0, 0.055, [20, 40, 60, 80]),  # a second lies between two
         (0.0, 0.19, 0.5, [10, 20, 30, 40, 50, 60, 70, 80, 90]),  # 0.19 s to write, 4.75 s
         (0.0, 0.3, 0.5, [10, 30, 50, 70, 90]),  # 0.3 s to write, 7.5 s
         (0.3, 0.0, 0.5, [20, 40, 60, 80]),  # the same to take, also before the first one

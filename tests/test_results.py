@@ -242,7 +242,7 @@ def test_long_changes_have_short_folders_of_their_own(line: str, tmp_path: Path,
     run(capsys, line, "--out", str(tmp_path))
     names = {path.name for path in tmp_path.iterdir()} - {"clmr_line"}
     assert len(names) == 2
-    assert all(name.startswith("clmr_line+gain_name=gamma_w_value=0.") for name in names)
+    assert all(name.startswith("clmr_line+gamma_w=0.") for name in names)
 
 
 # Why a run failed -------------------------------------------------------------------------------------------
