@@ -20,8 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from formation_controllers import ControllerError, Signal
+from formation_controllers.compiled import compiled
 from formation_controllers.controller import Controller
 from formation_controllers.gains import Gains, gain
+from formation_controllers.interface import CompiledTick
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,29 @@ class Faulty(Controller[FaultyGains]):
         if self._state["count"][0] == 11:
             fault(self.gains.fault)
         return np.stack([8.0 + 0.01 * pose[:, 0], -0.1 * pose[:, 3]], axis=1) * (np.nan if torn(self) else 1.0)
+
+
+class Compiled(Faulty):
+    def on_step(self, pose, leader, desired):
+        tick, own = self.compiled_tick()
+        command = np.zeros((len(pose), 2))
+        tick((pose,), own, command)
+        return command
+
+    def compiled_tick(self):
+        return CompiledTick(tick, (self._state, self._telemetry, self.gains.fault))
+
+
+@compiled
+def tick(inputs, own, commands):
+    state, telemetry, number = own
+    for i in range(len(state)):
+        telemetry[i]["count"] = state[i]["count"]
+        telemetry[i]["pair"][:] = inputs[0][i, :2]
+        state[i]["count"] += 1
+        if state[i]["count"] == 11 and number == 9:
+            raise ValueError("a number is wrong")
+        commands[i, 0], commands[i, 1] = 8.0 + 0.01 * inputs[0][i, 0], -0.1 * inputs[0][i, 3]
 
 
 def torn(law):

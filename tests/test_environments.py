@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import formation_controllers
+import numba
 import numpy as np
 import pytest
 import xarray as xr
@@ -42,7 +43,9 @@ LINE = ROOT / "scenarios" / "clmr_line.xml"
 def laws(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the module of a law, as a distribution."""
     folder = tmp_path_factory.mktemp("laws")
-    distribution(folder, "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty"], FAULTY)
+    distribution(
+        folder, "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty", "compiled = faulty_laws:Compiled"], FAULTY
+    )
     return folder
 
 
@@ -311,6 +314,24 @@ def test_a_law_that_misbehaves_is_named(
     assert nothing_left(own)
 
 
+def test_a_compiled_law_that_raises_is_named_with_its_line(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of two teams in one host, whose ticks compiled code runs one after the other, the second one fails."""
+    whole, part = faulty(own), faulty(own, 9)
+    first = whole.replace('id="pid" name="faulty"', 'id="first" name="compiled"')
+    file = written(tmp_path / "line.xml", first, part.replace('name="faulty"', 'name="compiled"'), assigned=("first",))
+    said = failed(capsys, 3, "run", str(file), "--out", str(tmp_path), *SHORT)
+    line = FAULTY[: FAULTY.index("a number is wrong")].count("\n") + 1
+    assert "follower_2 and follower_3 and follower_4 at t = 0.2 s: the controller 'compiled' of faulty-laws 1.2" in said
+    assert "failed: ValueError: a number is wrong" in said
+    assert f"faulty_laws.py:{line}" in said
+    kept = xr.load_dataset(tmp_path / "clmr_line" / "result.nc", engine="h5netcdf")
+    expected = cosim.run(written(tmp_path / "python.xml", whole), horizon=0.18, expectations=False)
+    assert np.array_equal(kept["pose"].values, expected["pose"].values)
+    assert nothing_left(own)
+
+
 def test_beside_a_supervised_plant(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fmu = tmp_path / "robot.fmu"
     shutil.copyfile(plants.build("car_like"), fmu)
@@ -552,6 +573,53 @@ def test_a_law_of_an_interface_without_records(monkeypatch: pytest.MonkeyPatch) 
         assert host.row_of(team.not_finite()) == 1
     assert np.isfinite(found[0]).any()
     assert np.array_equal(*found, equal_nan=True)
+
+
+# Ticks by compiled code ----------------------------------------------------------------------------------------------
+
+
+@numba.njit
+def _doubled(inputs: Any, own: Any, commands: Any) -> None:
+    if inputs[0] < 0:
+        raise ValueError("below zero")
+    own[0] += 1
+    commands[0] = 2 * inputs[0]
+
+
+@pytest.mark.skipif(host._compile(None) is None, reason="nothing is compiled here")
+def test_compiled_code_serves_ticks_as_long_as_they_come() -> None:
+    compiled = host._compile(host._core())
+    assert compiled is not None
+    board = host.Board(bytearray(host.board_size(6)), 6)
+    board.answered[1], board.current[0] = host.BY_PIPE, -1
+    counts, work = np.zeros((2, 1)), []
+    for inputs, commands, telemetry, count in zip(*board.numbers.reshape(3, 2, 1), counts, strict=True):
+        given = inputs, count, commands
+        _doubled.compile(tuple(map(numba.typeof, given)))
+        address = host._address_of(_doubled, given)
+        assert address is not None
+        work.append((address, telemetry.ctypes.data, count.ctypes.data, 8, *given))
+    seen = board.asked[:1].copy()
+    serve = compiled.serving(board, seen, tuple(work))
+
+    assert serve(10) == host._NOTHING
+    board.numbers[:2], board.asked[0] = [3, 4], 1
+    assert serve(10) == host._BY_PIPE
+    assert board.numbers.tolist() == [3, 4, 6, 8, 1, 1]
+    board.answered[1], board.numbers[:2], board.asked[0] = host.AWAKE, [5, 6], 2
+    assert serve(10) == host._NOTHING
+    assert board.numbers.tolist() == [5, 6, 10, 12, 2, 2]
+    assert (board.answered[0], board.current[0], board.tells[0]) == (2, -1, 0)
+    board.told[0], board.asked[0] = host.FIRST, 3
+    assert serve(10) == host._BY_PYTHON
+    assert counts.tolist() == [[2], [2]]
+
+    board.told[0], board.numbers[1], board.asked[0] = host.AS_COMPILED, -1, 4
+    with pytest.raises(ValueError, match="below zero"):
+        serve(10)
+    assert board.current[0] == 1  # who was at work
+    assert board.answered[0] == 2  # Python says what has failed, and answers
+    assert seen[0] == 4
 
 
 # Words that both sides share ----------------------------------------------------------------------------------------

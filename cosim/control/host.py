@@ -58,9 +58,10 @@ SAYS = 8
 
 _PATIENCE = 50e-6
 """Time [s] to look before going to sleep."""
-_FEWEST, _MOST = 64, 2**16
-"""Ticks without looks after one in which looking has not helped."""
-_ROUNDS = 1000
+_MOST = 2**16
+"""Most ticks without looks after some in which looking has not helped."""
+_ROUNDS = 30_000
+"""Looks between two of the clock, which take some microseconds."""
 _ORPHAN_CHECK = 1.0
 _PR_SET_PDEATHSIG, _SIGKILL = 1, 9
 _LINE = 64
@@ -154,9 +155,16 @@ def innermost(error: BaseException, packages: Collection[str]) -> str:
         return f"{error.filename}:{error.lineno}"
     place = ""
     for frame, line in traceback.walk_tb(error.__traceback__):
-        if _package(str(frame.f_globals.get("__name__", ""))) in packages:
-            place = f"{frame.f_code.co_filename}:{line}"
+        file = frame.f_code.co_filename
+        if _package(str(frame.f_globals.get("__name__") or _module_of(file))) in packages:
+            place = f"{file}:{line}"
     return place
+
+
+def _module_of(file: str) -> str:
+    """Return the module of a file: frames of what Numba has compiled know their file alone."""
+    modules = list(sys.modules.items())
+    return next((name for name, module in modules if getattr(module, "__file__", None) == file), "")
 
 
 def not_imported(error: BaseException, module: str) -> str:
@@ -317,6 +325,11 @@ def board_size(numbers: int) -> int:
     return 5 * _LINE + -(-max(numbers, 1) * 8 // _LINE) * _LINE
 
 
+def lines_of(address: int, size: int) -> range:
+    """Return the addresses of the cache lines with so many bytes from an address."""
+    return range(address - address % _LINE, address + size, _LINE)
+
+
 INPUTS = ("pose", "velocity", "leader_pose", "leader_velocity", "leader_acceleration", "q_d", "q_d_dot", "q_d_ddot")
 """The inputs of a team, as in `formation_controllers.interface.TickInputs`."""
 
@@ -368,6 +381,8 @@ class _Team:
         self._measured = "velocity" in getattr(law, "needs", ())
         self._dtype = telemetry_type(law.signals)
         self._call: Callable[[], None] | None = None
+        self.compiled: tuple[Any, ...] | None = None
+        """The call of its tick, and where its telemetry goes, for `_Compiled`; None if Python must call it."""
         self._prepare()
 
     @property
@@ -451,6 +466,9 @@ class _Team:
             telemetry[:] = signals
 
         self._call = call
+        if (address := _address_of(tick.function, (inputs, own, commands))) is not None:
+            copied = int(telemetry.ctypes.data), int(signals.ctypes.data), telemetry.nbytes
+            self.compiled = address, *copied, inputs, own, commands
 
 
 def _gain(value: Any) -> Any:
@@ -465,28 +483,42 @@ def _copy(part: Any) -> Any:
 
 
 class _Bell:
-    """How a host waits for requests, and answers a tick."""
+    """How a host waits for requests, and answers a tick.
 
-    def __init__(self, requests: int, replies: int) -> None:
+    Parameters
+    ----------
+    requests, replies
+        The pipes.
+    failed
+        Called with the exception of a law in a tick that compiled code has run, before that is answered.
+    """
+
+    def __init__(self, requests: int, replies: int, failed: Callable[[BaseException], None]) -> None:
         self._requests, self._replies = requests, replies
+        self._failed = failed
         self._board: Board | None = None
-        self._hears = self._asks = self._seen = 0
+        self._hears = self._asks = 0
+        self._seen: Any = None
         self._slept = True  # the harness still rings through the pipe alone
         self._rest = self._pause = 0
-        self._core = getattr(ctypes.CDLL(None), "sched_getcpu", None) if os.name == "posix" else None
-        self._functions: tuple[Callable[..., int], ...] | None = None
+        self._core = _core()
+        self._compiled: _Compiled | None = None
+        self._serve: Callable[[int], int] | None = None
 
-    def use(self, board: Board) -> None:
-        """Look at the numbers of a board from now on."""
+    def use(self, board: Board, work: tuple[Any, ...]) -> None:
+        """Look at the numbers of a board from now on, and run this work at a tick, if that is compiled."""
         self._board = board
         self._hears, self._asks = int(board.asked.ctypes.data), int(board.answered.ctypes.data)
         self._rest = self._pause = 0
         self._slept = True
-        self._functions = self._functions or _atomic()
         board.asked[1] = BY_PIPE
+        self._compiled = self._compiled or _compile(self._core)
+        if self._compiled is not None:
+            self._seen = board.asked[:1].copy()
+            self._serve = self._compiled.serving(board, self._seen, work)
 
     def wait(self) -> tuple[int, bytes] | None:
-        """Return the next request; None at the end."""
+        """Return the next request that compiled code has not answered; None at the end."""
         if not self._slept and self._look():
             return STEP, b""
         header = _exactly(self._requests, HEADER.size)
@@ -496,58 +528,114 @@ class _Bell:
         body = _exactly(self._requests, length)
         if body is None:
             return None
-        if self._functions is not None and self._board is not None:
-            _, swap, _, _ = self._functions
-            swap(self._hears + SAYS, AWAKE if kind == STEP else BY_PIPE)
+        if self._compiled is not None and self._board is not None:
+            self._compiled.swap(self._hears + SAYS, AWAKE if kind == STEP else BY_PIPE)
             self._slept = kind != STEP
-            self._seen = int(self._board.asked[0])
+            self._seen[0] = self._board.asked[0]
         return kind, body
 
     def answer(self) -> None:
         """Tell that a tick is done."""
         board = self._board
-        if board is None or self._functions is None:
+        if board is None or self._compiled is None:
             send(self._replies, DONE)
             return
         board.tells[2] = -1 if self._core is None else self._core()
-        if self._functions[3](self._asks):
+        if self._compiled.ring(self._asks):
             send(self._replies, DONE)
 
     def _look(self) -> bool:
-        """Look for a new number; return False, and say that this side sleeps, if there is none for long."""
-        assert self._functions is not None
+        """Look for new numbers; return whether Python has a tick to run.
+
+        If there is nothing for long, this side says that it sleeps.
+        """
+        assert self._compiled is not None
         assert self._board is not None
-        look, _, sleep, _ = self._functions
-        hears, seen, board = self._hears, self._seen, self._board
-        found = look(hears, seen, 1)
-        if self._rest > 0:
-            self._rest -= 1
-        elif not found:
+        seen, board, before = self._seen, self._board, int(self._seen[0])
+        found, resting, last = self._serves(1), self._rest > 0, -1
+        while not found and not resting:
+            if seen[0] != last:
+                last, until = int(seen[0]), time.perf_counter() + _PATIENCE
+            elif time.perf_counter() >= until:
+                break
             together = int(board.told.view("int64")[2]) == board.tells[2]
-            until = time.perf_counter() + _PATIENCE
-            while not (found := look(hears, seen, 1 if together else _ROUNDS)) and time.perf_counter() < until:
-                if together:
-                    os.sched_yield()
-            self._pause = self._pause // 2 if found else min(max(2 * self._pause, _FEWEST), _MOST)
+            found = self._serves(1 if together else _ROUNDS)
+            if together:
+                os.sched_yield()
+        served = int(seen[0]) - before
+        if resting:
+            self._rest = max(self._rest - served - (not found), 0)
+        else:
+            self._pause >>= min(served, 63)
+            self._pause = self._pause if found else min(2 * self._pause + 1, _MOST)
             self._rest = 0 if found else self._pause
-        if not found and sleep(hears, seen):
+        if not found and self._compiled.sleep(self._hears, int(seen[0])):
             self._slept = True
             return False
-        self._seen = int(board.asked[0])
+        seen[0] = board.asked[0]
         return True
 
+    def _serves(self, rounds: int) -> bool:
+        """Run ticks as long as each is asked for within so many looks; return whether Python has to run the next."""
+        assert self._serve is not None
+        try:
+            left = self._serve(rounds)
+        except (Exception, SystemExit) as error:  # of a law
+            self._failed(error)
+            self.answer()
+            return False
+        if left == _BY_PIPE:
+            send(self._replies, DONE)
+        return left == _BY_PYTHON
 
-def _atomic() -> tuple[Callable[..., int], ...] | None:
-    """Return functions of addresses that are atomic; None where nothing is compiled.
 
-    ``look(address, seen, rounds)`` tells whether another number has come, ``swap(address, value)`` exchanges one,
-    ``sleep(address, seen)`` tells whether this side may sleep, and ``ring(address)`` answers, and tells whether the
-    pipe must, too.
+# Compiled code ------------------------------------------------------------------------------------------------------
+
+_NOTHING, _BY_PYTHON, _BY_PIPE = range(3)
+"""What compiled code leaves to do: nothing is asked for; Python has a tick to run, or an answer to write."""
+
+
+class _Compiled(namedtuple("_Compiled", "serving swap sleep ring")):
+    """Functions of addresses that are atomic, and one that makes a function.
+
+    ``swap(address, value)`` exchanges a number, ``sleep(address, seen)`` tells whether this side may sleep, and
+    ``ring(address)`` answers, and tells whether the pipe must, too.
+
+    ``serving(board, seen, work)`` returns a function of a number of looks. It runs ticks as long as each is asked for
+    within so many, and tells what is left to do. ``seen`` holds the number of the last request. The work is that of
+    each team: the address of its tick, where its telemetry goes, where that comes from, how many bytes it has, and the
+    arguments of the tick; without work, all ticks are left to Python.
     """
+
+
+def _core() -> Callable[[], int] | None:
+    """Return the system's function that tells the core on which this thread works, if there is one."""
+    function = getattr(ctypes.CDLL(None), "sched_getcpu", None) if os.name == "posix" else None
+    if function is not None:
+        function.argtypes, function.restype = (), ctypes.c_int
+    return function
+
+
+def _address_of(function: Any, arguments: tuple[Any, ...]) -> int | None:
+    """Return the address of a function that Numba has compiled for arguments, by Numba's own way to call; else None."""
+    try:
+        from numba import typeof, types
+
+        overload = function.overloads[tuple(map(typeof, arguments))]
+    except (ImportError, AttributeError, KeyError):
+        return None
+    if overload.signature.return_type != types.none:
+        return None
+    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
+def _compile(core: Callable[[], int] | None) -> _Compiled | None:
+    """Compile what is atomic; None where nothing is compiled."""
     try:
         import numba
         from llvmlite import ir
         from numba import types
+        from numba.core import cgutils
         from numba.extending import intrinsic
     except ImportError:
         return None
@@ -569,14 +657,47 @@ def _atomic() -> tuple[Callable[..., int], ...] | None:
 
         return types.int64(types.int64, types.int64), generate
 
-    load: Any = loaded
-    exchange: Any = exchanged
+    @intrinsic
+    def ticked(_: Any, work: Any, current: Any) -> Any:
+        """Run a tick of all teams, each by its address, and say before in memory which one it is."""
 
-    def look(address: int, seen: int, rounds: int) -> int:
-        for _ in range(rounds):
-            if load(address) != seen:
-                return 1
-        return 0
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            convention, place = context.call_conv, builder.inttoptr(values[1], word.as_pointer())
+            for number, kind in enumerate(work):
+                address, to, of, size, *given = (
+                    builder.extract_value(builder.extract_value(values[0], number), i) for i in range(len(kind))
+                )
+                kinds = tuple(kind)[-len(given) :]
+                function = builder.inttoptr(address, convention.get_function_type(types.none, kinds).as_pointer())
+                builder.store(ir.Constant(word, number), place)
+                status, _result = convention.call_function(builder, function, types.none, kinds, given)
+                with cgutils.if_unlikely(builder, status.is_error):  # type: ignore[no-untyped-call]
+                    convention.return_status_propagate(builder, status)
+                target, source = (builder.inttoptr(at, ir.IntType(8).as_pointer()) for at in (to, of))
+                cgutils.raw_memcpy(builder, target, source, size, 1)  # type: ignore[no-untyped-call]
+            builder.store(ir.Constant(word, -1), place)
+            return context.get_dummy_value()
+
+        return types.none(work, types.int64), generate
+
+    @intrinsic
+    def claimed(_: Any, address: Any) -> Any:
+        """Fetch a cache line that is to be written to, while something else is done."""
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            number, memory = ir.IntType(32), ir.IntType(8).as_pointer()
+            kind = ir.FunctionType(ir.VoidType(), [memory, number, number, number])
+            prefetch = builder.module.declare_intrinsic("llvm.prefetch", [memory], kind)
+            given = (ir.Constant(number, value) for value in (1, 3, 1))  # to write, near, data
+            builder.call(prefetch, [builder.inttoptr(values[0], memory), *given])
+            return context.get_dummy_value()
+
+        return types.none(types.int64), generate
+
+    load: Any = loaded
+    claim: Any = claimed
+    exchange: Any = exchanged
+    run: Any = ticked
 
     def swap(address: int, value: int) -> int:
         before: int = exchange(address, value)
@@ -592,11 +713,53 @@ def _atomic() -> tuple[Callable[..., int], ...] | None:
         return int(says == BY_PIPE or (says == ASLEEP and exchange(address + SAYS, AWAKE) == ASLEEP))
 
     numbers = types.int64
-    return (
-        numba.njit(numbers(numbers, numbers, numbers))(look),
-        numba.njit(numbers(numbers, numbers))(swap),
-        numba.njit(numbers(numbers, numbers))(sleep),
-        numba.njit(numbers(numbers))(ring),
+    jit: Any = numba.njit
+    answer: Any = jit(numbers(numbers), nogil=True)(ring)
+    here: Any = core or jit(numbers(), nogil=True)(lambda: -1)
+
+    def serve(
+        hears: int, asks: int, told: Any, tells: Any, seen: Any, current: int, work: Any, lines: Any, rounds: int
+    ) -> int:
+        while True:
+            asked, looks = load(hears), 1
+            while asked == seen[0] and looks < rounds:
+                asked, looks = load(hears), looks + 1
+            if asked == seen[0]:
+                return _NOTHING
+            seen[0] = asked
+            if told[0] != AS_COMPILED or len(work) == 0:
+                return _BY_PYTHON
+            for i in range(len(lines)):
+                claim(lines[i])
+            if tells[0] != 0:  # a line that nobody writes to stays with both sides
+                tells[0] = 0
+            run(work, current)
+            core = here()
+            if tells[2] != core:
+                tells[2] = core
+            if answer(asks):
+                return _BY_PIPE
+
+    dispatcher: Any = jit(nogil=True)(serve)
+
+    def serving(board: Board, seen: Any, work: tuple[Any, ...]) -> Callable[[int], int]:
+        import numpy as np
+
+        hears, asks, current = (int(part.ctypes.data) for part in (board.asked, board.answered, board.current))
+        lines = {
+            line
+            for _, to, _, size, *_, commands in work
+            for line in (*lines_of(to, size), *lines_of(commands.ctypes.data, commands.nbytes))
+        }
+        given = hears, asks, board.told, board.tells, seen, current, work, np.array(sorted(lines), dtype=np.int64)
+        entry = dispatcher.compile((*map(numba.typeof, given), numbers))
+        return lambda rounds: int(entry(*given, rounds))
+
+    return _Compiled(
+        serving,
+        jit(numbers(numbers, numbers))(swap),
+        jit(numbers(numbers, numbers))(sleep),
+        answer,
     )
 
 
@@ -608,7 +771,7 @@ class _Host:
 
     def __init__(self, requests: int, replies: int) -> None:
         self._replies = replies
-        self._bell = _Bell(requests, replies)
+        self._bell = _Bell(requests, replies, self._failed)
         self._laws: dict[str, type] = {}
         self._teams: list[_Team] = []
         self._board: Board | None = None
@@ -685,21 +848,26 @@ class _Host:
                 return [{"team": number, "fault": said(error, law)}]
             finally:
                 self._current[0] = -1
-        self._bell.use(board)
+        work = tuple(team.compiled for team in self._teams if team.compiled is not None)
+        self._bell.use(board, work if len(work) == len(self._teams) else ())
         return []
 
     def _tick(self) -> None:
         how, tells, current = self._how[0], self._tells, self._current
         tells[0] = 0
-        number = -1
         try:
             for number, team in enumerate(self._teams):
                 current[0] = number
                 team.tick(how)
         except (Exception, SystemExit) as error:
-            self._failure = self._told(number, error)
-            tells[0] = number + 1
+            self._failed(error)
         current[0] = -1
+
+    def _failed(self, error: BaseException) -> None:
+        """Note the failure of the team that is at work in a tick."""
+        number = self._current[0]
+        self._failure = self._told(number, error)
+        self._tells[0], self._current[0] = number + 1, -1
 
     def _told(self, number: int, error: BaseException) -> dict[str, Any]:
         return {

@@ -19,7 +19,11 @@ def _swap_plain(address: int, value: int) -> int:
     return before
 
 
-def _make() -> tuple[Callable[[int], int], Callable[[int, int], int]]:
+def _claim_plain(address: int) -> None:
+    """Do nothing."""
+
+
+def _make() -> tuple[Callable[[int], int], Callable[[int, int], int], Callable[[int], None]]:
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -40,10 +44,23 @@ def _make() -> tuple[Callable[[int], int], Callable[[int, int], int]]:
 
         return types.int64(types.int64, types.int64), generate
 
-    return load, swap  # type: ignore[return-value]
+    @intrinsic
+    def claim(_: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            number, memory = ir.IntType(32), ir.IntType(8).as_pointer()
+            kind = ir.FunctionType(ir.VoidType(), [memory, number, number, number])
+            prefetch = builder.module.declare_intrinsic("llvm.prefetch", [memory], kind)
+            to_write, near, data = ir.Constant(number, 1), ir.Constant(number, 3), ir.Constant(number, 1)
+            builder.call(prefetch, [builder.inttoptr(values[0], memory), to_write, near, data])
+            return context.get_dummy_value()
+
+        return types.none(types.int64), generate
+
+    return load, swap, claim  # type: ignore[return-value]
 
 
-load, swap = _make() if COMPILED else (_load_plain, _swap_plain)
+load, swap, claim = _make() if COMPILED else (_load_plain, _swap_plain, _claim_plain)
 """``load(address)`` returns a 64-bit integer, ``swap(address, value)`` replaces it and returns the one before.
 
-Nothing is moved across them, by the compiler or the processor. Without compilation they are not atomic."""
+Nothing is moved across them, by the compiler or the processor. Without compilation they are not atomic.
+``claim(address)`` fetches a cache line that this core will write to, while it does something else."""

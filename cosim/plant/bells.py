@@ -291,7 +291,8 @@ def ring(bells: NDArray[np.void], gives: Copies, time: float, step: float) -> No
     for i in range(len(bells)):
         bell = bells[i]
         bell["heard"], bell["seen"], bell["slept"] = _NOTHING, load(bell["hears_at"]), 0
-        swap(bell["hears_at"] + SAYS, AWAKE)
+        if load(bell["hears_at"] + SAYS) != AWAKE:  # to write there takes the memory from the other core
+            swap(bell["hears_at"] + SAYS, AWAKE)
         ring_there(bell)
 
 
