@@ -26,7 +26,7 @@ from numpy.typing import DTypeLike, NDArray
 from cosim.errors import OutputError
 from cosim.shared_memory import shared
 
-IN_MEMORY = 256 * 1024**2
+IN_MEMORY = 64 * 1024**2
 """Bytes of long arrays that a run keeps in memory."""
 _AT_ONCE = 2**15
 """Numbers of a long array that are computed with at once."""

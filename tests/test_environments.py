@@ -347,6 +347,19 @@ def test_beside_a_supervised_plant(own: Path, tmp_path: Path, capsys: pytest.Cap
     assert np.array_equal(part["pose"].values, alone["pose"].values[:10])
 
 
+def test_a_law_beside_a_supervised_plant_prints_in_its_own_name(
+    own: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    fmu = tmp_path / "robot.fmu"
+    shutil.copyfile(plants.build("car_like"), fmu)
+    file = written(tmp_path / "line.xml", faulty(own, 5, 'time_limit="60 s"'))
+    assert main(["run", str(file), "--plant", f"clmr={fmu}", "--out", str(tmp_path), *SHORT]) == 0
+    lines = [(record.name, record.getMessage()) for record in caplog.records]
+    assert lines[0] == ("cosim.controller", f"controllers in {own}: line 0")
+    assert lines[-1][1] == f"controllers in {own} prints more than 1000 lines; the others are not shown"
+    assert len(lines) == 1001
+
+
 def test_a_law_names_its_robot(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for fault, said in ((6, "failed: too near"), (8, "failed: the torque is not finite, at count = ")):
         file = written(tmp_path / "line.xml", faulty(own, fault))

@@ -41,6 +41,21 @@ def test_the_first_lines_are_shown(caplog: pytest.LogCaptureFixture) -> None:
     assert lines[-1] == f"car.fmu prints more than {LINES} lines; the others are not shown"
 
 
+def test_what_is_logged_in_the_process_keeps_its_name(caplog: pytest.LogCaptureFixture) -> None:
+    """It may come after a line that is begun, and does not count among those that are printed."""
+    printed = Printed("car.fmu")
+    data = f"begun{printed.mark}cosim.controller law: a\x1b\n{printed.mark}cosim.fmu other.fmu: b\nc\n"
+    data += f"{printed.mark}root x\n" + f"{printed.mark}cosim.fmu d\n" * (LINES + 1) + "e\n"
+    pipe = printed.of(os.dup)
+    with os.fdopen(pipe, "wb") as file:
+        file.write(data.encode())
+    printed.close()
+    found = [(record.name, record.getMessage()) for record in caplog.records]
+    assert sorted(found[:2]) == [("cosim.controller", "law: a?"), ("cosim.fmu", "car.fmu: begun")]
+    assert found[2:4] == [("cosim.fmu", "other.fmu: b"), ("cosim.fmu", "car.fmu: c")]
+    assert found[4:] == [("cosim.fmu", "d")] * (LINES + 1) + [("cosim.fmu", "car.fmu: e")]
+
+
 def test_who_holds_the_pipe_is_not_waited_for() -> None:
     printed = Printed("car.fmu")
     pipe = printed.of(os.dup)

@@ -15,6 +15,7 @@ import pytest
 from formation_controllers import Signal
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePid
 
+import cosim
 import cosim.cli.run
 import cosim.master.recorded_result
 from cosim.cli import main
@@ -347,6 +348,8 @@ def test_laws_that_fail(
     ("attributes", "sentence"),
     [
         ({"__init__": raising(KeyError("x"))}, "controller 'pid': KeyError: 'x'"),
+        ({"__init__": raising(SystemExit("no licence"))}, "controller 'pid': SystemExit: no licence"),
+        ({"gains_type": type("G", (), {"from_mapping": raising(SystemExit(0))})}, "controller 'pid': SystemExit: 0"),
         ({"vehicles": ("boat",)}, "boat"),
         ({"signals": (Signal("pose", "m", "mine"),)}, "its signal 'pose' has the name of another in the result"),
         ({"signals": (Signal("time", "s", "mine"),)}, "its signal 'time' has the name of another in the result"),
@@ -364,6 +367,21 @@ def test_laws_that_do_not_fit(
     law = type("Law", (NeuralAdaptivePid,), attributes)
     printed = failed(capsys, 2, *run_with(law, line, tmp_path, monkeypatch))
     assert sentence in printed
+
+
+@pytest.mark.parametrize("method", ["compiled_tick", "reset"])
+def test_a_law_that_exits_where_it_may_refuse(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    """It is stepped from Python, or made anew for the next run."""
+    run_with(type("Law", (NeuralAdaptivePid,), {method: raising(SystemExit(0))}), line, tmp_path, monkeypatch)
+    short = cosim.read_scenario(line).edited(horizon=0.1, expectations=False)
+    with cosim.Prepared(short, ["pose"]) as prepared:
+        first, second = (prepared.run().result for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert len(first["pose"].values) == 6
+    assert np.array_equal(first["pose"].values, second["pose"].values)
 
 
 def test_a_fault_of_the_master_loses_nothing_either(

@@ -123,7 +123,7 @@ def checked_gains(law: Any, settings: Sequence[tuple[str, float | tuple[float, .
         return gains
     except GainError as error:
         raise GainFault(str(error), len(values) - 1) from None
-    except Exception as error:  # gains are other people's code, too
+    except (Exception, SystemExit) as error:  # gains are other people's code, too
         raise GainFault(told(error, law), len(values) - 1) from None
 
 

@@ -32,7 +32,7 @@ class TeamHere(Team):
                 fc.Team(self.vehicle, len(self.robots), self.period),
                 self.gains[0] if self.shares_gains else self.gains,
             )
-        except Exception as error:  # a controller is other people's code
+        except (Exception, SystemExit) as error:  # a controller is other people's code
             raise InputError(f"controller {source.id!r}: {said(error, self._law)}", source.where) from None
         self._checks_torques = type(self.controller).step is Controller.step
         self._record: NDArray[np.void] | None = None
@@ -87,7 +87,7 @@ class TeamHere(Team):
         try:
             record = self.controller.telemetry_record
             tick = self.controller.compiled_tick()
-        except Exception:  # it will fail again when it is stepped, and be reported there
+        except (Exception, SystemExit):  # it will fail again when it is stepped, and be reported there
             return None
         return tick if self._is_stated(record) and record.flags.c_contiguous and self.alike else None
 
@@ -97,7 +97,7 @@ class TeamHere(Team):
             if made_of != self.made_of or self.compiled_tick() is None:
                 return False
             self.controller.reset()
-        except Exception:  # a controller and its gains are other people's code
+        except (Exception, SystemExit):  # a controller and its gains are other people's code
             return False
         return True
 

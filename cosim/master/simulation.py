@@ -47,7 +47,7 @@ from cosim.storage import forget
 if TYPE_CHECKING:
     import xarray as xr
 
-_KEPT = 64 * 1024**2
+_KEPT = 32 * 1024**2
 """Bytes of records that lie in memory at least, where the others lie in files."""
 _NUMBERS = {1: "one", 2: "two", 3: "three"}
 

@@ -281,11 +281,11 @@ class SupervisedRun(Closing):
 
     # The process --------------------------------------------------------------------------------------------
 
-    def _fork(self, run: Callable[[int, int, int], None]) -> None:
+    def _fork(self, run: Callable[[str, int, int, int], None]) -> None:
         with undisturbed():  # a process that nobody knows would be left, and pipes
             self._fork_undisturbed(run)
 
-    def _fork_undisturbed(self, run: Callable[[int, int, int], None]) -> None:
+    def _fork_undisturbed(self, run: Callable[[str, int, int, int], None]) -> None:
         orders, tells = os.pipe(), os.pipe()
         self._mark = process_tree.new_mark()
         for stream in (sys.stdout, sys.stderr):
@@ -295,7 +295,7 @@ class SupervisedRun(Closing):
         printed = Printed(", ".join(dict.fromkeys(foreign)))
         with warnings.catch_warnings():  # of threads that the child lacks: it runs none of their code
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._pid = printed.of(lambda pipe: self._forked(partial(run, pipe, orders[0], tells[1])))
+            self._pid = printed.of(lambda pipe: self._forked(partial(run, printed.mark, pipe, orders[0], tells[1])))
         self._printed = printed
         os.close(orders[0])
         os.close(tells[1])

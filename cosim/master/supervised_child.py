@@ -8,7 +8,6 @@ from __future__ import annotations
 import ctypes
 import faulthandler
 import json
-import logging
 import os
 import signal
 import sys
@@ -36,7 +35,7 @@ from cosim.master.simulation import Simulation
 from cosim.plant.activity import Activity
 from cosim.plant.fleet import Fleet
 from cosim.plant.log import Log
-from cosim.plant.printed import LOG, line_by_line
+from cosim.plant.printed import hand_on, line_by_line
 from cosim.plant.protocol import HEADER, exactly, send
 from cosim.scenario.scenario import Scenario
 from cosim.shared_memory import provide
@@ -64,6 +63,7 @@ def child(
     gate: Gate | None,
     start: Start | None,
     checkpoints: Checkpoints | None,
+    mark: str,
     printed: int,
     orders: int,
     tells: int,
@@ -82,8 +82,8 @@ def child(
         Holds the run, if there is one.
     start, checkpoints
         As for `Simulation`; what was recorded up to the start is in the memory already.
-    printed
-        A pipe to the process that supervises this one, for everything that is printed here.
+    mark, printed
+        That of a `Printed` of the process that supervises this one, and its pipe, for everything that is printed here.
     orders, tells
         Pipes from and to it.
     """
@@ -91,7 +91,7 @@ def child(
     _leave()
     Log.begin_anew()  # FMI 1.0 tells instances apart by their names, which those of the supervising process have, too
     orders, tells, printed = _out_of_reach(orders, tells, printed)
-    _print_to(printed)
+    _print_to(printed, mark)
     tell = partial(_tell, tells)
     activity.listen()
     try:
@@ -172,14 +172,14 @@ def _leave() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def _print_to(pipe: int) -> None:
-    """Let everything that is printed go there, line by line, so that a crash loses none."""
+def _print_to(pipe: int, mark: str) -> None:
+    """Let everything that is printed or logged go there, line by line, so that a crash loses none."""
     for standard in (1, 2):
         os.dup2(pipe, standard)
     os.close(pipe)
     sys.stdout = sys.stderr = open(2, "w", 1, "utf-8", "backslashreplace", closefd=False)  # noqa: SIM115
     line_by_line()
-    LOG.handlers, LOG.propagate = [logging.StreamHandler(sys.stderr)], False  # files of others are closed here
+    hand_on(mark, sys.stderr)
 
 
 def _out_of_reach(*pipes: int) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
+import secrets
 import select
 import signal
 import sys
@@ -12,13 +13,15 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 from cosim.errors import printable
 
 LOG = logging.getLogger("cosim.fmu")
 """Shows its lines on standard error, unless the program that uses this package wants them elsewhere."""
 
+LOGGED = (LOG.name, "cosim.controller")
+"""The loggers of what other processes print, FMUs and laws."""
 LINES = 1000
 """Lines of a process that are shown, the first ones."""
 CHARACTERS = 500
@@ -44,10 +47,16 @@ class Printed:
         The name of the FMU, or the names.
     log
         Where the lines go.
+
+    Attributes
+    ----------
+    mark : str
+        For `hand_on` in the process: what it logs there is logged here again, with nothing put in front.
     """
 
     def __init__(self, whose: str, log: logging.Logger = LOG) -> None:
         self._whose, self._log = whose, log
+        self.mark = f"\0{secrets.token_hex(16)}\0"
         self._read, self._pipe = os.pipe()
         self._give_up: float | None = None
         self._rest = b""
@@ -102,6 +111,13 @@ class Printed:
         self._rest = (self._rest + rest)[: 8 * CHARACTERS]
 
     def _show(self, line: bytes) -> None:
+        line, logged, text = line.partition(self.mark.encode())
+        if logged:
+            name, _, message = text.decode(errors="replace").partition(" ")
+            if name in LOGGED:
+                logging.getLogger(name).warning("%s", printable(message))
+            if not line:  # which the process has begun and not ended
+                return
         self._shown += 1
         if self._shown > LINES + 1:
             return
@@ -112,6 +128,14 @@ class Printed:
         text = line[: 8 * CHARACTERS].decode(errors="replace").rstrip("\r").expandtabs()
         text = text if len(text) <= CHARACTERS else f"{text[:CHARACTERS]}..."
         self._log.warning("%s", printable(f"{self._whose}: {text}").replace("\n", "?"))
+
+
+def hand_on(mark: str, stream: TextIO) -> None:
+    """Let everything that this process logs go to a stream, for the `Printed` of this mark in another process."""
+    to = logging.StreamHandler(stream)
+    to.setFormatter(logging.Formatter(f"{mark}%(name)s %(message)s"))
+    for log in map(logging.getLogger, LOGGED):
+        log.handlers, log.propagate = [to], False  # files of others are closed here
 
 
 def line_by_line() -> None:
