@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from cosim.errors import OutputError
 from cosim.shared_memory import shared
@@ -160,6 +160,13 @@ def blocks(samples: int, numbers: int = 1, multiple: int = 1) -> Iterator[slice]
     for start in range(0, samples, length):
         yield slice(start, min(start + length, samples))
         forget()
+
+
+def fill(place: NDArray[Any], values: ArrayLike) -> None:
+    """Write values, or those that all samples have, into an array (samples, ...), part by part."""
+    whole = np.broadcast_to(values, place.shape)
+    for block in blocks(len(place), place[:1].size):
+        place[block] = whole[block]
 
 
 def forget() -> None:

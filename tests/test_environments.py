@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -27,10 +28,11 @@ from cosim.control import host, host_process, new_environment
 from cosim.control.environment import environment_at
 from cosim.control.hosts import Host
 from cosim.control.law import Law
-from cosim.errors import InputError, SimulationError
+from cosim.errors import InputError, OutputError, SimulationError
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
+from cosim.unforeseen import status_of
 
 from .commands import command, failed
 from .environments import CONTROLLERS, FAULTY, ROOT, distribution, environment, packages_of
@@ -274,6 +276,63 @@ def test_an_environment_is_made_whole_or_not_at_all(tmp_path: Path, capsys: pyte
     assert "name a package" in failed(capsys, 2, "env", "create", str(tmp_path / "x"))
     assert "is no project" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), str(there))
     assert "takes none of --python" in failed(capsys, 2, "env", "list", str(there), "--share")
+
+
+def wheel(folder: Path, name: str) -> Path:
+    """Write a wheel with an empty module."""
+    path, about = folder / f"{name}-1.0-py3-none-any.whl", f"{name}-1.0.dist-info"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr(f"{name}.py", "")
+        file.writestr(f"{about}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        file.writestr(
+            f"{about}/WHEEL", "Wheel-Version: 1.0\nGenerator: a test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        file.writestr(f"{about}/RECORD", "")
+    return path
+
+
+@pytest.fixture(params=["uv", "pip"])
+def installer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Let environments be made by uv, if it is there, and by pip."""
+    if request.param == "uv" and shutil.which("uv") is None:
+        pytest.skip("uv is not installed")
+    if request.param == "pip":
+        monkeypatch.setattr(new_environment.shutil, "which", lambda name: None)
+    return str(request.param)
+
+
+def test_an_environment_that_cannot_be_used_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], installer: str
+) -> None:
+    """Not the folders above it either; a folder that was there stays, empty."""
+    said = failed(capsys, 2, "env", "create", str(tmp_path / "not" / "yet"), str(wheel(tmp_path, "plain")))
+    assert "it lacks formation-controllers, which every controller needs" in said
+    assert "name a package that needs formation-controllers, or formation-controllers besides, or" in said
+    assert not (tmp_path / "not").exists()
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "bad-1.0-py3-none-any.whl").write_text("no wheel")
+    said = failed(capsys, 2, "env", "create", str(tmp_path / "empty"), str(tmp_path / "bad-1.0-py3-none-any.whl"))
+    assert ("invalid" if installer == "pip" else "unable to locate the end of central directory") in said
+    assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_an_environment_of_a_wheel_is_made(tmp_path: Path, capsys: pytest.CaptureFixture[str], installer: str) -> None:
+    printed, _ = command(capsys, "env", "create", tmp_path / "e", wheel(tmp_path, "plain"), "--share")
+    assert "neural-adaptive-pid" in printed
+    assert list(packages_of(tmp_path / "e").glob("plain.py"))
+
+
+def test_an_installer_that_fills_the_disk_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    uv = tmp_path / "uv"
+    uv.write_text(
+        "#!/bin/sh\necho 'error: failed to write' >&2; echo '  cause: No space left on device (os error 28)' >&2; exit 2"
+    )
+    uv.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(OutputError, match="No space left on device .*; make room") as told:
+        new_environment.create(tmp_path / "new", ["some-laws"], check=print)
+    assert status_of(told.value) == 71
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_shared_environment_has_the_controllers_that_are_installed_for_editing(tmp_path: Path) -> None:

@@ -2,6 +2,9 @@
 
 import errno
 import math
+import os
+import subprocess
+import sys
 import tracemalloc
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -144,6 +147,39 @@ def test_the_memory_of_a_run_does_not_grow_with_its_length(tmp_path: Path, monke
     peak("1 s")  # caches
     short, long = peak("5 s"), peak("20 s")
     assert long < 1.3 * short, (short, long)
+
+
+PEAKS = """import sys
+import cosim.storage
+from cosim.cli import main
+from cosim.master import simulation
+from cosim.report import content
+from cosim.results import passes
+cosim.storage._AT_ONCE = passes._SUMMED_AT_ONCE = 2**11
+cosim.storage._FEWEST = 2**7
+cosim.storage.IN_MEMORY = simulation._KEPT = 2**20
+content.MOST_NUMBERS = content.MOST_POSES = 1000
+for horizon in sys.argv[3:]:
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+    status = main(["run", sys.argv[1], "--out", sys.argv[2], "--horizon", horizon, "--no-figure"])
+    peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+    print("peak", status, peak.split()[1])
+"""
+"""Prints the peak of all memory of a process, mapped files among it, that each of several runs has."""
+
+
+@pytest.mark.skipif(not os.access("/proc/self/clear_refs", os.W_OK), reason="Linux tells the peak of memory")
+def test_the_peak_of_a_run_with_its_files_does_not_grow_with_its_length(tmp_path: Path) -> None:
+    """Courses that change on the way are as long as the run, too: places, torques, signals."""
+    scenario, horizons = SCENARIOS / "formation_change.xml", ("120 s", "240 s", "900 s")
+    command = [sys.executable, "-c", PEAKS, str(scenario), str(tmp_path), *horizons]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    peaks = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("peak ")]
+    assert [status for status, _ in peaks] == ["0"] * 3, done.stdout + done.stderr
+    _, short, long = (1024 * int(peak) for _, peak in peaks)
+    _, smaller, larger = sorted(path.stat().st_size for path in tmp_path.glob("*/result.nc"))
+    assert long - short < 0.1 * (larger - smaller), (short, long, smaller, larger)
 
 
 def test_a_long_result_is_drawn_by_its_extremes(monkeypatch: pytest.MonkeyPatch) -> None:

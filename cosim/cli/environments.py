@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 from cosim.cli.console import out, safe, say, table, taking_a_while, warn
 from cosim.control.environment import environment_at
 from cosim.control.hosts import Host
 from cosim.control.new_environment import create
 from cosim.errors import InputError
+
+Found: TypeAlias = tuple[Mapping[str, tuple[str, str]], Mapping[str, str]]
 
 
 def environments(options: argparse.Namespace) -> int:
@@ -19,23 +23,45 @@ def environments(options: argparse.Namespace) -> int:
         if not options.packages:
             raise InputError("formation env create DIR PACKAGE: name a package with its version, a wheel, or a folder")
         with taking_a_while(f"installing {', '.join(options.packages)} in {folder}"):
-            create(folder, options.packages, python=options.python, wheels=options.wheels, share=options.share)
+            found = create(
+                folder,
+                options.packages,
+                python=options.python,
+                wheels=options.wheels,
+                share=options.share,
+                check=_found_in_new,
+            )
     elif options.packages:
         raise InputError(f'formation env list DIR takes no package: "{options.packages[0]}"')
     elif options.python or options.wheels is not None or options.share:
         raise InputError("formation env list DIR takes none of --python, --wheels and --share: they are of env create")
-    _show(folder)
+    else:
+        found = _found(folder)
+    _show(folder, *found)
     return 0
 
 
-def _show(folder: Path) -> None:
-    """Print the controllers of an environment."""
+def _found(folder: Path) -> Found:
+    """Return package and version of each controller in an environment by its name, and the versions of libraries."""
     host = Host(environment_at(folder))
     try:
-        found = host.installed()
-        versions = host.versions
+        return host.installed(), host.versions
     finally:
         host.stop()
+
+
+def _found_in_new(folder: Path) -> Found:
+    try:
+        return _found(folder)
+    except InputError as error:
+        raise InputError(
+            f"{error.message}; nothing is kept of it: name a package that needs formation-controllers, or "
+            "formation-controllers besides, or take that of Formation with --share"
+        ) from None
+
+
+def _show(folder: Path, found: Mapping[str, tuple[str, str]], versions: Mapping[str, str]) -> None:
+    """Print the controllers of an environment."""
     console = out()
     if found:
         listed = table(console, safe(f"Controllers in {folder}"))

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from cosim.control.environment import interpreter_in
 from cosim.errors import InputError, OutputError, printable
+from cosim.undisturbed import undisturbed
+
+T = TypeVar("T")
 
 SHARED = "_formation_libraries.pth"
 """The file by which an environment has the libraries of another one."""
+_FULL = os.strerror(errno.ENOSPC)
 _LINES = 6
 """Lines of an installer's complaint that are shown."""
 
@@ -26,8 +33,9 @@ def create(
     python: str = "",
     wheels: Path | None = None,
     share: bool = False,
-) -> None:
-    """Make an environment with packages; all of it or nothing.
+    check: Callable[[Path], T],
+) -> T:
+    """Make an environment with packages, all of it or nothing; return what `check` tells of it.
 
     Parameters
     ----------
@@ -42,13 +50,15 @@ def create(
     share
         Whether the environment has the libraries of this one besides, such as NumPy and Numba; of the packages named
         nothing more is installed then.
+    check
+        Is called with the folder; what it raises is a reason to leave nothing.
 
     Raises
     ------
     InputError
         The folder is in use, or a package cannot be installed.
     OutputError
-        The folder cannot be written.
+        The folder cannot be written, or the disk is full.
     """
     if os.path.lexists(folder) and not (folder.is_dir() and not any(folder.iterdir())):
         raise InputError(f"{folder} is there already: name another folder, or remove it")
@@ -56,16 +66,37 @@ def create(
         raise InputError(f"--wheels {wheels}: there is no such folder")
     wanted = [_wanted(package) for package in packages]
     uv = shutil.which("uv")
-    try:
+    with _whole_or_nothing(folder):
         _run(_make(folder, python, uv), folder, "cannot be made")
         if share:
             _share(folder)
         _run(_install(folder, wanted, wheels, share, uv), folder, "cannot be completed")
+        return check(folder)
+
+
+@contextmanager
+def _whole_or_nothing(folder: Path) -> Iterator[None]:
+    """Remove what the block has made if it fails: the content of a folder, or it with the folders above it."""
+    made = [place for place in (folder, *folder.parents) if not os.path.lexists(place)]
+    try:
+        yield
     except BaseException as error:
-        shutil.rmtree(folder, ignore_errors=True)
+        with undisturbed():
+            for path in folder.iterdir() if not made and folder.is_dir() else made[:1]:
+                _remove(path)
+            for place in made[1:]:
+                with suppress(OSError):  # somebody else has put something there
+                    place.rmdir()
         if isinstance(error, OSError):
-            raise OutputError(f"{folder} cannot be written: {error.strerror}") from None
+            raise OutputError(f"{folder} cannot be written: {error.strerror}") from error
         raise
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _wanted(package: str) -> str:
@@ -140,12 +171,22 @@ def _run(command: Sequence[str], folder: Path, failed: str) -> None:
     if done.returncode == 0:
         return
     lines = [line.strip() for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-    complaints = [line for line in lines if re.match(r"(ERROR|error|×|x |╰|Error)", line)] or lines
+    complaints = [line for line in lines if re.match(r"(ERROR|error|cause:|Caused by|×|x |╰|Error)", line)] or lines
+    if full := next((line for line in lines if _FULL in line), ""):
+        raise OutputError(f"{folder} {failed}: {printable(full)}; make room") from OSError(errno.ENOSPC, _FULL)
     text = printable("; ".join(line.removeprefix("ERROR:").strip() for line in complaints[-_LINES:]))
     hint = "; without a network, --wheels DIR takes packages from a folder" if _offline("\n".join(lines)) else ""
     raise InputError(f"{folder} {failed}: {text or f'{Path(command[0]).name} ended with {done.returncode}'}{hint}")
 
 
 def _offline(text: str) -> bool:
-    signs = ("NewConnectionError", "Failed to establish", "ConnectTimeout", "ProxyError", "dns error", "error sending")
+    signs = (
+        "Request failed after",
+        "NewConnectionError",
+        "Failed to establish",
+        "ConnectTimeout",
+        "ProxyError",
+        "dns error",
+        "error sending",
+    )
     return any(sign in text for sign in signs)

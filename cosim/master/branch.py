@@ -16,7 +16,7 @@ from cosim.master.robot_events import check_tunable
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.scenario.scenario import Scenario
-from cosim.storage import Storage
+from cosim.storage import Storage, blocks, fill
 
 
 def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
@@ -95,10 +95,11 @@ def _spliced(
     course: NDArray[np.float64], before: NDArray[np.float64], tick: int, storage: Storage
 ) -> NDArray[np.float64]:
     """Return a course (ticks + 1, ...) with the values of another one before a tick."""
-    if np.array_equal(course[:tick], before[:tick]):
+    if all(np.array_equal(course[block], before[block]) for block in blocks(tick, course[:1].size)):
         return course
     found = storage.empty(course.shape)
-    found[:tick], found[tick:] = before[:tick], course[tick:]
+    fill(found[:tick], before[:tick])
+    fill(found[tick:], course[tick:])
     return found
 
 

@@ -22,7 +22,7 @@ from cosim.plant.spec import FLOAT_TYPES
 from cosim.quantity import quantity
 from cosim.scenario.scenario import InputSource, Scenario, Setting
 from cosim.signals.waves import add_samples, understood
-from cosim.storage import Storage, constant
+from cosim.storage import Storage, constant, fill
 from cosim.vehicle.kind import Role
 from plants import UnitError, units
 
@@ -163,7 +163,7 @@ def _torque(
     hold(found, list(torques.items()))
     for column, own in signals.items():
         add_samples(found[:, column], own.source, own.unit, scenario.clock, scenario.seed, robot)
-    found[stop:] = 0.0
+    fill(found[stop:], 0.0)
     return found
 
 
@@ -175,7 +175,7 @@ def _samples(
     found = storage.empty((scenario.ticks + 1, len(inputs)))
     for column, own in enumerate(inputs):
         course = found[:, column]
-        course[:] = 0.0 if own.source.waves else _at_rest(fmu, own.bound)
+        fill(course, 0.0 if own.source.waves else _at_rest(fmu, own.bound))
         add_samples(course, own.source, own.unit, scenario.clock, scenario.seed, robot)
         hold(course, own.events)
     return found
@@ -185,7 +185,7 @@ def hold(samples: NDArray[np.float64], values: Sequence[tuple[int, ArrayLike]]) 
     """Let each of some values, in the order of their ticks, hold until the tick of the next one."""
     until = len(samples)
     for tick, value in reversed(values):
-        samples[tick:until] = value
+        fill(samples[tick:until], value)
         until = tick
 
 

@@ -42,7 +42,7 @@ from cosim.results.provenance import Part
 from cosim.results.result import Result
 from cosim.scenario.edits import Change
 from cosim.scenario.scenario import LEADER, Scenario
-from cosim.storage import forget
+from cosim.storage import fill, forget
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -464,11 +464,11 @@ class Simulation(Closing):
         part = Part(self.time, self.scenario.changes, self.scenario.text if changes else "")
         recorder, tick = self._ticks.recorder, self.tick
 
-        def fill(other: Recorder) -> None:
+        def take_over(other: Recorder) -> None:
             for place, own in zip(other.numbers(0, tick), recorder.numbers(0, tick), strict=True):
-                place[:] = own
+                fill(place, own)
 
-        start = Start(self.scenario, self._ticks.saved(), fill, (*self.parts, part))
+        start = Start(self.scenario, self._ticks.saved(), take_over, (*self.parts, part))
         return type(self)(self.scenario.edited(changes), observers=observers, start=start)
 
     def _require_open(self, what: str) -> None:

@@ -26,7 +26,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
 from cosim.signals.chain import Chain
 from cosim.signals.sensors import pose_sensors
-from cosim.storage import blocks, is_constant
+from cosim.storage import blocks, fill, is_constant
 
 Floats = NDArray[np.float64]
 
@@ -274,7 +274,7 @@ class Ticks:
         recorder, now, desired = self.recorder, self._now, self._setup.desired
         for name, values in (("desired_range", desired.q[..., 0]), ("desired_bearing", desired.q[..., 1])):
             if recorder.records(name):
-                recorder.of(name)[:] = values
+                fill(recorder.of(name), values)
         records = []
         for own, values in (
             ("pose", now.pose),

@@ -111,9 +111,9 @@ class Printed:
         self._rest = (self._rest + rest)[: 8 * CHARACTERS]
 
     def _show(self, line: bytes) -> None:
-        line, logged, text = line.partition(self.mark.encode())
+        line, logged, entry = line.partition(self.mark.encode())
         if logged:
-            name, _, message = text.decode(errors="replace").partition(" ")
+            name, _, message = entry.decode(errors="replace").partition(" ")
             if name in LOGGED:
                 logging.getLogger(name).warning("%s", printable(message))
             if not line:  # which the process has begun and not ended
