@@ -283,11 +283,12 @@ def wheel(folder: Path, name: str) -> Path:
     path, about = folder / f"{name}-1.0-py3-none-any.whl", f"{name}-1.0.dist-info"
     with zipfile.ZipFile(path, "w") as file:
         file.writestr(f"{name}.py", "")
-        file.writestr(f"{about}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-        file.writestr(
-            f"{about}/WHEEL", "Wheel-Version: 1.0\nGenerator: a test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
-        file.writestr(f"{about}/RECORD", "")
+        for place, text in (
+            ("METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n"),
+            ("WHEEL", "Wheel-Version: 1.0\nGenerator: a test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"),
+            ("RECORD", ""),
+        ):
+            file.writestr(f"{about}/{place}", text)
     return path
 
 
@@ -324,12 +325,10 @@ def test_an_environment_of_a_wheel_is_made(tmp_path: Path, capsys: pytest.Captur
 
 def test_an_installer_that_fills_the_disk_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     uv = tmp_path / "uv"
-    uv.write_text(
-        "#!/bin/sh\necho 'error: failed to write' >&2; echo '  cause: No space left on device (os error 28)' >&2; exit 2"
-    )
+    uv.write_text("#!/bin/sh\necho 'error: it failed\n  cause: No space left on device (os error 28)' >&2\nexit 2\n")
     uv.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(OutputError, match="No space left on device .*; make room") as told:
+    monkeypatch.setattr(new_environment.shutil, "which", lambda name: str(uv))
+    with pytest.raises(OutputError, match="No space left on device") as told:
         new_environment.create(tmp_path / "new", ["some-laws"], check=print)
     assert status_of(told.value) == 71
     assert not (tmp_path / "new").exists()

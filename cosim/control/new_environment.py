@@ -164,7 +164,13 @@ def _run(command: Sequence[str], folder: Path, failed: str) -> None:
     """Run a command; if it fails, tell why in its own words."""
     try:
         done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            env={**os.environ, "COLUMNS": "10000", "NO_COLOR": "1"},  # a complaint is one line
         )
     except OSError as error:
         raise InputError(f"{folder} {failed}: {command[0]} cannot be started: {error.strerror}") from None
@@ -174,19 +180,11 @@ def _run(command: Sequence[str], folder: Path, failed: str) -> None:
     complaints = [line for line in lines if re.match(r"(ERROR|error|cause:|Caused by|×|x |╰|Error)", line)] or lines
     if full := next((line for line in lines if _FULL in line), ""):
         raise OutputError(f"{folder} {failed}: {printable(full)}; make room") from OSError(errno.ENOSPC, _FULL)
-    text = printable("; ".join(line.removeprefix("ERROR:").strip() for line in complaints[-_LINES:]))
+    text = printable("; ".join(re.sub(r"^(ERROR|error|cause): *", "", line) for line in complaints[-_LINES:]))
     hint = "; without a network, --wheels DIR takes packages from a folder" if _offline("\n".join(lines)) else ""
     raise InputError(f"{folder} {failed}: {text or f'{Path(command[0]).name} ended with {done.returncode}'}{hint}")
 
 
 def _offline(text: str) -> bool:
-    signs = (
-        "Request failed after",
-        "NewConnectionError",
-        "Failed to establish",
-        "ConnectTimeout",
-        "ProxyError",
-        "dns error",
-        "error sending",
-    )
+    signs = ("NewConnectionError", "Failed to establish", "ConnectTimeout", "ProxyError", "dns error", "error sending")
     return any(sign in text for sign in signs)
