@@ -31,13 +31,16 @@ from cosim.tests.driving import scenario
 from cosim.tests.studies import SEEDS, write_study
 from plants import scratch
 from tests.dask_cluster import Cluster
+from tests.environments import CONTROLLERS, environment
 from tests.safety import passed
 from tests.stub.stub import make_fmu
 
-KINDS = ["run", "run", "figure", "build", "check", "pytest", "study", "tune", "cluster"]
-"""Commands, those twice that are given more often; the last three are studies, one of them on a cluster."""
-STUDIES = {"study": "study", "tune": "tune", "cluster": "study"}
+KINDS = ["run", "run", "figure", "build", "check", "pytest", "hosted", "study", "tune", "cluster", "hosted study"]
+"""Commands, those twice that are given more often; those that are hosted have a law in an environment of its own."""
+STUDIES = {"study": "study", "tune": "tune", "cluster": "study", "hosted study": "study"}
 """The file of each kind of study."""
+HOSTED = ("hosted_built_in", "hosted_supervised")
+"""Scenarios with a law in an environment of its own."""
 KILLS = 4
 """Kills of a command before it runs to its end once."""
 LAST_MOMENT = 20.0
@@ -60,9 +63,11 @@ class Bench:
             scenario(folder / "s" / f"{name}.xml", f'<plant id="car" {plant}/>', more=expect)
             for name, plant in zip(self.names, plants, strict=True)
         ]
+        there = environment(folder / "environment", CONTROLLERS)
+        hosted = self._hosted(there)
         self.out, self.outcomes = folder / "studies", dict[str, dict[str, bytes]]()
         self.cluster: Cluster | None = None
-        for name in ("tmp", "cache", "study", "tune", "dask"):
+        for name in ("tmp", "cache", "study", "tune", "dask", "hosted"):
             (folder / name).mkdir()
         os.environ["TMPDIR"], os.environ["FORMATION_CACHE"] = str(folder / "tmp"), str(folder / "cache")
         tempfile.tempdir = None
@@ -71,12 +76,26 @@ class Bench:
         self.commands = {
             "run": ["run", "--no-figure", *to],
             "figure": ["run", *to],
+            "hosted": ["run", "--no-figure", *map(str, hosted), "--out", str(folder / "runs")],
             "check": ["check", *paths],
             "build": ["build", "car_like", "--out", str(folder / "built")],
             "study": ["study", str(_study(folder / "study")), "--workers", "2", *self._to("study")],
             "tune": ["study", str(_tuning(folder / "tune")), "--workers", "2", *self._to("tune")],
+            "hosted study": [
+                *("study", str(_inside(_study(folder / "hosted"), there)), "--workers", "2"),
+                *self._to("hosted study"),
+            ],
             "pytest": ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", *paths],
         }
+
+    def _hosted(self, there: Path) -> list[Path]:
+        """Write scenarios with a law in an environment, beside a built-in plant and a supervised one."""
+        made = []
+        for path in self.paths[:2]:
+            text = path.read_text("utf-8").replace("<controller ", f'<controller environment="{there}" ')
+            made.append(path.with_name(f"hosted_{path.name}"))
+            made[-1].write_text(text.replace(f'name="{path.stem}"', f'name="hosted_{path.stem}"'), "utf-8")
+        return made
 
     def _to(self, kind: str) -> tuple[str, ...]:
         return "--no-figure", "--out", str(self.out / kind)
@@ -149,7 +168,7 @@ class Bench:
                     read(path)
                 except Exception as error:
                     yield f"{path} is not whole: {type(error).__name__}: {error}"
-        for name in self.names:
+        for name in (*self.names, *HOSTED):
             folder = self.folder / "runs" / name
             if (folder / BEFORE).exists() and passed(folder):
                 yield f"{folder} says that a run has passed, which did not end"
@@ -174,6 +193,13 @@ def _tuning(folder: Path) -> Path:
     draws = 'training="1 to 3" held_out="11 to 18"'
     tune = f'<tune values="K_p k_d" evaluations="100" restarts="2" {draws} confidence="0.9">'
     return write_study(folder, gains + SEEDS, f'{tune}<cost of="last" per="10 mm"/></tune>')
+
+
+def _inside(study: Path, there: Path) -> Path:
+    """Let the scenario of a study have its law in an environment."""
+    base = study.with_name("base.xml")
+    base.write_text(base.read_text("utf-8").replace("<controller ", f'<controller environment="{there}" '), "utf-8")
+    return study
 
 
 def _result(path: Path) -> None:
@@ -243,6 +269,8 @@ def whole(bench: Bench, kind: str) -> Iterator[str]:
     yield from (f"{path} is left" for path in bench.left())
     if kind in STUDIES and status == 0 and bench.outcome_differs(kind):
         yield "the files of the study differ from those of an uninterrupted one"
+    if kind == "hosted":
+        yield from (f"{name} has not passed" for name in HOSTED if not passed(bench.folder / "runs" / name))
     if kind in ("run", "figure"):
         yield from (f"{name} has not passed" for name in bench.names if not passed(bench.folder / "runs" / name))
 
