@@ -17,6 +17,7 @@ from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from tests.fuzz import mutations
 from tests.fuzz.calls import calls_case, warm
+from tests.fuzz.hosts import hosts_case
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 2.0
@@ -56,6 +57,7 @@ def fmu_case(seed: int, folder: Path, fmus: tuple[bytes, ...]) -> None:
 CASES: dict[str, Callable[[int, Path, tuple[bytes, ...]], None]] = {
     "scenarios": scenario_case,
     "fmus": fmu_case,
+    "hosts": lambda *case: _refused(lambda: hosts_case(*case)),
     "calls": calls_case,
 }
 
