@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +12,30 @@ import fmpy
 import fmpy.fmi2
 import fmpy.fmi3
 import numpy as np
+import xarray as xr
 
+import plants
 from cosim.master.robot import RobotSetup
-from cosim.master.setup import Setup
+from cosim.master.setup import Setup, set_up
 from cosim.scenario.scenario import LEADER, Scenario
+from cosim.team_fmu import build_team_fmu
 
-Names = Mapping[str, np.ndarray]
+
+@dataclass(frozen=True)
+class Made:
+    """A scenario with its controllers as FMUs."""
+
+    scenario: Scenario
+    setup: Setup
+    fmus: tuple[Path, ...]
+    fmi: str
+
+
+def make_fmus(scenario: Scenario, cleanup: ExitStack, folder: Path, fmi: str = "2.0") -> Made:
+    """Build the FMUs of a scenario's controllers into a folder."""
+    setup = set_up(scenario, cleanup, {})
+    ids = dict.fromkeys(follower.controller for follower in scenario.followers)
+    return Made(scenario, setup, tuple(build_team_fmu(scenario, setup, own, folder, fmi=fmi) for own in ids), fmi)
 
 
 class Slave:
@@ -66,8 +86,15 @@ class Slave:
         self.fmu.freeInstance()
 
 
-def _plant(robot: RobotSetup, folder: Path) -> Slave:
-    slave = Slave(robot.fmu.path, folder / robot.name, robot.name)
+def slaves(made: Made, folder: Path) -> list[Slave]:
+    """Return an instance of each controller's FMU, unpacked in a folder."""
+    return [Slave(fmu, folder / f"team_{k}", f"team_{k}") for k, fmu in enumerate(made.fmus)]
+
+
+def _plant(robot: RobotSetup, fmi: str, folder: Path) -> Slave:
+    model = robot.source.model
+    path = robot.fmu.path if model is None else plants.build(model, fmi=fmi)
+    slave = Slave(path, folder / robot.name, robot.name)
     for parameter in robot.parameters:
         slave.set({parameter.variable.name: parameter.value})
     slave.set({role.name: value for role, value in zip(robot.kind.pose, robot.pose, strict=True)})
@@ -75,16 +102,14 @@ def _plant(robot: RobotSetup, folder: Path) -> Slave:
     return slave
 
 
-def closed_loop(
-    scenario: Scenario, setup: Setup, teams: list[Slave], folder: Path, ticks: int
-) -> dict[str, np.ndarray]:
+def closed_loop(made: Made, teams: list[Slave], folder: Path, ticks: int) -> dict[str, np.ndarray]:
     """Run a scenario of built-in plants tick by tick: set poses, get commands, step all.
 
     The outputs of the teams and the states of the robots, by ``robot.variable``, one sample a tick.
     """
-    step, motion = scenario.step, setup.motion
+    setup, step, motion = made.setup, made.scenario.step, made.setup.motion
     driven = setup.followers if motion is not None else (setup.leader, *setup.followers)
-    plants = {robot.name: _plant(robot, folder) for robot in driven}
+    plants = {robot.name: _plant(robot, made.fmi, folder) for robot in driven}
     for team in teams:
         team.start()
     outputs = [[v.name for v in team.variables.values() if v.causality == "output"] for team in teams]
@@ -126,3 +151,21 @@ def closed_loop(
     for slave in (*plants.values(), *teams):
         slave.close()
     return {name: np.array(values) for name, values in samples.items()}
+
+
+def courses(
+    result: dict[str, np.ndarray], dataset: xr.Dataset, setup: Setup
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield name, values and those of a run of ours for all poses, and commands and telemetry of the followers."""
+    for column, role in enumerate(setup.leader.kind.pose):
+        name = f"{LEADER}.{role.name}"
+        yield name, result[name], dataset["leader_pose"].values[:, column]
+    for row, robot in enumerate(setup.followers):
+        for variable, roles in ("pose", robot.kind.pose), (setup.columns.commands, robot.kind.command):
+            for column, role in enumerate(roles):
+                name = f"{robot.name}.{role.name}"
+                yield name, result[name], dataset[variable].values[:, row, column]
+        for variable in dataset.data_vars:
+            name = f"{robot.name}.{variable}"
+            if name in result and dataset[variable].ndim == 2:
+                yield name, result[name], dataset[variable].values[:, row]

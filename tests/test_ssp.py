@@ -12,66 +12,22 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-import xarray as xr
-from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd, read_ssv
 from lxml import etree
-from numpy.typing import NDArray
 
 import cosim
 import plants
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.scenario.reader import read_scenario
-from cosim.scenario.scenario import Scenario
 from cosim.ssp.exported import export_ssp
-from cosim.ssp.imported import Imported, import_ssp
-from plants.tests.other_masters import need
+from cosim.ssp.imported import import_ssp
+
+from .ssp_masters import MASTERS, Exported, in_ecos, in_fmpy, written
 
 ROOT = Path(__file__).parents[1]
 HORIZON = {"clmr_line": 6.0, "tractor_trailer_circle": 6.0, "mixed_team": 41.0, "figure_eight": 4.0}
 """Ends of the runs [s]; the leader of mixed_team begins to turn at 40 s."""
-Floats = NDArray[np.float64]
-
-
-class Exported:
-    """A scenario, its SSP, and the trajectories of the run to compare with."""
-
-    def __init__(self, scenario: Scenario, folder: Path) -> None:
-        self.scenario = scenario
-        self.path = folder / f"{scenario.name}.ssp"
-        self.notes = export_ssp(self.scenario, self.path)
-        self.expected = _poses(cosim.run(_delayed(self.scenario, folder)))
-        self.names = list(self.expected)
-
-    @property
-    def ticks(self) -> int:
-        return self.scenario.ticks
-
-    def apart(self, of: Callable[[str], Floats]) -> float:
-        """Return the largest distance of trajectories after each step from those of the run."""
-        return max(float(np.abs(of(name) - values[1:]).max()) for name, values in self.expected.items())
-
-
-def _delayed(scenario: Scenario, folder: Path) -> Path:
-    """Return a scenario whose actuators are one sample late, in a file."""
-    text = re.sub("(<actuator>)", rf'\1<delay time="{scenario.step!r} s"/>', scenario.text)
-    if "<actuator>" not in text:
-        text = text.replace("<leader", f'<actuator><delay time="{scenario.step!r} s"/></actuator><leader', 1)
-    path = folder / "delayed.xml"
-    path.write_text(text)
-    return path
-
-
-def _poses(result: xr.Dataset) -> dict[str, Floats]:
-    """Return the poses of all robots by robot and entry."""
-    found: dict[str, Floats] = {}
-    for robot in result.vehicle.values.tolist():
-        poses = result.leader_pose if robot == "leader" else result.pose.sel(robot=robot)
-        for entry, values in zip(result.pose_name.sel(vehicle=robot).values.tolist(), poses.values.T, strict=True):
-            if entry:
-                found[f"{robot}.{entry}"] = values
-    return found
 
 
 _known: dict[str, Exported] = {}
@@ -97,68 +53,14 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Exported:
 # Other masters ----------------------------------------------------------------------------------------------
 
 
-def test_fmpy(exported: Exported) -> None:
-    step = exported.scenario.step
-    parameters = read_ssv(str(exported.path), "resources/parameters.ssv")
-    result = simulate_ssp(
-        str(exported.path), stop_time=(exported.ticks - 0.5) * step, step_size=step, parameter_set=parameters
-    )
-    assert len(result) == exported.ticks
-    assert exported.apart(lambda name: result[name]) < 1e-9
-
-
-def test_libcosim(exported: Exported) -> None:
-    need("libcosimpy")
-    from libcosimpy.CosimEnums import CosimVariableType
-    from libcosimpy.CosimExecution import CosimExecution
-    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
-    from libcosimpy.CosimObserver import CosimObserver
-
-    log_output_level(CosimLogLevel.ERROR)
-    execution = CosimExecution.from_ssp_file(str(exported.path))
-    observer = CosimObserver.create_time_series(exported.ticks + 1)
-    assert execution.add_observer(observer)
-    places = {
-        f"{info.name.decode()}.{variable.name.decode()}": (info.index, variable.reference)
-        for info in execution.slave_infos()
-        for variable in execution.slave_variables(info.index)
-    }
-    for name in exported.names:
-        assert observer.start_time_series(*places[name], CosimVariableType.REAL)
-    assert execution.step(exported.ticks)
-    assert (
-        exported.apart(lambda name: np.array(observer.time_series_real_samples(*places[name], 1, exported.ticks)[2]))
-        < 1e-9
-    )
-
-
-def _in_ecos(exported: Exported) -> Floats:
-    """Return the poses after each step (ticks, names)."""
-    need("ecospy")
-    from ecospy import EcosSimulation
-
-    rows = []
-    with EcosSimulation(ssp_path=str(exported.path), step_size=exported.scenario.step) as simulation:
-        simulation.init(parameter_set="scenario")
-        for _ in range(exported.ticks):
-            simulation.step()
-            rows.append([simulation.get_real(name.replace(".", "::")) for name in exported.names])
-    return np.array(rows)
-
-
-def test_ecos(exported: Exported) -> None:
-    values = _in_ecos(exported)
-    assert exported.apart(lambda name: values[:, exported.names.index(name)]) < 1e-9
+@pytest.mark.parametrize("master", [*MASTERS])
+def test_a_master_has_the_trajectories_of_our_run(exported: Exported, master: str) -> None:
+    assert exported.apart(MASTERS[master](exported)) < 1e-9
 
 
 def test_a_leader_on_a_path_is_an_fmu_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> None:
     exported = _exported("figure_eight", tmp_path_factory)
-    step = exported.scenario.step
-    parameters = read_ssv(str(exported.path), "resources/parameters.ssv")
-    result = simulate_ssp(
-        str(exported.path), stop_time=(exported.ticks - 0.5) * step, step_size=step, parameter_set=parameters
-    )
-    assert exported.apart(lambda name: result[name]) < 1e-9
+    assert exported.apart(in_fmpy(exported)) < 1e-9
 
 
 def test_one_fmu_with_the_whole_formation(line: Exported, tmp_path: Path) -> None:
@@ -174,7 +76,7 @@ def test_one_fmu_with_the_whole_formation(line: Exported, tmp_path: Path) -> Non
         step_size=line.scenario.step,
         output=line.names,
     )
-    assert line.apart(lambda name: result[name][1:]) < 1e-9
+    assert line.apart({name: result[name][1:] for name in line.names}) < 1e-9
 
 
 MIRRORED = """<binding vehicle="car_like">
@@ -199,12 +101,12 @@ def test_a_binding_becomes_a_linear_transformation(tmp_path: Path) -> None:
     for end in (("follower_1", "follower_1.y"), ("pid", "tau_steer")):
         assert dict(factors[end].attrib) in ({"factor": "-1.0", "offset": "0.0"}, {"factor": "-1.0", "offset": "-0.0"})
         assert factors[end].getparent().get("suppressUnitConversion") == "true"
-    values = _in_ecos(mirrored)
-    signs = [-1.0 if name.endswith((".y", ".psi", ".gamma")) else 1.0 for name in mirrored.names]
-    assert mirrored.apart(lambda name: values[:, mirrored.names.index(name)] * signs[mirrored.names.index(name)]) < 1e-9
+    found = in_ecos(mirrored)
+    signs = {name: -1.0 if name.endswith((".y", ".psi", ".gamma")) else 1.0 for name in mirrored.names}
+    assert mirrored.apart({name: sign * found[name] for name, sign in signs.items()}) < 1e-9
     back = import_ssp(mirrored.path, tmp_path / "back.xml")
     assert [path.name for path in back.files] == ["1_car.fmu", "back.xml"]
-    assert cosim.run(read_scenario(_written(back)).edited(horizon=0.1)).pose.shape[0] == 6
+    assert cosim.run(read_scenario(written(back)).edited(horizon=0.1)).pose.shape[0] == 6
 
 
 # The file ---------------------------------------------------------------------------------------------------
@@ -265,19 +167,12 @@ def test_names_units_and_prefixes_are_as_simple_readers_need_them(line: Exported
 def test_export_and_import_give_the_same_bits(exported: Exported, tmp_path: Path) -> None:
     imported = import_ssp(exported.path, tmp_path / f"{exported.scenario.name}.xml")
     assert (imported.notes, imported.to_do) == ((), ())
-    scenario = read_scenario(_written(imported))
+    scenario = read_scenario(written(imported))
     assert scenario.text == exported.scenario.text
     short = {"horizon": 1.0, "expectations": False}
     ours, back = cosim.run(exported.scenario.edited(**short)), cosim.run(scenario.edited(**short))
     for name in ("pose", "torque", "measured_pose", "leader_pose"):
         np.testing.assert_array_equal(ours[name].values, back[name].values)
-
-
-def _written(imported: Imported) -> Path:
-    for path, content in imported.files.items():
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(content)
-    return imported.scenario
 
 
 def _changed(path: Path, into: Path, change: Callable[[str, bytes], bytes]) -> Path:
@@ -301,7 +196,7 @@ def test_values_changed_in_the_ssp_are_those_of_the_scenario(line: Exported, tmp
 
     path = _changed(line.path, tmp_path / "changed.ssp", change)
     imported = import_ssp(path, tmp_path / "changed.xml")
-    scenario = read_scenario(_written(imported))
+    scenario = read_scenario(written(imported))
     first, second = scenario.followers[:2]
     assert first.pose.values["x"] == -6.5
     assert [(setting.name, setting.value) for setting in first.parameters] == [("m_c", "33.0 kg")]
@@ -331,7 +226,7 @@ def _with(line: Exported, into: Path, file: str, pattern: str, by: str) -> Path:
 def test_a_value_changed_to_another_unit_is_converted(line: Exported, tmp_path: Path) -> None:
     pose = r'\1<ssv:Real value="-0.0075" unit="km"/>'
     path = _with(line, tmp_path / "moved.ssp", "resources/follower_1.ssv", _POSE, pose)
-    scenario = read_scenario(_written(import_ssp(path, tmp_path / "moved.xml")))
+    scenario = read_scenario(written(import_ssp(path, tmp_path / "moved.xml")))
     assert scenario.followers[0].pose.values["x"] == -7.5
 
 

@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,26 +22,17 @@ from fmpy.validation import validate_fmu
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
-from cosim.master.setup import Setup, set_up
+from cosim.master.setup import Setup
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.team_fmu import build_team_fmu
 
 from .commands import failed
 from .environments import CONTROLLERS, FAULTY, distribution, environment
-from .team_loop import Slave, closed_loop
+from .team_loop import Made, Slave, closed_loop, courses, make_fmus, slaves
 
 ROOT = Path(__file__).resolve().parent.parent
 TICKS = 120
-
-
-@dataclass(frozen=True)
-class Made:
-    """A scenario with its controllers as FMUs."""
-
-    scenario: Scenario
-    setup: Setup
-    fmus: tuple[Path, ...]
 
 
 @pytest.fixture(scope="module")
@@ -55,18 +45,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
             key = name, fmi, changes
             if key not in known:
                 scenario = read_scenario(ROOT / "scenarios" / f"{name}.xml", changes)
-                setup = set_up(scenario, cleanup, {})
-                folder = tmp_path_factory.mktemp(name)
-                ids = dict.fromkeys(follower.controller for follower in scenario.followers)
-                fmus = tuple(build_team_fmu(scenario, setup, own, folder, fmi=fmi) for own in ids)
-                known[key] = Made(scenario, setup, fmus)
+                known[key] = make_fmus(scenario, cleanup, tmp_path_factory.mktemp(name), fmi)
             return known[key]
 
         yield make
-
-
-def slaves(made: Made, folder: Path) -> list[Slave]:
-    return [Slave(fmu, folder / f"team_{k}", f"team_{k}") for k, fmu in enumerate(made.fmus)]
 
 
 def reference(scenario: Scenario, ticks: int = TICKS) -> xr.Dataset:
@@ -76,19 +58,9 @@ def reference(scenario: Scenario, ticks: int = TICKS) -> xr.Dataset:
 def compare(result: dict[str, np.ndarray], dataset: xr.Dataset, setup: Setup) -> int:
     """Check that all that the FMUs give is what a run of ours has recorded; return how many courses there are."""
     count = 0
-    for row, robot in enumerate(setup.followers):
-        courses = [("pose", [role.name for role in robot.kind.pose])]
-        courses += [(setup.columns.commands, [role.name for role in robot.kind.command])]
-        for variable, names in courses:
-            for column, name in enumerate(names):
-                ours = dataset[variable].values[:, row, column]
-                np.testing.assert_array_equal(result[f"{robot.name}.{name}"], ours, f"{robot.name}.{name}")
-                count += 1
-        for variable in dataset.data_vars:
-            key = f"{robot.name}.{variable}"
-            if key in result and dataset[variable].ndim == 2:
-                np.testing.assert_array_equal(result[key], dataset[variable].values[:, row], key)
-                count += 1
+    for name, theirs, ours in courses(result, dataset, setup):
+        np.testing.assert_array_equal(theirs, ours, name)
+        count += 1
     return count
 
 
@@ -107,7 +79,7 @@ def compare(result: dict[str, np.ndarray], dataset: xr.Dataset, setup: Setup) ->
 )
 def test_the_loop_has_the_bits_of_our_own(made: Callable[..., Made], tmp_path: Path, name: str, fmi: str) -> None:
     own = made(name, fmi)
-    result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, TICKS)
+    result = closed_loop(own, slaves(own, tmp_path), tmp_path, TICKS)
     assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
 
 
@@ -142,7 +114,7 @@ def test_gains_and_seed_by_parameter_are_those_of_a_scenario(made: Callable[...,
     (team,) = slaves(own, tmp_path)
     followers = [robot.name for robot in own.setup.followers]
     team.set({f"{name}.K_p[{k}]": 25.0 for name in followers for k in (1, 2)} | {"seed": 77})
-    result = closed_loop(own.scenario, own.setup, [team], tmp_path, TICKS)
+    result = closed_loop(own, [team], tmp_path, TICKS)
     changed = read_scenario(ROOT / "scenarios/formation_change.xml", ["//gain[@name='K_p']/@value=25", "//@seed=77"])
     compare(result, reference(changed), own.setup)
     with pytest.raises(AssertionError):
@@ -152,7 +124,7 @@ def test_gains_and_seed_by_parameter_are_those_of_a_scenario(made: Callable[...,
 def test_a_large_seed_is_built_in(made: Callable[..., Made], tmp_path: Path) -> None:
     own = made("convoy", "2.0", (f"//@seed={2**40 + 5}", "//noise/@x=3 mm"))
     assert "seed" not in {v.name for v in fmpy.read_model_description(own.fmus[0]).modelVariables}
-    result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, 40)
+    result = closed_loop(own, slaves(own, tmp_path), tmp_path, 40)
     compare(result, reference(own.scenario, 40), own.setup)
 
 
@@ -318,10 +290,7 @@ def with_law(made_of: str, folder: Path, change: Callable[[str], str], fmi: str 
     """Build the FMUs of a scenario with another controller."""
     file = folder / f"{made_of}.xml"
     file.write_text(change((ROOT / f"scenarios/{made_of}.xml").read_text(encoding="utf-8")), encoding="utf-8")
-    scenario = read_scenario(file).edited(expectations=False)
-    setup = set_up(scenario, cleanup, {})
-    ids = dict.fromkeys(follower.controller for follower in scenario.followers)
-    return Made(scenario, setup, tuple(build_team_fmu(scenario, setup, own, folder, fmi=fmi) for own in ids))
+    return make_fmus(read_scenario(file).edited(expectations=False), cleanup, folder, fmi)
 
 
 def look_ahead(folder: Path, gains: str = "") -> Callable[[str], str]:
@@ -368,7 +337,7 @@ def test_laws_in_python_have_the_bits_of_our_own_run(elsewhere: Path, tmp_path: 
             description = fmpy.read_model_description(own.fmus[0]).coSimulation
             assert description.needsExecutionTool
             assert not description.canGetAndSetFMUstate
-            result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path / name), tmp_path / name, TICKS)
+            result = closed_loop(own, slaves(own, tmp_path / name), tmp_path / name, TICKS)
             assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
             assert hosts_in(tmp_path) == []
 
@@ -381,7 +350,7 @@ def test_a_law_of_this_environment_that_is_not_compiled(tmp_path: Path, monkeypa
     with ExitStack() as cleanup:
         own = with_law("convoy", tmp_path, str, "3.0", cleanup)
         assert fmpy.read_model_description(own.fmus[0]).coSimulation.needsExecutionTool
-        result = closed_loop(own.scenario, own.setup, slaves(own, tmp_path), tmp_path, 40)
+        result = closed_loop(own, slaves(own, tmp_path), tmp_path, 40)
         compare(result, reference(own.scenario, 40), own.setup)
 
 
