@@ -42,7 +42,7 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
         return np.inf
     missing = np.isnan(one) & np.isnan(other)
     differences = np.abs(np.where(missing, 0.0, one) - np.where(missing, 0.0, other))
-    return float(np.nan_to_num(differences, nan=np.inf).max(initial=0.0))
+    return float(np.nan_to_num(differences, nan=np.inf, posinf=np.inf).max(initial=0.0))
 
 
 def teams_apart(scenario: Scenario, ours: xr.Dataset, fmi: str, folder: Path) -> float:

@@ -37,12 +37,14 @@ from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, for
 STEERS_NOT: Final = STEERINGS.index("none")
 BY_ANGLE: Final = STEERINGS.index("angle")
 BY_HEADING: Final = STEERINGS.index("heading")
+"""How a vehicle steers."""
 
 UNKNOWN: Final = -1
 AS_PRINTED: Final = TORQUE_FORMS.index("as_printed")
 FRONT_WHEEL: Final = TORQUE_FORMS.index("front_wheel")
 REAR_WHEEL: Final = TORQUE_FORMS.index("rear_wheel")
 WHEELS: Final = TORQUE_FORMS.index("wheels")
+"""Which torques a vehicle takes."""
 
 
 class Geometry(NamedTuple):

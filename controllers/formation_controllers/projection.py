@@ -13,6 +13,7 @@ from formation_controllers.compiled import part
 from formation_controllers.interface import Floats
 
 ON_BOUND = 1.0 - 1e-9
+"""The share of the bound from which on weights are taken to be on it."""
 
 
 @part

@@ -87,11 +87,12 @@ class LawInHost:
 
     def ticks(self, gains: Sequence[str]) -> Iterator[str]:
         """Yield the statements of a tick."""
-        own, kind = f"memory->team_{self.label}", f"Team_{self.label}"
-        inputs = f"offsetof({kind}, command)"
-        yield f"const char *const fault_{self.label} = child_tick("
-        yield f"    tool, {self.number}, tick, &{own}, {inputs}, {own}.command, sizeof({kind}) - {inputs});"
-        yield f"if (fault_{self.label} != NULL) return fault_{self.label};"
+        label, own = self.label, f"memory->team_{self.label}"
+        yield f"const size_t given_{label} = offsetof(Team_{label}, command);"
+        yield f"const size_t taken_{label} = sizeof {own} - given_{label};"
+        yield f"const char *const fault_{label} ="
+        yield f"    child_tick(tool, {self.number}, tick, &{own}, given_{label}, {own}.command, taken_{label});"
+        yield f"if (fault_{label} != NULL) return fault_{label};"
 
     @property
     def command(self) -> str:

@@ -289,7 +289,8 @@ class _Model:
             lines.append("actuate(tick, acting, memory);")
         lines.append("")
         for index, (port, result) in enumerate(zip(self._outputs, self._results, strict=True)):
-            lines.append(f"outputs[{index}] = {result}; /* {port.name} [{port.unit}] */")
+            unit = f" [{port.unit}]" if port.unit else ""
+            lines.append(f"outputs[{index}] = {result}; /* {port.name}{unit} */")
         lines += ["(void)parameters;", "(void)integers;", "(void)tool;", "return NULL;"]
         head = (
             "const char *model_tick(long long tick, const double *inputs, const double *parameters,\n"

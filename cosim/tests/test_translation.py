@@ -2,6 +2,8 @@
 
 import ctypes
 import importlib.util
+import itertools
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -265,6 +267,8 @@ REFUSED = {
     "while x > 0.0:\n        x -= 1.0\n    else:\n        x = 5.0\n    return x": "else of a loop",
     "return (x := 2.0)": "an assignment within an expression",
     "i = 0.5\n    return i": "i is a whole number before, and a float here",
+    "if x > 0.0:\n        return\n    return x": "nothing is returned here, and a value elsewhere",
+    "if x > 0.0:\n        return None\n    return x": "nothing is returned here, and a value elsewhere",
 }
 
 
@@ -322,3 +326,147 @@ def test_random_functions_have_the_same_bits_in_c(tmp_path: Path) -> None:
                 assert bits(np.float64(result)) == bits(np.float64(expected)), entry.name
                 assert [bits(array) for array in own[:2]] == [bits(array) for array in arrays[:2]], entry.name
                 assert np.array_equal(own[2], arrays[2]), entry.name
+
+
+# What is easily translated to something else ---------------------------------------------------------------------
+
+TRAPS = """
+import functools
+
+import numpy as np
+
+MANY = 100000
+BITS = 1 << 30
+CUBE = np.arange(24.0).reshape(2, 3, 4)
+LEAST = -(2**62) * 2
+
+
+def doubled(function):
+    @functools.wraps(function)
+    def twice(x, i, a):
+        return 2.0 * function(x, i, a)
+
+    return twice
+
+
+def once(x, i, a):
+    return x + 1.0
+
+
+def choice_of_constants(x, i, a):
+    return float((MANY if x > 0.0 else 3) * 100000)
+
+
+def choice_of_choices(x, i, a):
+    return float((MANY if x > 0.0 else MANY if i > 0 else 5) * (MANY if i > 1 else 7) - (1 if x > 0.0 else 2))
+
+
+def shifted_choice(x, i, a):
+    return float((BITS if x > 0.0 else 1) >> 40) + float((BITS if x > 0.0 else 1) << 20)
+
+
+def turned_round(x, i, a):
+    return float(~BITS * 8 + ~(BITS if x > 0.0 else 1) * 8 - -(BITS if x > 0.0 else 1) * 8)
+
+
+def quotients(x, i, a):
+    return float((-7 if x > 0.0 else 7) // (2 if i > 0 else -2)) + float((-7 if x > 0.0 else 7) % (i - 5))
+
+
+def three_dimensions(x, i, a):
+    return CUBE[1, 2, 3] + CUBE[i % 2, i % 3, 1]
+
+
+def least(x, i, a):
+    return float(LEAST) + float(LEAST + i)
+
+
+def by_place(x, /, i, *, y=2.0):
+    return x * y + float(i)
+
+
+def calls_by_place(x, i, a):
+    return by_place(x, i) + by_place(x, i, y=x)
+
+
+def like_a_type(x, i, a):
+    Doubles2 = x
+    u, v = two(x, Doubles2)
+    return u - v + Doubles2
+
+
+def two(x, y):
+    return x * y, x - y
+
+
+def with_for(x, i, a):
+    n = 3
+    for j in range(n):
+        n = j + 7
+        a[j] += float(n)
+    return a[0] + a[1] + a[2]
+"""
+
+
+def test_what_is_easily_mistaken_has_the_same_bits(tmp_path: Path) -> None:
+    text = TRAPS + "\n\ntwice = doubled(once)\n"
+    module = module_of(text, tmp_path, "traps")
+    names = re.findall(r"^def (\w+)\(x, i, a\):", text, re.MULTILINE)
+    assert len(names) > 9
+    functions = [*(getattr(module, name) for name in names), module.twice]
+    entries = [Entry(f"f_{k}", function, (0.5, 1, np.zeros(4))) for k, function in enumerate(functions)]
+    source = translate("traps", entries)
+    for optimised in ("-O0", "-O2"):
+        library = compiled(source, tmp_path, optimised)
+        for entry in entries:
+            function = getattr(library, f"traps_{entry.name}")
+            function.restype = ctypes.c_double
+            for x, i in itertools.product((0.5, -0.5), (0, 1, 2, 3)):
+                mine, theirs = np.arange(4.0), np.arange(4.0)
+                result = function(ctypes.c_double(x), ctypes.c_int64(i), address(theirs))
+                assert result == entry.function(x, i, mine), (entry.function.__name__, x, i)
+                assert bits(mine) == bits(theirs)
+
+
+def test_constants_have_the_words_of_python(tmp_path: Path) -> None:
+    text = (
+        "import traps_of\nfrom traps_of import LIMIT as MOST\n\nFAR = 5.0  # beyond it, nothing counts\n"
+        "NEAR = 1.0\n\n"
+        'LEFT = 1\nRIGHT = 2\n"""The sides."""\n\n\n'
+        "def f(x):\n    return (x if x > NEAR else FAR) + MOST + float(LEFT if x > 0.0 else RIGHT) + traps_of.LIMIT\n"
+    )
+    other = 'LIMIT = 7.0\n"""Nothing is larger."""\n'
+    sys.modules["traps_of"] = module_of(other, tmp_path, "traps_of")
+    try:
+        source = translate("words", [Entry("f", module_of(text, tmp_path, "words").f, (0.5,))]).source
+    finally:
+        del sys.modules["traps_of"]
+    begin, end = source.index("/* Constants of words */"), source.index("double words_f(")
+    assert source[begin:end].split("\n\n") == [
+        "/* Constants of words */\n"
+        "static const double words_FAR = 5.0; /* beyond it, nothing counts */\n"
+        "static const double words_NEAR = 1.0;\n"
+        "/* The sides. */\nenum { words_LEFT = 1 };\nenum { words_RIGHT = 2 };",
+        "/* Constants of traps_of */\n/* Nothing is larger. */\nstatic const double traps_of_LIMIT = 7.0;",
+        "",
+    ]
+
+
+def test_a_text_that_has_changed_since_is_refused(tmp_path: Path) -> None:
+    module = module_of("def f(x):\n    return x + 1.0\n", tmp_path, "changing")
+    (tmp_path / "changing.py").write_text("def g(y):\n    return y\n\n\ndef f(x):\n    return x + 1.0\n")
+    with pytest.raises(Untranslatable, match="the text of f has changed since it was imported"):
+        translate("changing", [Entry("f", module.f, (0.5,))])
+
+
+def test_a_compiler_that_may_round_otherwise_is_refused(tmp_path: Path) -> None:
+    text = (
+        "from numba import njit\n\n\n@njit(fastmath=True)\ndef fast(x):\n    return x + 1.0\n\n\n"
+        "def f(x):\n    return fast(x)\n"
+    )
+    module = module_of(text, tmp_path, "quick")
+    for function, line in (module.fast, 5), (module.f, 10):
+        with pytest.raises(Untranslatable, match="with fastmath, a compiler rounds as it likes") as refused:
+            translate("quick", [Entry("f", function, (0.5,))])
+        assert refused.value.where is not None
+        assert refused.value.where.line == line

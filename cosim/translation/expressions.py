@@ -15,10 +15,11 @@ from typing import Any, Final, NoReturn
 import numpy as np
 
 from cosim.translation import meanings, values
+from cosim.translation.constants import Definition, definition
 from cosim.translation.kinds import BOOL, FLOAT, INT, Array, Kind, Record, Records, Scalar, Several, Struct
 from cosim.translation.layout import Block, Line
 from cosim.translation.names import Names, identifier
-from cosim.translation.python_function import PythonFunction, plain
+from cosim.translation.python_function import INEXACT, PythonFunction, is_inexact, plain
 from cosim.translation.refusal import Untranslatable
 from cosim.translation.shared import Shared
 from cosim.translation.translated import Translated
@@ -37,9 +38,11 @@ from cosim.translation.values import (
     Value,
     as_float,
     full,
+    is_narrow,
     overlap,
     real,
     whole,
+    wide,
 )
 
 _UNKNOWN: Final = object()
@@ -148,20 +151,18 @@ class Expressions:
         if value is math.pi or value is np.pi:
             return real(math.pi)
         if isinstance(value, bool | float | int | np.int64 | np.bool_):
-            module = self._module_of(node)
-            if module in ("math", "numpy"):
-                return real(float(value))
-            return self.shared.constant(module, name, value)
+            found = self._definition(node, name)
+            return real(float(value)) if found.module in ("math", "numpy") else self.shared.constant(found, value)
         if isinstance(value, np.ndarray) and value.dtype in (np.float64, np.int64) and value.ndim and value.size:
-            return self.shared.constant_array(self._module_of(node), name, value)
+            return self.shared.constant_array(self._definition(node, name), value)
         self.refuse(node, f"{name} is no number and no array of numbers, of 64 bits each")
 
-    def _module_of(self, node: ast.expr) -> str:
-        """Return the module in which a constant is named."""
+    def _definition(self, node: ast.expr, name: str) -> Definition:
+        """Return where a constant is defined."""
         if isinstance(node, ast.Attribute):
             owner = self.static(node.value)
-            return str(owner.__name__).rsplit(".", 1)[-1]
-        return self.source.function.__module__.rsplit(".", 1)[-1]
+            return definition(owner.__name__, getattr(owner, "__file__", ""), name)
+        return definition(self.source.function.__module__, self.source.file, name)
 
     # Expressions -------------------------------------------------------------------------------------------
 
@@ -234,12 +235,16 @@ class Expressions:
             return Number(BOOL, f"!{truth.within(values.UNARY)}", values.UNARY, truth.reads)
         if isinstance(node.op, ast.Invert):
             operand = self.integer(node.operand)
+            if operand.constant is not None:
+                return whole(~int(operand.constant))
+            operand = wide(operand) if operand.is_narrow else operand
             return Number(INT, f"~{operand.within(values.UNARY)}", values.UNARY, operand.reads)
         operand = self.scalar(node.operand)
         if isinstance(node.op, ast.UAdd):
             return operand
         if operand.kind is INT and operand.constant is not None:
             return whole(-int(operand.constant))
+        operand = wide(operand) if operand.is_narrow else operand
         text = operand.within(values.UNARY)
         text = f"({text})" if text.startswith("-") else text
         constant = None if operand.constant is None else -operand.constant
@@ -272,6 +277,8 @@ class Expressions:
             if all(letter.isdigit() or letter in " +-*()" for letter in text):
                 return w
             return Number(INT, text, level, reads, folded, folded >= 0)
+        if is_narrow(left) and (is_narrow(right) or isinstance(node.op, ast.RShift)):
+            left = wide(left)
         match node.op:
             case ast.Add() | ast.Sub() | ast.Mult():
                 sign, level = meanings.ARITHMETIC[type(node.op)]
@@ -353,7 +360,9 @@ class Expressions:
             first, second = as_float(first), as_float(second)
         text = f"{test.within(values.OR)} ? {first.within(values.OR)} : {second.within(values.CHOICE)}"
         natural = first.is_natural and second.is_natural
-        return Number(first.kind, text, values.CHOICE, _all_reads((test, first, second)), None, natural)
+        narrow = first.kind is INT and is_narrow(first) and is_narrow(second)
+        reads = _all_reads((test, first, second))
+        return Number(first.kind, text, values.CHOICE, reads, None, natural, is_narrow=narrow)
 
     # Attributes and subscripts -----------------------------------------------------------------------------
 
@@ -523,6 +532,8 @@ class Expressions:
         ):
             self.refuse(node, "arguments are written out, without a star")
         own = plain(function)
+        if is_inexact(function):
+            self.refuse(node, INEXACT)
         if own in self.shared.primitives:
             return self._primitive(node, self.shared.primitives[own])
         if meanings.is_known(own):
@@ -624,13 +635,15 @@ class Expressions:
                 return number
             return Number(INT, f"(int64_t){number.within(values.UNARY)}", values.UNARY, number.reads)
         if function in meanings.INTEGER_FUNCTIONS:
-            number = as_float(self.scalar(self._arguments(node, 1)[0]))
+            number = self.scalar(self._arguments(node, 1)[0])
+            if number.kind is INT:
+                return number
             name = meanings.INTEGER_FUNCTIONS[function]
             return Number(INT, f"(int64_t){name}({number.text})", values.UNARY, number.reads)
         if function in meanings.FLOAT_TESTS:
             number = as_float(self.scalar(self._arguments(node, 1)[0]))
             text = f"{meanings.FLOAT_TESTS[function]}({number.text})"
-            return Number(BOOL, f"{text} != 0", values.EQUAL, number.reads, condition=text)
+            return Number(BOOL, f"{text} != 0", values.EQUAL, number.reads)
         name, count = meanings.FLOAT_FUNCTIONS[function]
         given = [as_float(self.scalar(argument)) for argument in self._arguments(node, count)]
         return Number(FLOAT, f"{name}({', '.join(n.text for n in given)})", values.ATOM, _all_reads(given))
@@ -673,7 +686,8 @@ class Expressions:
 
     def _own_call(self, node: ast.Call, function: FunctionType) -> Value:
         called = self.shared.source_of(function, self.source, node)
-        names = [argument.arg for argument in called.tree.args.args]
+        own = called.tree.args
+        names = [argument.arg for argument in (*own.posonlyargs, *own.args, *own.kwonlyargs)]
         given = [self.value(argument) for argument in self.bound(node, function, names)]
         view = self.inlined(called, dict(zip(names, given, strict=True)))
         if view is not None:

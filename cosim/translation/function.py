@@ -68,7 +68,9 @@ class Function(Expressions):
         self._hoisted: dict[str, Hoisted] = {}
         self._statements: list[ast.stmt] = source.body
         self._seen_line = 0
-        self._returns_nothing = False
+        self._returns_value = any(
+            isinstance(node, ast.Return) and not _is_nothing(node.value) for node in ast.walk(source.tree)
+        )
         arguments = source.tree.args
         if arguments.vararg or arguments.kwarg:
             self.refuse(source.tree, "a function has a fixed number of parameters")
@@ -127,11 +129,7 @@ class Function(Expressions):
 
     def translated(self) -> Translated:
         """Translate the function."""
-        if not returns(self._statements) and any(
-            isinstance(node, ast.Return) and node.value is not None
-            for statement in self._statements
-            for node in ast.walk(statement)
-        ):
+        if not returns(self._statements) and self._returns_value:
             self.refuse(self.source.tree, "a function that returns a value ends with a return on every way")
         first = self._statements[0].lineno if self._statements else 1
         self._seen_line = first - 1
@@ -445,7 +443,9 @@ class Function(Expressions):
         return any(isinstance(value, Number) and value.text == c for value in self.env.values()) or c in self.fixed
 
     def _return(self, statement: ast.Return) -> None:
-        if statement.value is None or (isinstance(statement.value, ast.Constant) and statement.value.value is None):
+        if statement.value is None or _is_nothing(statement.value):
+            if self._returns_value:
+                self.refuse(statement, "nothing is returned here, and a value elsewhere")
             self.block.add("return;")
             return
         value = self.value(statement.value)
@@ -695,7 +695,8 @@ class Function(Expressions):
         outer = block = self.block
         indices = []
         for depth, size in enumerate(place.sizes):
-            c = "ijkl"[depth] if "ijkl"[depth] not in self._c_names.values() else self.fresh(f"index_{depth + 1}")
+            wanted = "ijkl"[depth : depth + 1]
+            c = wanted if wanted and wanted not in self._c_names.values() else self.fresh(f"index_{depth + 1}")
             block = Block()
             head = f"for (int64_t {c} = 0; {c} < {size.text}; {c}++)"
             self.block.items.append(Compound([(head, block)]))
@@ -844,6 +845,11 @@ class Function(Expressions):
         sign, _ = meanings.ARITHMETIC[type(statement.op)]
         value = as_float(value) if own.kind is FLOAT else value
         self.block.add(f"{own.text} {sign}= {value.text};")
+
+
+def _is_nothing(node: ast.expr | None) -> bool:
+    """Tell whether a function returns nothing by this."""
+    return node is None or (isinstance(node, ast.Constant) and node.value is None)
 
 
 def _bare(pointer: str) -> str:

@@ -150,6 +150,8 @@ def _broken(text: str, column: int, align: int) -> list[str]:
     assignment = re.match(r"[^(){}=!<>]* [-+*/]?= ", text)
     if assignment:  # what follows is aligned behind the sign
         start = assignment.end()
+        if align + len(text) - start <= WIDTH:
+            return [text[:start].rstrip(), " " * align + text[start:]]
         inner = _broken(text[start:], column + start, column + start)
         return [text[:start] + inner[0], *inner[1:]]
     places = list(_places(text))

@@ -10,8 +10,8 @@ import tokenize
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from types import FunctionType
-from typing import Any, NoReturn
+from types import CodeType, FunctionType
+from typing import Any, Final, NoReturn
 
 from cosim.errors import Location
 from cosim.translation.refusal import Untranslatable
@@ -72,6 +72,14 @@ def plain(function: Callable[..., Any]) -> Callable[..., Any]:
     return getattr(function, "py_func", function)
 
 
+def is_inexact(function: Callable[..., Any]) -> bool:
+    """Tell whether Numba compiles a function with licence to round otherwise."""
+    return bool(getattr(function, "targetoptions", {}).get("fastmath"))
+
+
+INEXACT: Final = "with fastmath, a compiler rounds as it likes: compile the function without"
+
+
 @lru_cache(maxsize=1024)
 def python_function(function: FunctionType) -> PythonFunction:
     """Read the text of a plain function.
@@ -83,7 +91,7 @@ def python_function(function: FunctionType) -> PythonFunction:
     """
     place = Location(function.__code__.co_filename, function.__code__.co_firstlineno)
     try:
-        lines, first = inspect.getsourcelines(function)
+        lines, first = inspect.getsourcelines(function.__code__)  # not the function that a decorator has wrapped
     except (OSError, TypeError):
         raise Untranslatable(f"the text of {function.__qualname__} is not to be found", place) from None
     text = textwrap.dedent("".join(lines))
@@ -93,12 +101,39 @@ def python_function(function: FunctionType) -> PythonFunction:
         node = ast.Pass()
     if not isinstance(node, ast.FunctionDef):
         raise Untranslatable("only a function that is written with def is translated", place, lines[0].strip())
+    if not _is_text_of(node, function):
+        raise Untranslatable(
+            f"the text of {function.__qualname__} has changed since it was imported: start Python anew", place
+        )
     return PythonFunction(
-        function, node, tuple(text.splitlines()), _comments(text), function.__code__.co_filename, max(first, 1)
+        function, node, tuple(text.splitlines()), comments_in(text), function.__code__.co_filename, max(first, 1)
     )
 
 
-def _comments(text: str) -> dict[int, tuple[str, bool]]:
+def _is_text_of(node: ast.FunctionDef, function: FunctionType) -> bool:
+    """Tell whether a function was compiled from a text, by its names and constants.
+
+    The bytecode depends on the text around; of a function within a class or a function its own name alone counts.
+    """
+    own = function.__code__
+    if node.name != own.co_name:
+        return False
+    if own.co_freevars or "." in function.__qualname__:
+        return True
+    alone = ast.FunctionDef(**{field: getattr(node, field) for field in node._fields} | {"decorator_list": []})
+    module = ast.Module([ast.fix_missing_locations(ast.copy_location(alone, node))], [])
+    code = compile(module, own.co_filename, "exec", dont_inherit=True)
+    again = next(part for part in code.co_consts if isinstance(part, CodeType))
+    return _words_of(again) == _words_of(own)
+
+
+def _words_of(code: CodeType) -> tuple[object, ...]:
+    constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
+    return code.co_varnames, code.co_names, constants
+
+
+def comments_in(text: str) -> dict[int, tuple[str, bool]]:
+    """Return the comment on each line that has one, and whether it has the line for itself."""
     found = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:

@@ -13,9 +13,10 @@ import numpy as np
 
 from cosim.errors import Location
 from cosim.translation import meanings
+from cosim.translation.constants import Constant, Definition
 from cosim.translation.kinds import BOOL, FLOAT, INT, Array, Kind, Layout, Records, Scalar, Several, Struct
 from cosim.translation.names import RESERVED, Names, identifier, type_name
-from cosim.translation.python_function import PythonFunction, plain, python_function
+from cosim.translation.python_function import INEXACT, PythonFunction, is_inexact, plain, python_function
 from cosim.translation.refusal import Untranslatable
 from cosim.translation.translated import Translated
 from cosim.translation.values import ArrayValue, Number, Value, full, real, whole
@@ -56,7 +57,7 @@ class Shared:
         self._structs: dict[tuple[Any, tuple[Kind, ...]], Struct] = {}
         self._several: dict[tuple[Kind, ...], Several] = {}
         self._layouts: dict[tuple[str, Any], Layout] = {}
-        self._constants: dict[tuple[str, str], tuple[Value, str]] = {}
+        self._constants: dict[tuple[Any, ...], Constant] = {}
         self._helpers: dict[str, str] = {}
         self._functions: dict[tuple[FunctionType, tuple[Kind, ...], frozenset[int] | None], Translated] = {}
         self._in_progress: list[FunctionType] = []
@@ -65,13 +66,15 @@ class Shared:
 
     @property
     def global_names(self) -> set[str]:
-        """The names in C of functions and constants."""
+        """The names in C of functions, constants and types."""
         texts = {
-            value.base if isinstance(value, ArrayValue) else value.text
-            for value, _ in self._constants.values()
-            if isinstance(value, Number | ArrayValue)
+            constant.value.base if isinstance(constant.value, ArrayValue) else constant.value.text
+            for constant in self._constants.values()
+            if isinstance(constant.value, Number | ArrayValue)
         }
-        return {function.name for function in self._functions.values()} | texts | set(self._helpers.values())
+        structs: list[Struct | Several | Layout] = [*self._structs.values(), *self._several.values()]
+        types = {own.name for own in (*structs, *self._layouts.values())}
+        return {function.name for function in self._functions.values()} | texts | set(self._helpers.values()) | types
 
     def local(self, name: str) -> str:
         """Return a name of a function's own."""
@@ -88,6 +91,8 @@ class Shared:
         if not isinstance(function, FunctionType):
             raise Untranslatable(f"{entry!r} is no function that is written with def")
         source = python_function(function)
+        if is_inexact(entry):
+            source.refuse(source.tree, INEXACT)
         names = list(inspect.signature(function).parameters)
         if len(names) != len(arguments):
             raise Untranslatable(
@@ -168,8 +173,10 @@ class Shared:
             fields = tuple(
                 (field, names.new(identifier(field)), kind) for field, kind in zip(python._fields, kinds, strict=True)
             )
-            words = (self.name, python.__name__) if is_public else (python.__name__,)
-            struct = Struct(self._names.new(type_name(*words)), python, fields)
+            own = type_name(python.__name__)
+            is_told = not is_public or own.startswith(type_name(self.name))  # TeamRecords of team, not TeamTeamRecords
+            name = own if is_told else type_name(self.name, python.__name__)
+            struct = Struct(self._names.new(name), python, fields)
             self._structs[key] = struct
             if is_public:
                 self.public.append(struct)
@@ -265,50 +272,55 @@ class Shared:
 
     # Constants ---------------------------------------------------------------------------------------------
 
-    def constant(self, module: str, name: str, value: Any) -> Value:
+    def constant(self, definition: Definition, value: Any) -> Value:
         """Return a number that a module names."""
-        key = name, repr(value)
+        if isinstance(value, bool | np.bool_):
+            return Number(BOOL, "true" if value else "false", constant=bool(value))
+        if not math.isfinite(value):
+            return real(float(value))
+        key = definition.short, repr(value)
         if key not in self._constants:
-            c = self._names.new(identifier(f"{module}_{name}"))
-            if isinstance(value, bool | np.bool_):
-                return Number(BOOL, "true" if value else "false", constant=bool(value))
+            c = self._names.new(identifier(definition.short))
             if isinstance(value, int | np.int64):
                 own = whole(int(value))
-                if "INT64" in own.text:
-                    text = f"static const int64_t {c} = {own.text};"
-                else:
-                    text = f"enum {{ {c} = {own.text} }};"
+                text = (
+                    f"static const int64_t {c} = {own.text};"
+                    if "INT64" in own.text
+                    else f"enum {{ {c} = {own.text} }};"
+                )
                 number = Number(INT, c, constant=int(value), is_natural=int(value) >= 0)
             else:
                 text = f"static const double {c} = {real(float(value)).text};"
                 number = Number(FLOAT, c, constant=float(value))
-                if not math.isfinite(value):
-                    return real(float(value))
-            self._constants[key] = number, text
-        return self._constants[key][0]
+            self._constants[key] = Constant(number, text, definition)
+        return self._constants[key].value
 
-    def constant_array(self, module: str, name: str, value: np.ndarray[Any, Any]) -> Value:
+    def constant_array(self, definition: Definition, value: np.ndarray[Any, Any]) -> Value:
         """Return an array of numbers that a module names."""
-        key = name, repr(id(value))
+        key = definition.short, value.shape, value.dtype, value.tobytes()
         if key not in self._constants:
-            c = self._names.new(identifier(f"{module}_{name}"))
+            c = self._names.new(identifier(definition.short))
             item = FLOAT if value.dtype.kind == "f" else INT
-            numbers = [real(float(n)).text if item is FLOAT else whole(int(n)).text for n in value.ravel()]
             sizes = "".join(f"[{n}]" for n in value.shape)
-            if value.ndim > 1:
-                numbers = [f"{{{', '.join(row)}}}" for row in np.reshape(numbers, (-1, value.shape[-1])).tolist()]
-            text = f"static const {item.value} {c}{sizes} = {{{', '.join(numbers)}}};"
-            array = ArrayValue(item, c, ("const", name), tuple(full(n) for n in value.shape), False, True)
-            self._constants[key] = array, text
-        return self._constants[key][0]
+            text = f"static const {item.value} {c}{sizes} = {_braces(value)};"
+            array = ArrayValue(item, c, ("const", definition.name), tuple(full(n) for n in value.shape), False, True)
+            self._constants[key] = Constant(array, text, definition)
+        return self._constants[key].value
 
     @property
-    def constants(self) -> list[str]:
-        """Their definitions."""
-        return [text for _, text in self._constants.values()]
+    def constants(self) -> list[Constant]:
+        """The constants that functions use."""
+        return [*self._constants.values()]
 
     @property
     def private(self) -> list[Struct | Several]:
         """The structs that only the source file knows."""
         own: list[Struct | Several] = [*self._structs.values(), *self._several.values()]
         return [struct for struct in own if struct not in self.public]
+
+
+def _braces(value: np.ndarray[Any, Any]) -> str:
+    """Return an array as an initialiser."""
+    if value.ndim:
+        return f"{{{', '.join(map(_braces, value))}}}"
+    return real(float(value)).text if value.dtype.kind == "f" else whole(int(value)).text

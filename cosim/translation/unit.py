@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.translation import meanings
+from cosim.translation.constants import definitions_in_c
 from cosim.translation.function import translated
 from cosim.translation.kinds import Array, Kind, Layout, Record, Records, Scalar, Several, Struct
 from cosim.translation.layout import comment, wrapped
@@ -166,8 +167,7 @@ def _written(unit: Shared, about: str, entries: Sequence[Entry], heads: Sequence
     ]
     body += [line for check in checks for line in wrapped(check, 0)]
     body += [""] if checks else []
-    constants = [line for text in unit.constants for line in wrapped(text, 0)]
-    body += [*constants, ""] if constants else []
+    body += definitions_in_c(unit.constants)
     body += [line for own in unit.private for line in (*_struct(own), "")]
     functions = [own.text for own in unit.functions]
     called = set(re.findall(r"\w+", "\n".join(functions)))  # a size that nobody looks at needs no helper

@@ -43,8 +43,8 @@ class Number:
         Whether it is known to be a whole number that is not negative.
     root : Root or None
         The path to the memory that it stands in, if it stands somewhere.
-    condition : str
-        A shorter expression that is good enough for a condition.
+    is_narrow : bool
+        Whether it is an int in C though no constant: a choice between constants. See `wide`.
     """
 
     kind: Scalar
@@ -54,7 +54,7 @@ class Number:
     constant: float | None = None
     is_natural: bool = False
     root: Root | None = None
-    condition: str = ""
+    is_narrow: bool = False
 
     def within(self, level: int) -> str:
         """Return the text, in parentheses where it holds together less tightly than that."""
@@ -202,6 +202,8 @@ Value: TypeAlias = Number | ArrayValue | RecordsValue | RecordValue | StructValu
 
 def whole(value: int) -> Number:
     """Return a whole number that is known."""
+    if value == -(2**63):
+        return Number(INT, "INT64_MIN", ATOM, NOTHING, value)
     if -(2**31) < value < 2**31:
         return Number(INT, str(value), ATOM if value >= 0 else UNARY, NOTHING, value, value >= 0)
     return Number(INT, f"INT64_C({value})", ATOM, NOTHING, value, value >= 0)
@@ -211,6 +213,17 @@ def real(value: float) -> Number:
     """Return a float that is known."""
     text = {"inf": "INFINITY", "-inf": "-INFINITY", "nan": "(double)NAN"}.get(repr(value), repr(value))
     return Number(FLOAT, text, UNARY if text.startswith(("-", "(")) else ATOM, NOTHING, value)
+
+
+def is_narrow(number: Number) -> bool:
+    """Tell whether a whole number may be an int in C, whose arithmetic has 32 bits."""
+    return number.is_narrow or (number.constant is not None and "INT64" not in number.text)
+
+
+def wide(number: Number) -> Number:
+    """Return a whole number as one of 64 bits in C."""
+    text = f"(int64_t){number.within(UNARY)}"
+    return Number(INT, text, UNARY, number.reads, number.constant, number.is_natural)
 
 
 def as_float(number: Number) -> Number:

@@ -16,7 +16,7 @@ import jinja2
 from plants.errors import BuildError
 
 TEMPLATE = Path(__file__).parent / "template"
-RUNTIME = ("instance.c", "instance.h", "values.c", "values.h", "variables.h")
+RUNTIME = ("instance.c", "instance.h", "simulation.h", "values.c", "values.h", "variables.h")
 """Of every kind of model, beside the file of the version of FMI."""
 
 

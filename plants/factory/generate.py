@@ -22,7 +22,7 @@ from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
 from plants.printing import OWN_FUNCTIONS, Powers
 
-RUNTIME = ("model.h", "simulation.c", "simulation.h", "solver.c", "solver.h")
+RUNTIME = ("model.h", "simulation.c", "simulation_state.h", "solver.c", "solver.h")
 _TEMPLATES = {
     "documentation/index.html": "documentation.html.jinja",
     "sources/config.h": "config.h.jinja",

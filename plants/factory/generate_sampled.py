@@ -9,7 +9,7 @@ from plants.factory.assemble import VERSIONS, rendered, runtime_of
 from plants.factory.variables import Entry, Table, Unknown
 from plants.sampled import Port, Sampled
 
-RUNTIME = ("sampled/model.h", "sampled/simulation.c", "sampled/simulation.h")
+RUNTIME = ("sampled/model.h", "sampled/simulation.c", "sampled/simulation_state.h")
 _TEMPLATES = {
     "documentation/index.html": "sampled/documentation.html.jinja",
     "sources/config.h": "sampled/config.h.jinja",

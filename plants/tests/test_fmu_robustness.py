@@ -130,8 +130,8 @@ def test_sanitizers_do_see_errors(fmus: Callable, tmp_path: Path) -> None:
     """The test above can fail: with a table of parameters too short, the sanitizer ends the process."""
     fmu = fmus("car_like", "2.0")
     shutil.copytree(fmu.folder, tmp_path / "fmu")
-    config = tmp_path / "fmu" / "sources" / "simulation.h"
-    config.write_text(config.read_text().replace("double values[N_REALS];", "double values[N_STATES];"))
+    state = tmp_path / "fmu" / "sources" / "simulation_state.h"
+    state.write_text(state.read_text().replace("double values[N_REALS];", "double values[N_STATES];"))
     broken = Fmu(fmu.path, tmp_path / "fmu", fmu.library, fmu.references)
     result = call_sanitized(broken, "2.0", 100, tmp_path)
     assert result.returncode != 0

@@ -182,12 +182,14 @@ static const char *child_lost(struct Tool *tool, const char *what, Moved moved, 
 }
 
 /* Read a reply, of which `size` bytes are expected. NULL, or why there is none. */
-static const char *child_reply(struct Tool *tool, const char *what, void *answer, size_t size, double until, double limit)
+static const char *child_reply(struct Tool *tool, const char *what, void *answer, size_t size, double until,
+                               double limit)
 {
     unsigned char header[CHILD_HEADER];
     Moved moved = child_move(tool, false, header, sizeof header, until);
     if (moved != CHILD_MOVED) return child_lost(tool, what, moved, limit);
-    const size_t length = (size_t)header[1] | (size_t)header[2] << 8 | (size_t)header[3] << 16 | (size_t)header[4] << 24;
+    const size_t length =
+        (size_t)header[1] | (size_t)header[2] << 8 | (size_t)header[3] << 16 | (size_t)header[4] << 24;
     if (header[0] == CHILD_DONE && length == size) {
         moved = child_move(tool, false, answer, size, until);
         return moved == CHILD_MOVED ? NULL : child_lost(tool, what, moved, limit);
@@ -204,8 +206,8 @@ static const char *child_reply(struct Tool *tool, const char *what, void *answer
     return tool->message;
 }
 
-static const char *child_request(struct Tool *tool, const char *what, int kind, const void *body, size_t size, void *answer,
-                                 size_t expected, double limit)
+static const char *child_request(struct Tool *tool, const char *what, int kind, const void *body, size_t size,
+                                 void *answer, size_t expected, double limit)
 {
     unsigned char request[CHILD_HEADER + CHILD_ROOM];
     request[0] = (unsigned char)kind;
@@ -320,7 +322,8 @@ static const char *child_start(struct Tool *tool)
     free(law);
     if (error) {
         snprintf(tool->message, sizeof tool->message,
-                 LAW " needs a Python with its package: %.120s cannot be started (%s); FORMATION_LAW_PYTHON names another",
+                 LAW
+                 " needs a Python with its package: %.120s cannot be started (%s); FORMATION_LAW_PYTHON names another",
                  interpreter, strerror(error));
         return tool->message;
     }
@@ -336,7 +339,10 @@ static const char *child_start(struct Tool *tool)
 
 static int child_digit(char c)
 {
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
 }
 
 /* FMI 2.0 has a URI, of the forms file:/path, file:///path and file://host/path; FMI 3.0 has a path. */
@@ -373,7 +379,8 @@ const char *model_begin(struct Tool *tool, const double *parameters, const int *
     (void)integers;
     const char *const fault = child_start(tool);
     if (fault != NULL) return fault;
-    return child_request(tool, "start", CHILD_TEAMS, parameters, N_PARAMETERS * sizeof(double), NULL, 0, CHILD_START_LIMIT);
+    return child_request(tool, "start", CHILD_TEAMS, parameters, N_PARAMETERS * sizeof(double), NULL, 0,
+                         CHILD_START_LIMIT);
 }
 
 const char *child_tick(struct Tool *tool, int team, long long tick, const void *inputs, size_t given, void *outputs,

@@ -35,7 +35,8 @@ static uint64_t next(Stream *s)
 {
     const uint64_t factor_high = 0x2360ED051FC65DA4u, factor_low = 0x4385DF649FCCF645u;
     const uint64_t product = s->low * factor_low;
-    uint64_t high = high_of_product(s->low, factor_low) + s->high * factor_low + s->low * factor_high + s->increment_high;
+    uint64_t high =
+        high_of_product(s->low, factor_low) + s->high * factor_low + s->low * factor_high + s->increment_high;
     const uint64_t low = product + s->increment_low;
     if (low < product) high++;
     s->high = high;
@@ -101,8 +102,8 @@ double stream_normal(Stream *stream)
                 }
             }
         }
-        const double height = (ziggurat_heights[layer - 1] - ziggurat_heights[layer]) * stream_part(stream)
-            + ziggurat_heights[layer];
+        const double height =
+            (ziggurat_heights[layer - 1] - ziggurat_heights[layer]) * stream_part(stream) + ziggurat_heights[layer];
         if (height < exp(-0.5 * number * number)) return number;
     }
 }

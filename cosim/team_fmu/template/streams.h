@@ -1,6 +1,6 @@
-/* Streams of random numbers: those of NumPy's generators, bit for bit. NumPy's SeedSequence makes the first state of the
- * words of a seed and of a stream's name, PCG64 (O'Neill, HMC-CS-2014-0905) makes whole numbers, and the ziggurat of
- * Marsaglia and Tsang (doi:10.18637/jss.v005.i08) makes normal numbers of these. */
+/* Streams of random numbers: those of NumPy's generators, bit for bit. NumPy's SeedSequence makes the first state of
+ * the words of a seed and of a stream's name, PCG64 (O'Neill, HMC-CS-2014-0905) makes whole numbers, and the ziggurat
+ * of Marsaglia and Tsang (doi:10.18637/jss.v005.i08) makes normal numbers of these. */
 #ifndef STREAMS_H
 #define STREAMS_H
 

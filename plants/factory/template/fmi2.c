@@ -39,7 +39,8 @@ static void log_message(const Instance *base, Status status, const char *categor
         format[length++] = *c;
     }
     format[length] = '\0';
-    instance->callbacks.logger(instance->callbacks.componentEnvironment, base->name, (fmi2Status)status, category, format);
+    instance->callbacks.logger(instance->callbacks.componentEnvironment, base->name, (fmi2Status)status, category,
+                               format);
 }
 
 /* ---- general ---- */
@@ -60,8 +61,9 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nC
     return (fmi2Status)instance_set_logging(c, &function, loggingOn, nCategories, names);
 }
 
-fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID, fmi2String fmuResourceLocation,
-                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn)
+fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
+                              fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
+                              fmi2Boolean visible, fmi2Boolean loggingOn)
 {
     static const Function function = {"fmi2Instantiate", ANY_MODE, ANY_MODE};
     (void)visible;
@@ -69,7 +71,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
 
     /* Problems are always reported; the debug switch is for the rest. */
     Fmi2Instance made = {
-        .base = {.now = {.interface = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION, .mode = INSTANTIATED},
+        .base = {.now = {.interface = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
+                         .mode = INSTANTIATED},
                  .name = instanceName == NULL ? "?" : instanceName,
                  .logged_least = LOG_PROBLEMS,
                  .logged = loggingOn ? LOG_ALL : LOG_PROBLEMS,
@@ -252,7 +255,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byt
     return (fmi2Status)instance_serialize(c, &function, FMUstate, (unsigned char *)serializedState, size);
 }
 
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size, fmi2FMUstate *FMUstate)
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
+                                   fmi2FMUstate *FMUstate)
 {
     static const Function function = {"fmi2DeSerializeFMUstate", ANY_MODE, ANY_MODE};
     return (fmi2Status)instance_deserialize(c, &function, (const unsigned char *)serializedState, size, FMUstate);
@@ -269,15 +273,15 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                               dvUnknown);
 }
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
-                                       const fmi2Real value[])
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                       const fmi2Integer order[], const fmi2Real value[])
 {
     static const Function function = {"fmi2SetRealInputDerivatives", NEVER, INSTANTIATED | INITIALIZATION | STEP_MODE};
     return (fmi2Status)instance_set_slopes(c, &function, vr, nvr, order, value);
 }
 
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
-                                        fmi2Real value[])
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                                        const fmi2Integer order[], fmi2Real value[])
 {
     (void)vr;
     (void)nvr;
@@ -384,7 +388,8 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
     (void)noSetFMUStatePriorToCurrentPoint;
     const Instance *const instance = instance_enter(c, &function);
     if (instance == NULL) return fmi2Error;
-    if (enterEventMode == NULL || terminateSimulation == NULL) return (fmi2Status)instance_refuse_null(instance, &function);
+    if (enterEventMode == NULL || terminateSimulation == NULL)
+        return (fmi2Status)instance_refuse_null(instance, &function);
     *enterEventMode = fmi2False;
     *terminateSimulation = fmi2False;
     return (fmi2Status)instance_complete_step(c, &function);

@@ -62,7 +62,8 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean loggingOn, size_t nCa
 }
 
 static Fmi3Instance *instantiate(const Function *function, Interface interface, fmi3String name, fmi3String token,
-                                 fmi3String resources, fmi3Boolean is_logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+                                 fmi3String resources, fmi3Boolean is_logging, fmi3InstanceEnvironment environment,
+                                 fmi3LogMessageCallback log)
 {
     Fmi3Instance made = {
         .base = {.now = {.interface = interface, .mode = INSTANTIATED},
@@ -96,7 +97,8 @@ static Fmi3Instance *instantiate(const Function *function, Interface interface, 
 }
 
 /* No instance, for an interface that this FMU does not offer. */
-static fmi3Instance not_offered(const char *function_name, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+static fmi3Instance not_offered(const char *function_name, fmi3InstanceEnvironment environment,
+                                fmi3LogMessageCallback log)
 {
     if (log != NULL) {
         char text[LOG_SIZE];
@@ -106,20 +108,21 @@ static fmi3Instance not_offered(const char *function_name, fmi3InstanceEnvironme
     return NULL;
 }
 
-fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-                                          fmi3Boolean visible, fmi3Boolean loggingOn,
-                                          fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment instanceEnvironment,
+                                          fmi3LogMessageCallback logMessage)
 {
     static const Function function = {"fmi3InstantiateModelExchange", ANY_MODE, ANY_MODE};
     (void)visible;
     if (!OFFERS_MODEL_EXCHANGE) return not_offered(function.name, instanceEnvironment, logMessage);
-    return instantiate(&function, MODEL_EXCHANGE, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment,
-                       logMessage);
+    return instantiate(&function, MODEL_EXCHANGE, instanceName, instantiationToken, resourcePath, loggingOn,
+                       instanceEnvironment, logMessage);
 }
 
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-                                         fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
-                                         fmi3Boolean earlyReturnAllowed,
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
+                                         fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                         fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
                                          const fmi3ValueReference requiredIntermediateVariables[],
                                          size_t nRequiredIntermediateVariables,
                                          fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
@@ -131,10 +134,11 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)requiredIntermediateVariables;
     (void)intermediateUpdate;
     const char *const refusal = eventModeUsed ? "there is no event mode: hasEventMode is false"
-        : nRequiredIntermediateVariables > 0  ? "there are no intermediate updates: providesIntermediateUpdate is false"
-                                              : NULL;
-    Fmi3Instance *const instance = instantiate(&function, CO_SIMULATION, instanceName, instantiationToken,
-                                               resourcePath, loggingOn || refusal != NULL, instanceEnvironment, logMessage);
+                                : nRequiredIntermediateVariables > 0
+                                    ? "there are no intermediate updates: providesIntermediateUpdate is false"
+                                    : NULL;
+    Fmi3Instance *const instance = instantiate(&function, CO_SIMULATION, instanceName, instantiationToken, resourcePath,
+                                               loggingOn || refusal != NULL, instanceEnvironment, logMessage);
     if (instance != NULL && refusal != NULL) {
         instance_refuse(&instance->base, &function, refusal);
         fmi3FreeInstance(instance);
@@ -171,7 +175,8 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefi
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
     static const Function function = {"fmi3EnterInitializationMode", INSTANTIATED, INSTANTIATED};
-    const Status status = instance_setup(c, &function, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime);
+    const Status status =
+        instance_setup(c, &function, toleranceDefined, tolerance, startTime, stopTimeDefined, stopTime);
     return (fmi3Status)(status == STATUS_OK ? instance_change_mode(c, &function, INITIALIZATION) : status);
 }
 
@@ -336,7 +341,8 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState FMUState, fmi3Byte
     return (fmi3Status)instance_serialize(c, &function, FMUState, serializedState, size);
 }
 
-fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte serializedState[], size_t size, fmi3FMUState *FMUState)
+fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte serializedState[], size_t size,
+                                   fmi3FMUState *FMUState)
 {
     static const Function function = {"fmi3DeserializeFMUState", ANY_MODE, ANY_MODE};
     return (fmi3Status)instance_deserialize(c, &function, serializedState, size, FMUState);
@@ -352,7 +358,8 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     if (nSeed != nKnowns || nSensitivity != nUnknowns) {
         return lacks(c, function.name, "there must be a seed for each known, a result for each unknown");
     }
-    return (fmi3Status)instance_differentiate(c, &function, false, unknowns, nUnknowns, knowns, nKnowns, seed, sensitivity);
+    return (fmi3Status)instance_differentiate(c, &function, false, unknowns, nUnknowns, knowns, nKnowns, seed,
+                                              sensitivity);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t nUnknowns,
@@ -363,7 +370,8 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
     if (nSeed != nUnknowns || nSensitivity != nKnowns) {
         return lacks(c, function.name, "there must be a seed for each unknown, a result for each known");
     }
-    return (fmi3Status)instance_differentiate(c, &function, true, unknowns, nUnknowns, knowns, nKnowns, seed, sensitivity);
+    return (fmi3Status)instance_differentiate(c, &function, true, unknowns, nUnknowns, knowns, nKnowns, seed,
+                                              sensitivity);
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference valueReferences[], size_t nValueReferences,
@@ -388,7 +396,8 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi
     (void)noSetFMUStatePriorToCurrentPoint;
     const Instance *const instance = instance_enter(c, &function);
     if (instance == NULL) return fmi3Error;
-    if (eventHandlingNeeded == NULL || terminateSimulation == NULL || earlyReturn == NULL || lastSuccessfulTime == NULL) {
+    if (eventHandlingNeeded == NULL || terminateSimulation == NULL || earlyReturn == NULL
+        || lastSuccessfulTime == NULL) {
         return (fmi3Status)instance_refuse_null(instance, &function);
     }
     const Status status = instance_step(c, &function, currentCommunicationPoint, communicationStepSize);
@@ -407,8 +416,8 @@ fmi3Status fmi3EnterEventMode(fmi3Instance c)
     return (fmi3Status)instance_change_mode(c, &function, EVENT_MODE);
 }
 
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *discreteStatesNeedUpdate, fmi3Boolean *terminateSimulation,
-                                    fmi3Boolean *nominalsOfContinuousStatesChanged,
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
                                     fmi3Float64 *nextEventTime)
 {
@@ -442,7 +451,8 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean noSetFMUState
     (void)noSetFMUStatePriorToCurrentPoint;
     const Instance *const instance = instance_enter(c, &function);
     if (instance == NULL) return fmi3Error;
-    if (enterEventMode == NULL || terminateSimulation == NULL) return (fmi3Status)instance_refuse_null(instance, &function);
+    if (enterEventMode == NULL || terminateSimulation == NULL)
+        return (fmi3Status)instance_refuse_null(instance, &function);
     *enterEventMode = fmi3False;
     *terminateSimulation = fmi3False;
     return (fmi3Status)instance_complete_step(c, &function);

@@ -24,8 +24,11 @@ static const struct {
     LogCategory category;
     const char *name;
 } categories[] = {
-    {LOG_EVENTS, "logEvents"},      {LOG_WARNING, "logStatusWarning"}, {LOG_DISCARD, "logStatusDiscard"},
-    {LOG_ERROR, "logStatusError"}, {LOG_ALL, "logAll"},
+    {LOG_EVENTS, "logEvents"},
+    {LOG_WARNING, "logStatusWarning"},
+    {LOG_DISCARD, "logStatusDiscard"},
+    {LOG_ERROR, "logStatusError"},
+    {LOG_ALL, "logAll"},
 };
 enum { N_CATEGORIES = sizeof categories / sizeof categories[0] };
 
@@ -159,8 +162,8 @@ static void enter_mode(Instance *instance, const Function *function, Mode mode)
     instance->now.mode = mode;
 }
 
-Status instance_setup(void *component, const Function *function, bool has_tolerance, double tolerance, double start_time,
-                      bool has_stop_time, double stop_time)
+Status instance_setup(void *component, const Function *function, bool has_tolerance, double tolerance,
+                      double start_time, bool has_stop_time, double stop_time)
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
@@ -210,7 +213,8 @@ Status instance_reset(void *component, const Function *function)
 
 /* ---- values ---- */
 
-Status instance_get_reals(void *component, const Function *function, const unsigned references[], size_t n, double values[])
+Status instance_get_reals(void *component, const Function *function, const unsigned references[], size_t n,
+                          double values[])
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
@@ -246,7 +250,8 @@ Status instance_set_slopes(void *component, const Function *function, const unsi
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
-    if (n > 0 && (references == NULL || orders == NULL || values == NULL)) return instance_refuse_null(instance, function);
+    if (n > 0 && (references == NULL || orders == NULL || values == NULL))
+        return instance_refuse_null(instance, function);
     for (size_t i = 0; i < n; i++) {
         if (orders[i] != 1) {
             return instance_refuse(instance, function, "only first time derivatives of inputs can be set: order 1");
@@ -292,9 +297,10 @@ Status instance_set_state(void *component, const Function *function, const void 
     if (state == NULL) return instance_refuse_null(instance, function);
     const Snapshot *const snapshot = state;
     if (snapshot->interface != instance->now.interface) {
-        return instance_refuse(instance, function,
-                               "this state comes from an instance with the other interface: a state of Model Exchange is "
-                               "none of Co-Simulation");
+        return instance_refuse(
+            instance, function,
+            "this state comes from an instance with the other interface: a state of Model Exchange is "
+            "none of Co-Simulation");
     }
     instance->now = *snapshot;
     return STATUS_OK;
@@ -321,13 +327,15 @@ Status instance_get_serialized_size(void *component, const Function *function, c
     return STATUS_OK;
 }
 
-Status instance_serialize(void *component, const Function *function, const void *state, unsigned char bytes[], size_t size)
+Status instance_serialize(void *component, const Function *function, const void *state, unsigned char bytes[],
+                          size_t size)
 {
     Instance *const instance = instance_enter(component, function);
     if (instance == NULL) return STATUS_ERROR;
     if (!OFFERS_STATES) return instance_refuse(instance, function, no_states);
     if (state == NULL || bytes == NULL) return instance_refuse_null(instance, function);
-    if (size < BYTES_SIZE) return instance_refuse(instance, function, "the buffer is too small: ask for the size first");
+    if (size < BYTES_SIZE)
+        return instance_refuse(instance, function, "the buffer is too small: ask for the size first");
     const Snapshot *const snapshot = state;
     const int header[2] = {(int)snapshot->interface, (int)snapshot->mode};
     memcpy(bytes, MODEL_GUID, GUID_SIZE);

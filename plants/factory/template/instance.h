@@ -1,5 +1,5 @@
-/* An instance as FMI sees it, whatever the version of FMI: its mode, its log, its saved states, and what may be called when.
- * fmi2.c and fmi3.c translate the calls of their version to these functions. */
+/* An instance as FMI sees it, whatever the version of FMI: its mode, its log, its saved states, and what may be called
+ * when. fmi2.c and fmi3.c translate the calls of their version to these functions. */
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
@@ -77,15 +77,17 @@ Status instance_refuse_null(const Instance *instance, const Function *function);
 /* Refuse what the model description says this FMU does not offer. */
 Status instance_lacks(void *component, const char *function_name, const char *reason);
 
-Status instance_set_logging(void *component, const Function *function, bool on, size_t n, const char *const categories[]);
-Status instance_setup(void *component, const Function *function, bool has_tolerance, double tolerance, double start_time,
-                      bool has_stop_time, double stop_time);
+Status instance_set_logging(void *component, const Function *function, bool on, size_t n,
+                            const char *const categories[]);
+Status instance_setup(void *component, const Function *function, bool has_tolerance, double tolerance,
+                      double start_time, bool has_stop_time, double stop_time);
 Status instance_change_mode(void *component, const Function *function, Mode mode);
 Status instance_start(void *component, const Function *function);
 Status instance_terminate(void *component, const Function *function);
 Status instance_reset(void *component, const Function *function);
 
-Status instance_get_reals(void *component, const Function *function, const unsigned references[], size_t n, double values[]);
+Status instance_get_reals(void *component, const Function *function, const unsigned references[], size_t n,
+                          double values[]);
 Status instance_set_reals(void *component, const Function *function, const unsigned references[], size_t n,
                           const double values[]);
 Status instance_set_slopes(void *component, const Function *function, const unsigned references[], size_t n,
@@ -99,7 +101,8 @@ Status instance_get_state(void *component, const Function *function, void **stat
 Status instance_set_state(void *component, const Function *function, const void *state);
 Status instance_free_state(void *component, const Function *function, void **state);
 Status instance_get_serialized_size(void *component, const Function *function, const void *state, size_t *size);
-Status instance_serialize(void *component, const Function *function, const void *state, unsigned char bytes[], size_t size);
+Status instance_serialize(void *component, const Function *function, const void *state, unsigned char bytes[],
+                          size_t size);
 Status instance_deserialize(void *component, const Function *function, const unsigned char bytes[], size_t size,
                             void **state);
 

@@ -1,5 +1,5 @@
-/* The contract between a model and the runtime: what a generated model.c provides. There is no FMI type here and nothing
- * about any particular model: the sizes and names come from the generated config.h. */
+/* The contract between a model and the runtime: what a generated model.c provides. There is no FMI type here and
+ * nothing about any particular model: the sizes and names come from the generated config.h. */
 #ifndef MODEL_H
 #define MODEL_H
 

@@ -42,11 +42,12 @@ void simulation_set_real(Simulation *s, unsigned reference, double value)
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
 {
     if (!is_input(reference)) {
-        return say(s, STATUS_ERROR, "value reference %u is not an input: only inputs have time derivatives that can be set",
-                   reference);
+        return say(s, STATUS_ERROR,
+                   "value reference %u is not an input: only inputs have time derivatives that can be set", reference);
     }
     if (!isfinite(slope)) {
-        return say(s, STATUS_ERROR, "the time derivative of input %s is set to %g at time %.16g s: must be a finite number",
+        return say(s, STATUS_ERROR,
+                   "the time derivative of input %s is set to %g at time %.16g s: must be a finite number",
                    model_variables[reference].name, slope, s->time);
     }
     s->slopes[reference - FIRST_INPUT] = slope;
@@ -94,9 +95,9 @@ static Status check_limits(Simulation *s, double time, const double *states, con
         const bool is_outside = is_low || !(limited[i] <= limit->max);
         const bool must_stop = is_outside && s->integers[ENUMERATION_at_singularity] == AT_SINGULARITY_STOP;
         if (must_stop || (is_outside && !s->outside[i])) {
-            say(s, STATUS_WARNING, "%s is %.16g %s at time %.16g s, %s its limit of %.16g %s: %s", limit->name, limited[i],
-                limit->unit, time, is_low ? "below" : "above", is_low ? limit->min : limit->max, limit->unit,
-                limit->reason);
+            say(s, STATUS_WARNING, "%s is %.16g %s at time %.16g s, %s its limit of %.16g %s: %s", limit->name,
+                limited[i], limit->unit, time, is_low ? "below" : "above", is_low ? limit->min : limit->max,
+                limit->unit, limit->reason);
         } else if (!is_outside && s->outside[i]) {
             say(s, STATUS_OK, "%s is %.16g %s at time %.16g s, within its limits again", limit->name, limited[i],
                 limit->unit, time);
@@ -173,7 +174,7 @@ static Status take_fixed_steps(Simulation *s, const Drive *drive, double time, d
     return worst;
 }
 
-/* The largest error of a state relative to what is tolerated, and which state that is; NaN and infinity count as most. */
+/* The largest error of a state relative to what is tolerated, and which state that is; NaN and infinity are larger. */
 static double error_ratio(const Simulation *s, const double next[], const double error[], int *worst)
 {
     const double tolerance = s->values[FIRST_PARAMETER + PARAMETER_tolerance];
@@ -224,10 +225,11 @@ static Status take_adaptive_steps(Simulation *s, const Drive *drive, double time
         trial = fmin(trial, largest);
         if (ratio > 1.0 && trial <= 16.0 * DBL_EPSILON * fmax(fabs(now), step)) {
             s->time = now;
-            return say(s, STATUS_ERROR,
-                       "the step size underflows after time %.16g s: state %s cannot be kept within a tolerance of %g, the "
-                       "simulation diverges",
-                       now, model_variables[worst_state].name, s->values[FIRST_PARAMETER + PARAMETER_tolerance]);
+            return say(
+                s, STATUS_ERROR,
+                "the step size underflows after time %.16g s: state %s cannot be kept within a tolerance of %g, the "
+                "simulation diverges",
+                now, model_variables[worst_state].name, s->values[FIRST_PARAMETER + PARAMETER_tolerance]);
         }
     }
     return worst;
@@ -254,8 +256,8 @@ Status simulation_step(Simulation *s, double time, double step)
 
     s->current = false;
     const Status status = solver_is_adaptive(s->integers[ENUMERATION_solver])
-        ? take_adaptive_steps(s, &drive, time, step)
-        : take_fixed_steps(s, &drive, time, step, ratio < 1.0 ? 1 : (int)ratio);
+                              ? take_adaptive_steps(s, &drive, time, step)
+                              : take_fixed_steps(s, &drive, time, step, ratio < 1.0 ? 1 : (int)ratio);
     if (status == STATUS_ERROR) return status;
     if (s->ramps) {
         /* The inputs have arrived where they were going, and stay there unless they are set again. */
@@ -319,18 +321,20 @@ static Status check_differentiable(Simulation *s, const unsigned unknowns[], siz
     for (size_t i = 0; i < n_unknowns; i++) {
         const unsigned r = unknowns[i];
         if (!(is_state(r) || is_derivative(r) || is_output(r))) {
-            return say(s, STATUS_ERROR, "the variable with value reference %u is no unknown: derivatives and outputs are", r);
+            return say(s, STATUS_ERROR,
+                       "the variable with value reference %u is no unknown: derivatives and outputs are", r);
         }
     }
     for (size_t j = 0; j < n_knowns; j++) {
         const unsigned r = knowns[j];
         const bool is_known = is_state(r) || is_input(r) || r == TIME
-            || (is_real_parameter(r) && (s->phase == BEFORE_START || model_variables[r].tunable));
+                              || (is_real_parameter(r) && (s->phase == BEFORE_START || model_variables[r].tunable));
         if (!is_known) {
-            return say(s, STATUS_ERROR,
-                       "the variable with value reference %u is no known: states, inputs, the time and tunable parameters "
-                       "are, and until the simulation starts all parameters that are numbers",
-                       r);
+            return say(
+                s, STATUS_ERROR,
+                "the variable with value reference %u is no known: states, inputs, the time and tunable parameters "
+                "are, and until the simulation starts all parameters that are numbers",
+                r);
         }
     }
     return STATUS_OK;

@@ -1,7 +1,8 @@
-/* One running instance of the model: its values, its clock, its steps. Knows no FMI: the layers above translate.
+/* One running instance of a model: its values, its clock, its steps. Knows no FMI: the layers above translate. What an
+ * instance holds, and how it steps, is the kind's of model: simulation_state.h and simulation.c.
  *
- * Whatever fails has changed nothing but `message`, which then says why; only after a failed simulation_step may the
- * instance have moved: it then stands at the last good internal step. A message may also come with STATUS_WARNING, or
+ * Whatever fails has changed nothing but `message`, which then says why; only a failed simulation_step may have moved
+ * the instance, which then stands at the last good point on the way. A message may also come with STATUS_WARNING, or
  * with STATUS_OK as a note. Who reads a message empties it. */
 #ifndef SIMULATION_H
 #define SIMULATION_H
@@ -16,28 +17,19 @@ enum { MESSAGE_SIZE = 384 };
 typedef enum {
     STATUS_OK,
     STATUS_WARNING, /* done, but look at it */
-    STATUS_DISCARD, /* not here: try a smaller step */
+    STATUS_DISCARD, /* not here: a smaller step may do */
     STATUS_ERROR
 } Status;
 
 typedef enum { BEFORE_START, RUNNING } Phase;
 
-typedef struct {
-    Phase phase;
-    double time;      /* of the last communication point, s */
-    double stop_time; /* INFINITY unless set */
-    double values[N_REALS];
-    double slopes[ROOM(N_INPUTS)]; /* time derivatives of the inputs, for the next step */
-    bool ramps;                    /* any of them is not zero */
-    int integers[N_INTEGERS];
-    bool outside[ROOM(N_LIMITS)]; /* which limits are left */
-    bool current;                 /* derivatives and outputs belong to the other values */
-    char message[MESSAGE_SIZE];
-} Simulation;
+#include "simulation_state.h" /* the type Simulation, and SERIALIZED_SIZE */
 
-/* A plant needs nothing beside this struct. */
+/* What an instance needs beside its struct, which is zero before: it is found, and given back. */
 Status simulation_open(Simulation *s, const char *resources);
 void simulation_close(Simulation *s);
+
+/* No step will follow, unless after a reset. */
 void simulation_end(Simulation *s);
 
 /* Everything to its start value. */
@@ -51,18 +43,19 @@ Status simulation_get_real(Simulation *s, unsigned reference, double *value);
 Status simulation_set_integer(Simulation *s, unsigned reference, long long value);
 Status simulation_get_integer(Simulation *s, unsigned reference, int *value);
 
-/* Let an input ramp during the next step, by its first time derivative. */
-Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
-
 /* The experiment: start and stop time in s. */
 Status simulation_setup(Simulation *s, double start_time, double stop_time);
 
 /* Check start values, parameters and limits, and fix all but inputs and tunable parameters. */
 Status simulation_start(Simulation *s);
 
-/* One communication step. Methods of fixed step divide it into the fewest equal internal steps that are no longer than
- * solver_step; an adaptive one takes steps as the tolerance asks for, none longer than that. */
+/* One communication step. */
 Status simulation_step(Simulation *s, double time, double step);
+
+/* What the description may say that there is not; then it refuses.
+ *
+ * Let an input ramp during the next step, by its first time derivative. */
+Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
 
 /* For a solver outside: place the model, evaluate it, and say that an integrator's step is accepted. */
 Status simulation_set_time(Simulation *s, double time);
@@ -75,11 +68,7 @@ Status simulation_complete_step(Simulation *s);
 Status simulation_differentiate(Simulation *s, bool adjoint, const unsigned unknowns[], size_t n_unknowns,
                                 const unsigned knowns[], size_t n_knowns, const double seed[], double sensitivity[]);
 
-/* All that a simulation needs to go on, as bytes, for the same model on the same kind of machine. */
-enum {
-    SERIALIZED_SIZE = sizeof(int) + 2 * sizeof(double) + sizeof(double) * (2 * N_INPUTS + N_STATES + N_PARAMETERS)
-        + sizeof(int) * N_INTEGERS + N_LIMITS
-};
+/* All that a simulation needs to go on, as SERIALIZED_SIZE bytes, for the same FMU on the same kind of machine. */
 void simulation_serialize(const Simulation *s, unsigned char bytes[]);
 
 /* Back from bytes, which may come from anywhere: refused if they are no simulation's. */

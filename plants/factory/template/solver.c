@@ -46,8 +46,8 @@ bool solver_is_adaptive(int solver)
 }
 
 /* base + step * (weights' slopes) */
-static void advance(const double base[], double step, int n_slopes, const double weights[],
-                    double slopes[][N_STATES], double result[])
+static void advance(const double base[], double step, int n_slopes, const double weights[], double slopes[][N_STATES],
+                    double result[])
 {
     for (int i = 0; i < N_STATES; i++) {
         double slope = 0.0;

@@ -33,18 +33,18 @@ static const char *kind(unsigned reference)
 
 Status no_real(Simulation *s, unsigned reference)
 {
-    return say(s, STATUS_ERROR, "there is no Real variable with value reference %u: they are 0 to %d, and %d", reference,
-               N_REALS - 1, TIME);
+    return say(s, STATUS_ERROR, "there is no Real variable with value reference %u: they are 0 to %d, and %d",
+               reference, N_REALS - 1, TIME);
 }
 
 static Status no_integer(Simulation *s, unsigned reference)
 {
-    return say(s, STATUS_ERROR, "there is no enumeration or Integer with value reference %u: they are %d to %d", reference,
-               FIRST_INTEGER, TIME - 1);
+    return say(s, STATUS_ERROR, "there is no enumeration or Integer with value reference %u: they are %d to %d",
+               reference, FIRST_INTEGER, TIME - 1);
 }
 
-/* Whether a variable may be set now: inputs always, states and parameters until the start, then those parameters that are
- * tunable at events, results never. */
+/* Whether a variable may be set now: inputs always, states and parameters until the start, then those parameters that
+ * are tunable at events, results never. */
 static Status check_settable(Simulation *s, unsigned reference, bool at_event)
 {
     const char *const name = model_variables[reference].name;
@@ -69,8 +69,8 @@ Status check_bounds(Simulation *s, Status status, unsigned reference, double val
     const bool is_low = value < variable->min || (variable->above && value <= variable->min);
     const bool is_high = !(value <= variable->max) || (variable->below && value >= variable->max);
     if (!is_low && !is_high) return STATUS_OK;
-    const char *const bound = is_low ? (variable->above ? "greater than" : "at least")
-                                     : (variable->below ? "less than" : "at most");
+    const char *const bound =
+        is_low ? (variable->above ? "greater than" : "at least") : (variable->below ? "less than" : "at most");
     return say(s, status, "%s %s is %.16g %s at time %.16g s: must be %s %g %s", kind(reference), variable->name, value,
                variable->unit, s->time, bound, is_low ? variable->min : variable->max, variable->unit);
 }
@@ -95,8 +95,8 @@ static Status check_integer(Simulation *s, unsigned reference, long long value)
     const Variable *const variable = &model_variables[reference];
     if (variable->unit[0] == '\0') return check_bounds(s, STATUS_ERROR, reference, (double)value);
     if (value >= (int)variable->min && value <= (int)variable->max) return STATUS_OK;
-    return say(s, STATUS_ERROR, "parameter %s is %lld at time %.16g s: must be one of %s", variable->name, value, s->time,
-               variable->unit);
+    return say(s, STATUS_ERROR, "parameter %s is %lld at time %.16g s: must be one of %s", variable->name, value,
+               s->time, variable->unit);
 }
 
 Status simulation_set_integer(Simulation *s, unsigned reference, long long value)
@@ -160,7 +160,8 @@ Status simulation_setup(Simulation *s, double start_time, double stop_time)
 Status check_step(Simulation *s, double time, double step)
 {
     if (!(step > 0.0) || !isfinite(step)) {
-        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time, step);
+        return say(s, STATUS_ERROR, "the communication step at time %.16g s is %.16g s: must be positive", s->time,
+                   step);
     }
     /* Masters that add up their time arrive some rounding errors off. */
     const double tolerance = 1e-6 * step + 16.0 * DBL_EPSILON * fabs(s->time);
@@ -168,8 +169,8 @@ Status check_step(Simulation *s, double time, double step)
         return say(s, STATUS_ERROR, "wrong communication point: expected %.16g s, received %.16g s", s->time, time);
     }
     if (time + step > s->stop_time + tolerance) {
-        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time, time + step,
-                   s->stop_time);
+        return say(s, STATUS_ERROR, "a step from %.16g s to %.16g s goes beyond the stop time %.16g s", time,
+                   time + step, s->stop_time);
     }
     return STATUS_OK;
 }

@@ -1,5 +1,5 @@
-/* What a simulation of any kind does with its values, which go by value reference: check, refuse, keep. A Simulation has
- * its phase, time, values, integers and message, and the mark `current`. */
+/* What a simulation of any kind does with its values, which go by value reference: check, refuse, keep. A Simulation
+ * has its phase, time, values, integers and message, and the mark `current`. */
 #ifndef VALUES_H
 #define VALUES_H
 

@@ -1,5 +1,5 @@
-/* The variables of an FMU, of whatever kind: value references, and what is stated of each. Sizes and names come from the
- * generated config.h. */
+/* The variables of an FMU, of whatever kind: value references, and what is stated of each. Sizes and names come from
+ * the generated config.h. */
 #ifndef VARIABLES_H
 #define VARIABLES_H
 

@@ -1,6 +1,6 @@
-/* The contract between a sampled model and the runtime: what a model provides. A sampled model computes its outputs once
- * a communication point, a tick, from its inputs, its parameters and its memory. There is no FMI type here and nothing
- * about any particular model: sizes and names come from the generated config.h. */
+/* The contract between a sampled model and the runtime: what a model provides. A sampled model computes its outputs
+ * once a communication point, a tick, from its inputs, its parameters and its memory. There is no FMI type here and
+ * nothing about any particular model: sizes and names come from the generated config.h. */
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -17,8 +17,8 @@ struct Tool; /* the program beside a model; there is none unless NEEDS_TOOL is s
 
 /* Compute the outputs of a tick, and what the memory is after it. Returns NULL, or why that is not possible: a clause
  * without its end, "the law fails". */
-const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers, Memory *memory,
-                       struct Tool *tool, double *outputs);
+const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,
+                       Memory *memory, struct Tool *tool, double *outputs);
 
 #if NEEDS_TOOL
 /* The program beside the model, which belongs to an instance. Faults are clauses as above. */

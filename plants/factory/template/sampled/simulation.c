@@ -138,8 +138,8 @@ static Status check_given(Simulation *s)
     }
     if (missing == 0) return STATUS_OK;
     const Variable *const input = &model_variables[FIRST_INPUT + first];
-    return say(s, STATUS_WARNING, "%d of %d inputs were never set, and keep their start value: %s stays %.16g %s", missing,
-               N_INPUTS, input->name, input->start, input->unit);
+    return say(s, STATUS_WARNING, "%d of %d inputs were never set, and keep their start value: %s stays %.16g %s",
+               missing, N_INPUTS, input->name, input->start, input->unit);
 }
 
 Status simulation_step(Simulation *s, double time, double step)
@@ -148,10 +148,11 @@ Status simulation_step(Simulation *s, double time, double step)
     if (allowed != STATUS_OK) return allowed;
     const double count = floor(step / SAMPLE_TIME + 0.5);
     if (count < 1.0 || count > 1e9 || fabs(step - count * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME) {
-        return say(s, STATUS_ERROR,
-                   "the communication step at time %.16g s is %.16g s: must be the sample time of this FMU, %.16g s, or a "
-                   "whole number of them",
-                   s->time, step, (double)SAMPLE_TIME);
+        return say(
+            s, STATUS_ERROR,
+            "the communication step at time %.16g s is %.16g s: must be the sample time of this FMU, %.16g s, or a "
+            "whole number of them",
+            s->time, step, (double)SAMPLE_TIME);
     }
     const double start = s->time;
     Status worst = s->tick == 0 ? check_given(s) : STATUS_OK;
@@ -172,7 +173,8 @@ Status simulation_step(Simulation *s, double time, double step)
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope)
 {
     (void)slope;
-    return say(s, STATUS_ERROR, "the time derivative of value reference %u is set: canInterpolateInputs is false", reference);
+    return say(s, STATUS_ERROR, "the time derivative of value reference %u is set: canInterpolateInputs is false",
+               reference);
 }
 
 static Status no_model_exchange(Simulation *s)
@@ -247,7 +249,7 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     from = take(read.values, from, sizeof read.values);
     from = take(read.integers, from, sizeof(int) * N_INTEGERS);
     bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time)
-        && read.tick >= 0 && (phase == RUNNING || read.tick == 0);
+                   && read.tick >= 0 && (phase == RUNNING || read.tick == 0);
     for (int i = 0; i < N_INPUTS; i++) {
         is_good = is_good && *from <= 1;
         read.given[i] = *from++ != 0;
