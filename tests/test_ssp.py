@@ -248,6 +248,82 @@ def test_changes_that_make_no_sense_are_refused(
         import_ssp(path, tmp_path / "changed.xml")
 
 
+_STOP, _BASE = r'stopTime="[^"]*"', r'baseStepSize="[^"]*"'
+_FACTS = r"<formation:Scenario.*?</formation:Scenario>"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "by", "why"),
+    [
+        (_STOP, 'stopTime="-1.0"', r'<DefaultExperiment> has stopTime="-1.0", which is not positive'),
+        (_STOP, 'stopTime="0"', r'<DefaultExperiment> has stopTime="0", which is not positive'),
+        (_STOP, 'stopTime="NaN"', r'<DefaultExperiment> has stopTime="NaN", which is no number'),
+        (_STOP, 'stopTime="INF"', r'<DefaultExperiment> has stopTime="INF", which is no number'),
+        (_STOP, 'stopTime="1_0"', r'<DefaultExperiment> has stopTime="1_0", which is no number'),
+        (_STOP, 'stopTime="1e120"', "states 1e\\+120 s, where at most 1e\\+100 s are possible"),
+        (_STOP, 'stopTime="1e9"', "has 5e\\+10 communication steps of 0.02 s; at most 10000000 are possible"),
+        (_STOP, 'stopTime="0.013"', "ends at 0.013 s, which is not a whole number of communication steps of 0.02 s"),
+        ('startTime="0"', 'startTime="1.5"', "<DefaultExperiment> starts at 1.5 s; a scenario starts at 0 s"),
+        ('startTime="0"', 'startTime="nan"', "which is no number"),
+        (_BASE, 'baseStepSize="0.0"', r'<FixedStepAlgorithm> has baseStepSize="0.0", which is not positive'),
+        (_BASE, 'baseStepSize="-0.02"', "which is not positive"),
+        (_BASE, 'baseStepSize="inf"', "which is no number"),
+        (_BASE, 'baseStepSize="0.07"', "ends at 6 s, which is not a whole number of communication steps of 0.07 s"),
+        (
+            r'(endConnector="tau_drive")/>',
+            r'\1><ssc:LinearTransformation factor="0"/></ssd:Connection>',
+            "by which nothing",
+        ),
+        ('name="follower_2" type', 'name="follower_1" type', "'follower_1' is the name of two components"),
+        ('factor="1.0"', 'factor="NaN"', 'has factor="NaN", which is no number'),
+    ],
+)
+@pytest.mark.parametrize("is_own", [True, False])
+def test_numbers_that_make_no_run_are_refused(
+    line: Exported, tmp_path: Path, pattern: str, by: str, why: str, is_own: bool
+) -> None:
+    path = _with(line, tmp_path / "odd.ssp", "SystemStructure.ssd", pattern, by)
+    if not is_own:
+        path = _foreign(path, tmp_path)
+    with pytest.raises(InputError, match=rf"^{re.escape(str(path))}/SystemStructure\.ssd:\d+:\d+: .*{why}"):
+        import_ssp(path, tmp_path / "odd.xml")
+
+
+def _foreign(path: Path, folder: Path) -> Path:
+    """Return an SSP without the words about its scenario."""
+
+    def change(name: str, data: bytes) -> bytes:
+        return re.sub(_FACTS.encode(), b"", data, flags=re.DOTALL) if name.endswith(".ssd") else data
+
+    return _changed(path, folder / f"foreign_{path.name}", change)
+
+
+def test_an_end_within_a_step_that_is_not_stated_is_put_off(line: Exported, tmp_path: Path) -> None:
+    path = _with(line, tmp_path / "odd.ssp", "SystemStructure.ssd", r"<osp:FixedStepAlgorithm[^>]*/>", "")
+    path = _foreign(_with_stop(path, tmp_path / "late.ssp", "1.013"), tmp_path)
+    imported = import_ssp(path, tmp_path / "odd.xml")
+    assert 'horizon="1.02 s" step="0.02 s"' in imported.files[tmp_path / "odd.xml"].decode()
+    assert any("ends with a step of 0.02 s at 1.02 s" in sentence for sentence in imported.to_do)
+
+
+def _with_stop(path: Path, into: Path, stop: str) -> Path:
+    def change(name: str, data: bytes) -> bytes:
+        return re.sub(_STOP.encode(), f'stopTime="{stop}"'.encode(), data) if name.endswith(".ssd") else data
+
+    return _changed(path, into, change)
+
+
+def test_a_broken_fmu_is_named_by_its_place_in_the_ssp(line: Exported, tmp_path: Path) -> None:
+    def change(name: str, data: bytes) -> bytes:
+        return b"no archive" if name == "resources/follower_1.fmu" else data
+
+    path = _foreign(_changed(line.path, tmp_path / "broken.ssp", change), tmp_path)
+    with pytest.raises(InputError) as refused:
+        import_ssp(path, tmp_path / "broken.xml")
+    assert f"{path}, resources/follower_1.fmu is not an FMU" in str(refused.value)
+    assert "formation-ssp-" not in str(refused.value)
+
+
 def test_a_quotation_mark_in_a_changed_name_is_a_name_that_is_not_there(line: Exported, tmp_path: Path) -> None:
     path = _with(line, tmp_path / "changed.ssp", "resources/pid.ssv", 'name="follower_2.k_d"', 'name="it\'s.k_d"')
     (note,) = import_ssp(path, tmp_path / "changed.xml").notes

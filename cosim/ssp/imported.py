@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cosim.errors import InputError
@@ -41,6 +42,18 @@ class Imported:
     runs: bool
 
 
+@contextmanager
+def _named(path: Path, directory: Path) -> Iterator[None]:
+    """Let an error name the files of an SSP, not the folder that it is unpacked in."""
+    try:
+        yield
+    except InputError as error:
+        where, unpacked = error.where, f"{directory}{os.sep}"
+        if where is not None:
+            where = replace(where, file=where.file.replace(unpacked, f"{path}/"))
+        raise InputError(error.message.replace(unpacked, f"{path}, "), where) from None
+
+
 def import_ssp(path: Path, scenario: Path | None = None) -> Imported:
     """Return the scenario of an SSP; nothing is written.
 
@@ -67,6 +80,7 @@ def import_ssp(path: Path, scenario: Path | None = None) -> Imported:
     with ExitStack() as cleanup:
         directory = plain_folder("formation-ssp-")
         cleanup.callback(scratch.remove, directory)
+        cleanup.enter_context(_named(path, directory))
         structure = read_ssp(path, directory)
         folder = f"{scenario.stem}_files"
         if structure.facts is not None:

@@ -23,6 +23,7 @@ from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import LEADER
 from cosim.scenario.tree_edits import add_namespace, insert, serialised, strip_namespace
 from cosim.ssp.document import ALL_PARAMETERS
+from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
 from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
@@ -147,10 +148,14 @@ def _experiment(root: etree._Element, structure: Structure) -> None:
     simulation = root.find("simulation")
     assert simulation is not None
     scenario_step, scenario_stop = simulation.get("step", ""), simulation.get("horizon", "")
-    if structure.stop and not math.isclose(quantity(scenario_stop, "s"), structure.stop):
-        simulation.set("horizon", f"{structure.stop!r} s")
-    if structure.step and not math.isclose(quantity(scenario_step, "s"), structure.step):
-        simulation.set("step", f"{structure.step!r} s")
+    own_step, own_horizon = quantity(scenario_step, "s"), quantity(scenario_stop, "s")
+    if own_step <= 0.0 or own_horizon <= 0.0:  # the text was changed, and is read later
+        return
+    step, horizon = experiment(structure, own_step, own_horizon)
+    if not math.isclose(own_horizon, horizon):
+        simulation.set("horizon", f"{horizon!r} s")
+    if not math.isclose(own_step, step):
+        simulation.set("step", f"{step!r} s")
 
 
 def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup]) -> Iterator[str]:

@@ -90,6 +90,11 @@ class _Reader:
             raise self._error(root, "has no <System>")
         units_here = self._units(root, {}, "ssd:Units")
         components = [self._component(element, units_here) for element in self._elements(system)]
+        names = set[str]()
+        for component in components:
+            if component.name in names:
+                raise InputError(f"<Component>: {component.name!r} is the name of two components", component.where)
+            names.add(component.name)
         self._spread(system, components, units_here)
         experiment = root.find(_tag("ssd:DefaultExperiment"))
         step = root.find(f".//{{{OSP}}}FixedStepAlgorithm")
@@ -97,18 +102,19 @@ class _Reader:
         if begin != 0.0:
             assert experiment is not None
             raise self._error(experiment, f"starts at {begin:g} s; a scenario starts at 0 s")
-        structure = Structure(
+        return Structure(
             name=root.get("name", ""),
             description=system.get("description", ""),
             components=tuple(components),
-            connections=tuple(self._connections(system, {component.name for component in components})),
+            connections=tuple(self._connections(system, names)),
             units=units_here,
-            stop=0.0 if experiment is None else self._number(experiment, "stopTime", 0.0),
-            step=0.0 if step is None else self._number(step, "baseStepSize", 0.0),
+            stop=0.0 if experiment is None else self._positive(experiment, "stopTime"),
+            step=0.0 if step is None else self._positive(step, "baseStepSize"),
             version=version,
             facts=self._facts(root),
+            stop_where=None if experiment is None else self._places[experiment],
+            step_where=None if step is None else self._places[step],
         )
-        return structure
 
     def parameters(self, name: str) -> tuple[list[Parameter], Units]:
         known: _Units = {}
@@ -301,10 +307,13 @@ class _Reader:
                         element, f"names the element {name!r}, which is not there: {nearest(name, [*known])}"
                     )
             linear = element.find(_tag("ssc:LinearTransformation"))
+            factor = 1.0 if linear is None else self._number(linear, "factor", 1.0)
+            if linear is not None and factor == 0.0:
+                raise self._error(linear, 'has factor="0", by which nothing is connected: leave the connection out')
             yield Connection(
                 (start, element.get("startConnector", "")),
                 (end, element.get("endConnector", "")),
-                1.0 if linear is None else self._number(linear, "factor", 1.0),
+                factor,
                 0.0 if linear is None else self._number(linear, "offset", 0.0),
                 self._places[element],
             )
@@ -334,11 +343,18 @@ class _Reader:
         if text is None and missing is not None:
             return missing
         try:
-            number = float(text or "")
+            number = float(text or "") if "_" not in (text or "") else math.nan  # as in 1_000, which XML does not know
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
             raise self._error(element, f'has {name}="{text or ""}", which is no number')
+        return number
+
+    def _positive(self, element: etree._Element, name: str) -> float:
+        """Return a positive number; 0 if none is stated."""
+        number = self._number(element, name, 0.0)
+        if name in element.attrib and number <= 0.0:
+            raise self._error(element, f'has {name}="{element.get(name)}", which is not positive')
         return number
 
     def _error(self, element: etree._Element, sentence: str) -> InputError:

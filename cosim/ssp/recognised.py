@@ -19,6 +19,7 @@ from cosim.fmu.units import unit_name, unit_of
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.scenario.grammar import NAMESPACE, matches
 from cosim.scenario.scenario import LEADER, OPEN
+from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.structure import Component, Parameter, Structure, Units
 from cosim.swap.proposal import Proposal, binding_xml, proposals
@@ -135,7 +136,12 @@ def recognised_scenario(
         )
     to_do.append("the places of the followers are those in which they start: state the formation that you want")
     to_do.append(f"the control law is {ADAPTIVE_PID.name} with gains that suit many vehicles: choose your own")
-    text = _text(path, structure, name, leader, followers, list(plants.values()), to_do)
+    step, horizon = experiment(structure, _STEP, _HORIZON, rounds=not structure.step)
+    if structure.stop and horizon != structure.stop:
+        to_do.append(
+            f"the run ends with a step of {step:g} s at {horizon:g} s: the SSP states no step, and ends before"
+        )
+    text = _text(path, structure, name, leader, followers, list(plants.values()), to_do, step, horizon)
     is_open = any(robot.proposal.open for robot in robots) or not followers
     return Found(text.encode(), files, (), tuple(to_do), is_open)
 
@@ -246,6 +252,8 @@ def _text(
     followers: Sequence[_Robot],
     plants: Sequence[_Plant],
     to_do: Sequence[str],
+    step: float,
+    horizon: float,
 ) -> str:
     law = ADAPTIVE_PID
     listed = "\n".join(
@@ -265,7 +273,7 @@ def _text(
         "  <!-- To do:",
         f"{listed} -->",
         "",
-        f'  <simulation horizon="{structure.stop or _HORIZON!r} s" step="{structure.step or _STEP!r} s" seed="1"/>',
+        f'  <simulation horizon="{horizon!r} s" step="{step!r} s" seed="1"/>',
         "",
     ]
     for plant in plants:

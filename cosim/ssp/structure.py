@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -118,7 +119,12 @@ class Parameter:
                 "quantity",
                 self.where,
             )
-        return self.number * (own_factor / factor)
+        if not math.isfinite(value := self.number * (own_factor / factor)):
+            raise InputError(
+                f"<Parameter>: {self.name!r} is {self.number:g} in {self.unit!r}, and no finite number in {name!r}",
+                self.where,
+            )
+        return value
 
 
 @dataclass(frozen=True)
@@ -198,6 +204,8 @@ class Structure:
         The end of the default experiment, which starts at 0 [s]; 0 if none is stated.
     step : float
         The communication step [s] that libcosim is told; 0 if none is stated.
+    stop_where, step_where : Location or None
+        The elements that state them.
     facts : Facts or None
         What Formation states of the system; None of a system that Formation has not written.
     """
@@ -211,6 +219,8 @@ class Structure:
     step: float
     version: str = "1.0"
     facts: Facts | None = None
+    stop_where: Location | None = field(default=None, compare=False)
+    step_where: Location | None = field(default=None, compare=False)
 
     @property
     def connected(self) -> str:

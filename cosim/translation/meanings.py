@@ -118,7 +118,7 @@ HELPERS: Final[Mapping[str, str]] = MappingProxyType(
         "place": "/* A place among so many; a negative one counts from the end. */\n"
         "static inline int64_t place(int64_t index, int64_t size)\n{\n"
         "    return index < 0 ? index + size : index;\n}",
-        "slice_size": "/* How many places there are from a start to a stop among so many; none if the step is not positive. */\n"
+        "slice_size": "/* How many places there are from a start to a stop among so many; none by steps below 1. */\n"
         "static inline int64_t slice_size(int64_t start, int64_t stop, int64_t step, int64_t size)\n{\n"
         "    if (stop < 0) stop += size;\n    if (stop > size) stop = size;\n"
         "    return step > 0 && stop > start ? (stop - start - 1) / step + 1 : 0;\n}",
