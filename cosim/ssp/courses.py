@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import plants
 from cosim.errors import InputError
-from cosim.team_fmu.c_text import numbers, table
+from cosim.team_fmu.courses import PLACE_OF, Courses
 from plants.sampled import Port, Sampled
 
 MOST_VALUES = 2_000_000
@@ -29,7 +29,7 @@ typedef struct {
 #endif
 """
 _HEAD = """\
-/* Courses over time: for each output, the ticks at which it changes, and its values from there on. */
+/* Courses over time, one an output. */
 #include "model.h"
 
 void model_start(const double *parameters, const int *integers, Memory *memory)
@@ -38,26 +38,12 @@ void model_start(const double *parameters, const int *integers, Memory *memory)
     (void)integers;
     (void)memory;
 }
-
-/* Return the last place in an ascending array whose entry is not beyond a tick; the first entry is 0. */
-static long long place_of(const long long *ticks, long long count, long long tick)
-{
-    long long low = 0, high = count;
-    while (high - low > 1) {
-        const long long middle = low + (high - low) / 2;
-        if (ticks[middle] <= tick) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    return low;
-}
 """
 _TICK = """
 const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,
                        Memory *memory, struct Tool *tool, double *outputs)
 {
+    (void)tick;
     (void)inputs;
     (void)parameters;
     (void)integers;
@@ -106,40 +92,26 @@ def courses_fmu(name: str, description: str, courses: Sequence[Course], step: fl
     plants.PlantError
         It cannot be built.
     """
-    last = len(courses[0].values) - 1
-    tables, lines = [], []
-    changes = [_changes(course.values) for course in courses]
-    if (count := sum(map(len, changes))) > MOST_VALUES:
+    found = Courses()
+    values = [found.of(course.name, course.values) for course in courses]
+    if found.count > MOST_VALUES:
         raise InputError(
-            f"the courses over time are {count:,} numbers, and an FMU of them may have {MOST_VALUES:,}: shorten the "
-            "run by --horizon, or lengthen its step"
+            f"the courses over time are {found.count:,} numbers, and an FMU of them may have {MOST_VALUES:,}: shorten "
+            "the run by --horizon, or lengthen its step"
         )
-    for place, (course, ticks) in enumerate(zip(courses, changes, strict=True)):
-        values = course.values[ticks]
-        tables.append(numbers(f"double values_{place}[{len(values)}]", values))
-        if len(ticks) > last:
-            lines.append(f"    outputs[{place}] = values_{place}[tick];")
-        elif len(ticks) == 1:
-            lines.append(f"    outputs[{place}] = values_{place}[0];")
-        else:
-            tables.append(table(f"long long ticks_{place}[{len(ticks)}]", map(str, ticks.tolist())))
-            lines.append(f"    outputs[{place}] = values_{place}[place_of(ticks_{place}, {len(ticks)}, tick)];")
+    last = len(courses[0].values) - 1
+    lines = [f"    outputs[{place}] = {value};" for place, value in enumerate(values)]
+    functions = [PLACE_OF] if any("place_of(" in value for value in values) else []
     model = Sampled(
         name=name,
         description=description,
         step=step,
         sources={
             "memory.h": _MEMORY,
-            "courses.c": _HEAD + "\n" + "\n".join(tables) + "\n" + _TICK % "\n".join(lines),
+            "courses.c": "\n".join([_HEAD, *functions, *found.tables, _TICK % "\n".join(lines)]),
         },
         last=last,
         stop=last * step,
         outputs=tuple(Port(course.name, course.unit, course.description, depends=()) for course in courses),
     )
     return plants.build(model)
-
-
-def _changes(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the ticks at which a course changes, the first one among them; all ticks if they are not few."""
-    ticks = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
-    return ticks if 2 * len(ticks) < len(values) else np.arange(len(values))

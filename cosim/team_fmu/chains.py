@@ -78,7 +78,7 @@ class ChainInC:
         level = "0"
         if count > 1:
             self.tables.append(table(f"long long {label}_switches[{count}]", map(str, plan.switches)))
-            level = f"level_at({label}_switches, {count}, tick)"
+            level = f"place_of({label}_switches, {count}, tick)"
         offset = "" if level == "0" else f" + {robots * width} * {level}"
         yield f"memcpy(amount, {label}_levels{offset}, sizeof amount);"
         for robot, purpose, place in plan.normal:
@@ -98,21 +98,10 @@ class ChainInC:
         return self._first_stream + len(self.streams) - 1
 
 
-LEVEL = """\
-/* The last level whose first tick has come. */
-static int level_at(const long long switches[], int count, long long tick)
-{
-    int level = 0;
-    while (level + 1 < count && switches[level + 1] <= tick) level++;
-    return level;
-}
-"""
-
-
 def stream_names(streams: list[tuple[str, str]]) -> str:
     """Return the table of the words that stand for the names of streams."""
     rows = []
     for robot, purpose in streams:
         words = ", ".join(f"0x{word:08x}u" for word in words_of_names(robot, purpose).tolist())
-        rows.append(f"    {{{words}}}, /* {robot}, {purpose} */")
+        rows += [f"    /* {robot}, {purpose} */", f"    {{{words}}},"]
     return "\n".join([f"static const uint32_t stream_names[{len(streams)}][8] = {{", *rows, "};"])

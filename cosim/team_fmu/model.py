@@ -20,8 +20,8 @@ from cosim.signals.actuators import actuators
 from cosim.signals.random import words_of
 from cosim.signals.sensors import pose_sensors
 from cosim.team_fmu.c_text import block, number, numbers, table
-from cosim.team_fmu.chains import LEVEL, ChainInC, stream_names
-from cosim.team_fmu.courses import FUNCTION, Courses
+from cosim.team_fmu.chains import ChainInC, stream_names
+from cosim.team_fmu.courses import PLACE_OF, Courses
 from cosim.team_fmu.law_in_host import LawInHost, files_of
 from cosim.team_fmu.laws import PRIMITIVES, LawInC, is_translatable, law_in_c
 from cosim.team_fmu.leader_in_c import LeaderInC
@@ -232,8 +232,7 @@ class _Model:
             "#include <math.h>\n#include <stddef.h>\n#include <stdint.h>\n#include <string.h>",
             *tables,
             courses,
-            FUNCTION if "at(course_" in tick else "",
-            LEVEL if any("level_at(" in function for function in functions) else "",
+            PLACE_OF if any("place_of(" in function for function in (*functions, tick)) else "",
             *functions,
             self._start(),
             tick,

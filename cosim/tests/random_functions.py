@@ -16,6 +16,7 @@ import numpy as np
 
 HALF = 0.5
 SHIFT = 3
+MANY = 98765
 WEIGHTS = np.array([[0.25, -1.5], [3.0, 0.125]])
 
 
@@ -211,10 +212,11 @@ class Text:
         }[choice]
 
     def _integer(self, depth: int) -> str:
-        choice = self._random.randrange(9)
+        choice = self._random.randrange(11)
         if depth == 0 or choice <= 2:
             return self._random.choice((*INTEGERS, *self._loops, "2", "SHIFT", "k[1]"))
         a, b = self._integer(depth - 1), self._integer(depth - 1)
+        test = self._random.choice(("x > y", "i > 2", "y < 0.25"))
         return {
             3: f"({a} + {b}) % 50",
             4: f"({a} - {b}) % 50",
@@ -222,6 +224,8 @@ class Text:
             6: f"({a} // 3)",
             7: f"(({a} & 12) ^ {b}) % 64",
             8: f"({a} << 2) % 30",
+            9: f"((MANY if {test} else {self._random.choice(('2', 'MANY', '-SHIFT'))}) * MANY + {a}) % 50",
+            10: f"(~MANY * (SHIFT if {test} else MANY) - {a}) // MANY % 50",
         }[choice]
 
     def _test(self, depth: int) -> str:
