@@ -32,6 +32,9 @@ from cosim.errors import InputError, OutputError, SimulationError
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
+from cosim.studies.conduct import conduct
+from cosim.studies.reader import read_study
+from cosim.tests.studies import write_study
 from cosim.unforeseen import status_of
 
 from .commands import command, failed
@@ -711,3 +714,22 @@ def test_the_host_starts_with_the_standard_library_alone() -> None:
     program = f"import sys; sys.path.insert(0, {folder!r}); import host; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+# Studies ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_of_a_law_in_an_environment_has_the_same_rows(own: Path, tmp_path: Path) -> None:
+    rows = []
+    for name, of, workers in (("beside", None, 0), ("here", own, 0), ("workers", own, 2)):
+        folder = tmp_path / name
+        folder.mkdir()
+        study = write_study(folder)
+        if of is not None:
+            base = folder / "base.xml"
+            base.write_text(inside(base.read_text("utf-8"), of), "utf-8")
+        rows.append(conduct(read_study(study), folder, workers=workers).rows)
+    beside, *others = ([(row.status, row.values, row.measures, row.margins) for row in found] for found in rows)
+    assert len(beside) == 6
+    assert others == [beside, beside]
+    assert nothing_left(own)

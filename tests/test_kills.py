@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes that Linux shows")
-@pytest.mark.parametrize("kind", ["run", "study", "hosted", "hosted study"])
+@pytest.mark.parametrize("kind", ["run", "study", "hosted"])
 def test_a_command_that_is_killed_leaves_whole_files_and_nothing_else(kind: str) -> None:
     """The next command works; no summary is one of a run that did not end; a study has the rows that it must have."""
     command = [sys.executable, "-m", "tests.kills", "--count", "4", "--only", kind]
