@@ -268,6 +268,11 @@ class Expressions:
 
     def _of_integers(self, node: ast.BinOp, left: Number, right: Number) -> Number:
         reads, natural = left.reads | right.reads, left.is_natural and right.is_natural
+        if right.constant is not None:
+            if isinstance(node.op, ast.LShift | ast.RShift) and not 0 <= right.constant < 64:
+                self.refuse(node, "a shift is by 0 to 63 bits")
+            if isinstance(node.op, ast.FloorDiv | ast.Mod) and right.constant == 0:
+                self.refuse(node, "this divides by zero")
         if left.constant is not None and right.constant is not None:
             folded = self._folded(node, int(left.constant), int(right.constant))
             if not isinstance(node.op, ast.Add | ast.Sub | ast.Mult) or "INT64" in (w := whole(folded)).text:
@@ -317,10 +322,6 @@ class Expressions:
         }
         if type(node.op) not in operations:
             self.refuse(node, f"{ast.unparse(node)} has no translation to C")
-        if isinstance(node.op, ast.LShift | ast.RShift) and not 0 <= right < 64:
-            self.refuse(node, "a shift is by 0 to 63 bits")
-        if isinstance(node.op, ast.FloorDiv | ast.Mod) and right == 0:
-            self.refuse(node, "this divides by zero")
         result = operations[type(node.op)](left, right)
         if not -(2**63) < result < 2**63:
             self.refuse(node, f"{result} has more than 64 bits")

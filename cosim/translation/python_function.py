@@ -123,7 +123,7 @@ def _is_text_of(node: ast.FunctionDef, function: FunctionType) -> bool:
     alone = ast.FunctionDef(**{field: getattr(node, field) for field in node._fields} | {"decorator_list": []})
     module = ast.Module([ast.fix_missing_locations(ast.copy_location(alone, node))], [])
     code = compile(module, own.co_filename, "exec", dont_inherit=True)
-    again = next(part for part in code.co_consts if isinstance(part, CodeType))
+    again = next(part for part in code.co_consts if isinstance(part, CodeType) and part.co_name == node.name)
     return _words_of(again) == _words_of(own)
 
 
