@@ -148,7 +148,7 @@ def test_an_interrupted_run_says_how_it_goes_on(built_in: Path, whole: Path, tmp
     run = ["run", str(built_in), "--out", str(tmp_path), "--checkpoint", "every=0.1s", "--pace", "0.3", *LEAST]
     process = subprocess.Popen([sys.executable, "-m", "cosim", *run], stdout=subprocess.PIPE, text=True)
     give_up = time.monotonic() + 60.0
-    while not ticks_in(tmp_path / "cars" / FOLDER):
+    while not any(ticks_in(tmp_path / "cars" / FOLDER)):
         assert time.monotonic() < give_up
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
@@ -194,12 +194,14 @@ class Slow:
         monkeypatch.setattr(checkpoints, "Snapshot", self)
         self.checkpoints = Checkpoints(Path(), None, every=10)  # type: ignore[arg-type]
         self._take = partial(self.clock.go_on, taking)
+        self.tick = 0
         self.checkpoints.try_out(self._take, self)  # type: ignore[arg-type]
+        self.clock.now, self.written = 100.0, []
 
     def numbers(self, first: int, last: int) -> list[np.ndarray[Any, Any]]:
         return [np.zeros((last - first, 125_000))]
 
-    def of(self, origin: None, state: None, recorder: None, first: int, *_: object) -> Any:
+    def of(self, origin: None, state: None, recorder: None, first: int, *_: object, every: int = 0) -> Any:
         """Return a snapshot of the ticks from one on."""
         tick, size = self.tick, (self.tick - first) * 1_000_000
 
@@ -211,7 +213,6 @@ class Slow:
 
     def run(self, ticks: int) -> list[int]:
         """Run; return the ticks of the checkpoints."""
-        self.tick = 0
         while self.tick < ticks:
             assert not self.checkpoints.reach(self.tick, self._take, self)  # type: ignore[arg-type]
             self.checkpoints.finish()
@@ -245,6 +246,25 @@ def test_a_run_does_not_stop_for_a_checkpoint_that_is_left_out(monkeypatch: pyte
     assert run.checkpoints.next_stop(8, 100) == 101
     run.clock.go_on(0.3)
     assert run.checkpoints.next_stop(8, 100) == 10
+
+
+def test_a_run_that_is_too_short_for_checkpoints_has_one_at_its_start(
+    built_in: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command(capsys, "run", built_in, "--out", tmp_path, "--checkpoint", "every=0.1s", *LEAST)
+    place = tmp_path / "cars"
+    assert ticks_in(place / FOLDER)[0] == 0
+    (place / "result.nc").unlink()  # as if it had been killed
+    shutil.copytree(place, tmp_path / "killed")
+    command(capsys, "resume", tmp_path / "killed", *LEAST)
+    assert not list(differences(whole, tmp_path / "killed", tmp_path))
+    for path in (place / FOLDER).glob("*[1-9]*.checkpoint"):
+        path.unlink()
+    _, errors = command(capsys, "resume", place, "--at", "0.4 s", "--set", "simulation/@seed=2", *LEAST)
+    assert "running from 0 s to 0.4 s, where there is no checkpoint" in errors
+    branch = next(tmp_path.glob("cars+*"))
+    assert ticks_in(branch / FOLDER)[0] == 20
+    command(capsys, "resume", branch, "--at", "0.5 s", "--set", "simulation/@seed=3", *LEAST)
 
 
 # Branches ---------------------------------------------------------------------------------------------------

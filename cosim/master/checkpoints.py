@@ -80,6 +80,8 @@ class Checkpoints:
     def try_out(self, take: Callable[[], RunState], recorder: Recorder) -> None:
         """Take a state at the start of a run, which shows whether that is possible, and how long it takes.
 
+        If checkpoints are to be written on its way, and this one is not there already, it is: so there is always one.
+
         Raises
         ------
         InputError
@@ -88,7 +90,7 @@ class Checkpoints:
         try:
             take()  # the first time takes longer
             began = time.perf_counter()
-            take()
+            state = take()
         except SimulationError as error:
             raise InputError(
                 f"{error.robot}: {error.failure.message}, so the run cannot be left and taken up again; it can be run "
@@ -96,6 +98,8 @@ class Checkpoints:
             ) from None
         self._taken_in = time.perf_counter() - began
         self._per_tick = sum(numbers.nbytes for numbers in recorder.numbers(0, 1))
+        if self.every is not None and not self.before:
+            self._write(Snapshot.of(self.origin, state, recorder, self.first, every=self.every))
 
     def next_stop(self, tick: int, last: int) -> int:
         """Return the tick at which the run is to stop for a moment: the next one that is due, or its end.
