@@ -137,7 +137,7 @@ class Bench:
     def tells_of_kills(self, kind: str) -> bool:
         """Return whether a row of a study tells that the process of a law was killed, and is rightly kept."""
         rows = self.out / kind / "small" / "rows.jsonl"
-        return rows.exists() and b"did not complete the tick: its process crashed (SIGKILL)" in rows.read_bytes()
+        return rows.exists() and b": its process crashed (SIGKILL)" in rows.read_bytes()
 
     def outcome_differs(self, kind: str) -> bool:
         """Return whether the files of a study are other ones than the first."""
