@@ -59,7 +59,7 @@ SAYS = 8
 _PATIENCE = 50e-6
 """Time [s] to look before going to sleep."""
 _MOST = 2**16
-"""Most ticks without looks after some in which looking has not helped."""
+"""Most ticks in a row without looks: after each look in vain they are twice as many and one more, after a tick half."""
 _ROUNDS = 30_000
 """Looks between two of the clock, which take some microseconds."""
 _ORPHAN_CHECK = 1.0
@@ -164,7 +164,7 @@ def innermost(error: BaseException, packages: Collection[str]) -> str:
 def _module_of(file: str) -> str:
     """Return the module of a file: frames of what Numba has compiled know their file alone."""
     modules = list(sys.modules.items())
-    return next((name for name, module in modules if getattr(module, "__file__", None) == file), "")
+    return next((name for name, module in modules if getattr(module, "__dict__", {}).get("__file__") == file), "")
 
 
 def not_imported(error: BaseException, module: str) -> str:
@@ -560,13 +560,13 @@ class _Bell:
                 break
             together = int(board.told.view("int64")[2]) == board.tells[2]
             found = self._serves(1 if together else _ROUNDS)
-            if together:
+            if together and not found:
                 os.sched_yield()
         served = int(seen[0]) - before
         if resting:
             self._rest = max(self._rest - served - (not found), 0)
         else:
-            self._pause >>= min(served, 63)
+            self._pause >>= served
             self._pause = self._pause if found else min(2 * self._pause + 1, _MOST)
             self._rest = 0 if found else self._pause
         if not found and self._compiled.sleep(self._hears, int(seen[0])):
@@ -580,7 +580,9 @@ class _Bell:
         assert self._serve is not None
         try:
             left = self._serve(rounds)
-        except (Exception, SystemExit) as error:  # of a law
+        except (Exception, SystemExit) as error:
+            if self._board is None or self._board.current[0] < 0:  # not of a law
+                raise
             self._failed(error)
             self.answer()
             return False
@@ -630,7 +632,7 @@ def _address_of(function: Any, arguments: tuple[Any, ...]) -> int | None:
 
 
 def _compile(core: Callable[[], int] | None) -> _Compiled | None:
-    """Compile what is atomic; None where nothing is compiled."""
+    """Compile what a host needs; None where nothing is compiled."""
     try:
         import numba
         from llvmlite import ir
@@ -656,6 +658,15 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
             return builder.atomic_rmw("xchg", builder.inttoptr(values[0], word.as_pointer()), values[1], "seq_cst")
 
         return types.int64(types.int64, types.int64), generate
+
+    @intrinsic
+    def exchanged_if(_: Any, address: Any, expected: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            there = builder.inttoptr(values[0], word.as_pointer())
+            found = builder.cmpxchg(there, values[1], values[2], "seq_cst", "seq_cst")
+            return builder.zext(builder.extract_value(found, 1), word)
+
+        return types.int64(types.int64, types.int64, types.int64), generate
 
     @intrinsic
     def ticked(_: Any, work: Any, current: Any) -> Any:
@@ -697,6 +708,7 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
     load: Any = loaded
     claim: Any = claimed
     exchange: Any = exchanged
+    exchange_if: Any = exchanged_if
     run: Any = ticked
 
     def swap(address: int, value: int) -> int:
@@ -704,13 +716,14 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
         return before
 
     def sleep(address: int, seen: int) -> int:
-        exchange(address + SAYS, ASLEEP)
-        return int(load(address) == seen or exchange(address + SAYS, AWAKE) != ASLEEP)
+        asleep = ASLEEP + 4 * seen  # as in `cosim.plant.bells.asleep`
+        exchange(address + SAYS, asleep)
+        return int(load(address) == seen or exchange_if(address + SAYS, asleep, AWAKE) == 0)
 
     def ring(address: int) -> int:
-        exchange(address, load(address) + 1)
-        says = load(address + SAYS)
-        return int(says == BY_PIPE or (says == ASLEEP and exchange(address + SAYS, AWAKE) == ASLEEP))
+        before = load(address)
+        exchange(address, before + 1)
+        return int(load(address + SAYS) == BY_PIPE or exchange_if(address + SAYS, ASLEEP + 4 * before, AWAKE) != 0)
 
     numbers = types.int64
     jit: Any = numba.njit

@@ -19,7 +19,7 @@ from cosim import compiling
 from cosim.control import host
 from cosim.control.environment import Environment
 from cosim.errors import printable
-from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, core_now, fill, watch
+from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, core_now, fill, sleep_until, watch
 from cosim.plant.companion import Companion
 from cosim.plant.interpreter import start
 from cosim.plant.protocol import Reply
@@ -156,7 +156,15 @@ class HostProcess(Companion):
         return self._nonsense(failed)
 
     def map(self, numbers: int) -> tuple[host.Board, dict[str, Any]]:
-        """Return a board with so many numbers, and where it is for the process."""
+        """Return a board with so many numbers, and where it is for the process.
+
+        Raises
+        ------
+        HostError
+            It has failed.
+        """
+        if self.board is not None:  # it may look at the memory of the run before until it has answered this
+            self.request(Request.FAILURE, None, "did not end the run before")
         size = host.board_size(numbers)
         memory, name = self._memory.map(size)
         board = host.Board(memory, numbers)
@@ -189,7 +197,7 @@ class HostProcess(Companion):
         self.board.told[0] = how
         self.board.told[2:].view(np.int64)[0] = core_now()
         self.bell["heard"] = Heard.NOTHING
-        self.board.answered[1] = BY_PIPE
+        sleep_until(self.board.answered)
         self._ask(Request.STEP)
 
     def finish(self) -> None:

@@ -234,11 +234,11 @@ class Host:
         self._serving()
         shapes = [team.shapes for _, team in teams]
         numbers = sum(math.prod(shape) for own in shapes for shape in own)
-        board, where = self.process.map(numbers)
         about = [{"name": team.name, **team.about} for _, team in teams]
         failed = "did not make the controllers of the run"
         self.teams = ()
         try:
+            board, where = self.process.map(numbers)
             told = self.process.request(Request.TEAMS, {**where, "shapes": shapes, "teams": about}, failed)
             if told:
                 try:

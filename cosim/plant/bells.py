@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from cosim.compiled import address_of, compiled, part
 from cosim.plant.activity import Activity, activity
-from cosim.plant.atomic import load, swap
+from cosim.plant.atomic import load, swap, swap_if
 from cosim.plant.calls import c_function
 from cosim.plant.protocol import HEADER, Reply, Request
 from cosim.shared_memory import MappedMemory
@@ -37,7 +37,7 @@ _FEWEST, _MOST = 64, 2**16
 """Steps without looks after one in which looking has not helped: twice as many as the last time, within bounds."""
 
 AWAKE, ASLEEP, BY_PIPE = range(3)
-"""What whoever waits for a number says in memory: it looks there; it sleeps; it never looks, or not now."""
+"""What whoever waits for a number says in memory: it looks there; it is `asleep`; it never looks, or not now."""
 
 
 class Heard(IntEnum):
@@ -122,7 +122,7 @@ class Board(NamedTuple):
         How many plants have failed, how many messages wait to be taken, the core on which the process works.
     asked, answered : ndarray of int
         A number that is increased for each step that is asked for, or answered, without the pipe or with it; and what
-        the side says that waits for it: `AWAKE`, `ASLEEP` or `BY_PIPE`.
+        the side says that waits for it: `AWAKE`, `BY_PIPE` or that it is `asleep`.
     inputs, outputs : ndarray
         Of all its plants, one after the other, in the FMUs' own units.
     """
@@ -329,12 +329,27 @@ def _hear(bell: np.void) -> None:
 
 
 @part
+def asleep(seen: int) -> int:
+    """Return what a side says that sleeps after it has seen a number.
+
+    The other side may have increased the number and then lost its core. Before it looks whether this side sleeps, this
+    one may have found the number, and sleep again: it waits for the next one then, and must not be woken for the last.
+    """
+    return ASLEEP + 4 * seen
+
+
+def sleep_until(number: NDArray[np.int64]) -> None:
+    """Say from Python that this side is `asleep` until `Board.answered` is another one: the answer is in the pipe."""
+    number[1] = ASLEEP + 4 * number[0]
+
+
+@part
 def ring_there(bell: np.void) -> None:
     """Increase the number for the other side, and wake it up by its pipe if it sleeps."""
     there = bell["asks_at"]
-    swap(there, load(there) + 1)
-    says = load(there + SAYS)
-    if says == BY_PIPE or (says == ASLEEP and swap(there + SAYS, AWAKE) == ASLEEP):
+    before = load(there)
+    swap(there, before + 1)
+    if load(there + SAYS) == BY_PIPE or swap_if(there + SAYS, asleep(before), AWAKE) != 0:
         exchange(bell["write"], (np.int32(bell["requests"]), bell["frame_at"], SIZE))
 
 
@@ -342,7 +357,7 @@ def ring_there(bell: np.void) -> None:
 def look_for_it(bell: np.void) -> bool:
     """Look for a new number of the other side; return False, and say that this side sleeps, if there is none for long.
 
-    Then something will be in the pipe. Of both sides, one alone makes `ASLEEP` into `AWAKE`: if it is the other one,
+    Then something will be in the pipe. Of both sides, one alone makes this side `AWAKE` again: if it is the other one,
     it writes into the pipe.
     """
     if bell["slept"] != 0:
@@ -361,8 +376,8 @@ def look_for_it(bell: np.void) -> bool:
         bell["pause"] = min(max(2 * bell["pause"], _FEWEST), _MOST) if now - begun >= PATIENCE else bell["pause"] // 2
         bell["rest"] = bell["pause"] if now - begun >= PATIENCE else 0
     if not found:
-        swap(here + SAYS, ASLEEP)
-        if load(here) == seen or swap(here + SAYS, AWAKE) != ASLEEP:  # the other side has just rung, or is about to
+        swap(here + SAYS, asleep(seen))
+        if load(here) == seen or swap_if(here + SAYS, asleep(seen), AWAKE) == 0:  # it has just rung, or is about to
             bell["slept"] = 1
             return False
     return True

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import printable
-from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, board, board_size, core_now, fill, watch
+from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, board, board_size, core_now, fill, sleep_until, watch
 from cosim.plant.companion import Companion
 from cosim.plant.failures import NoInstance, PlantError
 from cosim.plant.interpreter import environment, launch
@@ -148,7 +148,7 @@ class PlantProcess(Companion):
         self.board.told[:2] = time, step
         self.board.told[2:].view(np.int64)[0] = core_now()
         self.bell["heard"] = Heard.NOTHING
-        self.board.answered[1] = BY_PIPE
+        sleep_until(self.board.answered)
         self._ask(Request.STEP)
 
     def finish(self) -> None:
