@@ -242,7 +242,12 @@ def _replace(file: Path, old: str, new: str) -> None:
 def test_two_versions_in_one_scenario(
     versions: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the hosts: nothing is compiled for a test
+    start = host_process.start
+
+    def plain(command: Any, variables: dict[str, str], *about: Any) -> Any:
+        return start(command, {**variables, "NUMBA_DISABLE_JIT": "1"}, *about)
+
+    monkeypatch.setattr(host_process, "start", plain)  # nothing is compiled for a test
 
     def law(name: str, version: str) -> str:
         about = f'name="feedback-linearisation" package="formation-controllers" version="=={version}"'
