@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -20,15 +21,17 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.cli import main
+from cosim.cli import main, resuming
 from cosim.cli.earlier_results import CHECKPOINTS_BEFORE
 from cosim.errors import OutputError
 from cosim.master import checkpoint_file, checkpoints
 from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of, ticks_in
 from cosim.master.checkpoints import Checkpoints
+from cosim.report import content
 from cosim.report.content import content_of
 from cosim.results.files import load
+from cosim.results.provenance import Part, Provenance
 from cosim.results.result import Result
 from cosim.scenario.scenario import Scenario
 from cosim.tests.driving import scenario
@@ -145,7 +148,7 @@ def test_what_an_fmu_logs_of_being_saved_is_no_part_of_the_run(
 
 
 def test_an_interrupted_run_says_how_it_goes_on(built_in: Path, whole: Path, tmp_path: Path) -> None:
-    run = ["run", str(built_in), "--out", str(tmp_path), "--checkpoint", "every=0.1s", "--pace", "0.3", *LEAST]
+    run = ["run", str(built_in), "--out", str(tmp_path), "--checkpoint", "every=0.1s", "--pace", "0.1", *LEAST]
     process = subprocess.Popen([sys.executable, "-m", "cosim", *run], stdout=subprocess.PIPE, text=True)
     give_up = time.monotonic() + 60.0
     while not any(ticks_in(tmp_path / "cars" / FOLDER)):
@@ -196,7 +199,8 @@ class Slow:
         self._take = partial(self.clock.go_on, taking)
         self.tick = 0
         self.checkpoints.try_out(self._take, self)  # type: ignore[arg-type]
-        self.clock.now, self.written = 100.0, []
+        self.checkpoints.finish()
+        self.written = []
 
     def numbers(self, first: int, last: int) -> list[np.ndarray[Any, Any]]:
         return [np.zeros((last - first, 125_000))]
@@ -227,9 +231,9 @@ class Slow:
     [
         (0.0, 0.0, 0.055, [20, 40, 60, 80]),  # a second lies between two
         (0.0, 0.19, 0.5, [10, 20, 30, 40, 50, 60, 70, 80, 90]),  # 0.19 s to write, 4.75 s
-        (0.0, 0.3, 0.5, [10, 30, 50, 70, 90]),  # 0.3 s to write, 7.5 s
+        (0.0, 0.3, 0.5, [20, 40, 60, 80]),  # 0.3 s to write, that of the start, too, 7.5 s
         (0.3, 0.0, 0.5, [20, 40, 60, 80]),  # the same to take, also before the first one
-        (0.0, 9.0, 1.0, [10, 70]),  # a minute at most
+        (0.0, 9.0, 1.0, [60]),  # a minute at most
         (0.0, 0.0, 0.02, []),  # a megabyte takes a millisecond, until another number is known: 5 % of 20 ms
     ],
 )
@@ -265,6 +269,42 @@ def test_a_run_that_is_too_short_for_checkpoints_has_one_at_its_start(
     branch = next(tmp_path.glob("cars+*"))
     assert ticks_in(branch / FOLDER)[0] == 20
     command(capsys, "resume", branch, "--at", "0.5 s", "--set", "simulation/@seed=3", *LEAST)
+    command(capsys, "resume", place, "--at", "0 s", "--set", "simulation/@seed=4", *LEAST)
+    (branch / FOLDER / name_of(0)).unlink(missing_ok=True)
+    said = failed(capsys, 2, "resume", str(branch), "--at", "0 s", "--set", "simulation/@seed=4", *LEAST)
+    assert "--at 0 s: there is no checkpoint of the start" in said
+
+
+def test_the_loop_does_not_wait_for_the_records_of_a_branch(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, go_on = Slow(monkeypatch, 0.0, 0.0, 1.0), threading.Event()
+    snapshot = SimpleNamespace(tick=5, arrays={}, write=lambda path: go_on.wait())
+    monkeypatch.setattr(run, "of", lambda *_, **__: snapshot)
+    run.checkpoints.before = ""
+    run.checkpoints.try_out(run._take, run)  # type: ignore[arg-type]
+    assert run.checkpoints.next_stop(0, 100) == 101
+    assert not run.checkpoints.reach(10, run._take, run)  # type: ignore[arg-type]
+    go_on.set()
+    run.checkpoints.finish()
+
+
+def test_records_are_read_piece_by_piece_and_forgotten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    numbers, forgotten = np.arange(1000.0).reshape(100, 10), list[int]()
+    write_checkpoint(tmp_path / "file", {}, {"records/0": numbers})
+    monkeypatch.setattr(checkpoint_file, "_AT_ONCE", 1500)
+    monkeypatch.setattr(checkpoint_file, "forget", lambda: forgotten.append(1))
+    found = CheckpointFile(tmp_path / "file").array("records/0")
+    assert np.array_equal(found, numbers)
+    assert len(forgotten) == 6
+
+
+def test_moments_that_are_near_have_names_and_commands_of_their_own() -> None:
+    found = [SimpleNamespace(time=time, scenario=SimpleNamespace(changes=())) for time in (12345.68, 12345.72)]
+    changed = SimpleNamespace(changes=("--seed 2",))
+    options = SimpleNamespace(folder=Path("runs/line"), out=None)
+    names = [resuming._place(options, one, changed).name for one in found]  # type: ignore[arg-type]
+    assert names == ["line+at=12345.68s+seed=2", "line+at=12345.72s+seed=2"]
+    told = Provenance("line.xml", ("--seed 2",), parts=(Part(12345.72, (), "", "runs/line"),))
+    assert content._command(told, "line") == "formation resume runs/line --at '12345.72 s' --seed 2"
 
 
 # Branches ---------------------------------------------------------------------------------------------------

@@ -181,6 +181,7 @@ def test_a_run_that_is_refused_says_where_the_results_before_are(
         ([], "unchanged"),
         (["--seed 2"], "seed=2"),
         (["--at 40s", """--set "//plant[@id='clmr']/parameter[@name='m_c']/@value=45 kg\""""], "at=40s+clmr.m_c=45kg-"),
+        (["""--set "//*[@id='clmr']/@value=45 kg\""""], "clmr=45kg-"),
         (["--set '//follower[1]/desired/@range=3 m'"], "follower.desired.range=3m-"),
         (["--set '//follower[2]/desired/@range=3 m'"], "follower.desired.range=3m-"),
         (["--horizon '20 s'", "--no-expectations"], "horizon=20s+no-expectations-"),

@@ -23,8 +23,19 @@ from cosim.scenario.scenario import Scenario
 _EVERY = "every="
 
 
-def tick_of(option: str, text: str, scenario: Scenario, told: str = "") -> int:
-    """Return the tick of a time that an option states; ``told`` is what it states, where that is more than the time.
+def tick_of(option: str, text: str, scenario: Scenario, told: str = "", least: int = 1) -> int:
+    """Return the tick of a time that an option states.
+
+    Parameters
+    ----------
+    option, text
+        The option and the time.
+    scenario
+        Of the run.
+    told
+        What the option states, where that is more than the time.
+    least
+        The first tick that is possible.
 
     Raises
     ------
@@ -39,8 +50,11 @@ def tick_of(option: str, text: str, scenario: Scenario, told: str = "") -> int:
     if problem := scenario.clock.off_tick(time):
         raise InputError(f"{option} {told}: {problem}")
     tick = round(time / scenario.step)
-    if not 0 < tick <= scenario.ticks:
-        raise InputError(f"{option} {told}: expected a time after 0 s and not after the end at {scenario.horizon:g} s")
+    if not least <= tick <= scenario.ticks:
+        begin = "after" if least else "from"
+        raise InputError(
+            f"{option} {told}: expected a time {begin} 0 s and not after the end at {scenario.horizon:g} s"
+        )
     return tick
 
 

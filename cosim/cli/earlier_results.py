@@ -29,7 +29,7 @@ _LONGEST = 60
 _STEP = re.compile(r"""(?:[^/[]|\[(?:'[^']*'|"[^"]*"|[^]'"])*\])+""")
 """A step of an XPath, with what is asked of it in brackets."""
 _ID = re.compile(
-    r"""(?P<name>@?[\w.:-]*|\*) (?: \[ \s*@(?:id|name)\s*=\s* (?P<quote>['"])(?P<id>.*?)(?P=quote) \s*\] )? .*""", re.X
+    r"""(?P<name>\*|@?[\w.:-]*) (?: \[ \s*@(?:id|name)\s*=\s* (?P<quote>['"])(?P<id>.*?)(?P=quote) \s*\] )? .*""", re.X
 )
 """Name, and id or name, that a step asks for."""
 _UNIT = re.compile(r"^([-+\d.e]+) (\S+)$")

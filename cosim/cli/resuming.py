@@ -56,7 +56,11 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
             f"--out {options.out}: a run without changes goes on in its own folder, {folder}; --set, --horizon or "
             "--no-expectations make another one"
         )
-    at = None if options.at is None else tick_of("--at", options.at, found.scenario)
+    at = None if options.at is None else tick_of("--at", options.at, found.scenario, least=0)
+    if at == 0 and not (checkpoints / name_of(0)).exists():
+        raise InputError(
+            f"--at {options.at}: there is no checkpoint of the start; formation run begins there, with --set"
+        )
     if not changes and at is None:
         _check_not_complete(folder, found.scenario)
     held = None
@@ -102,7 +106,7 @@ def _place(options: argparse.Namespace, found: Checkpoint, scenario: Scenario) -
     """Return the folder of a run that goes on with changes, from which an earlier one is taken away."""
     folder: Path = options.folder
     more = scenario.changes[len(found.scenario.changes) :]
-    about = Provenance(f"{folder.name}.xml", (f"--at {found.time:g}s", *more))
+    about = Provenance(f"{folder.name}.xml", (f"--at {found.time:.12g}s", *more))
     place: Path = options.out or folder.with_name(f"{folder.name}+{label(about, folder.name)}")
     if place.absolute() == folder.absolute():
         raise InputError(f"--out {place} is the folder of the run that is to be kept: choose another one")

@@ -21,13 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, OutputError
-from cosim.storage import write_all
+from cosim.storage import forget, write_all
 
 MAGIC = b"formation checkpoint 1\n"
 _FAMILY = b"formation checkpoint "
 _MOST_FACTS = 256 * 1024**2
 _TYPES = ("<f8", "<i8", "<u8", "|u1")
 _PIECE = 2**20
+_AT_ONCE = 2**24
+"""Bytes that are read into an array at once."""
 
 
 def write_checkpoint(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -126,7 +128,7 @@ class CheckpointFile:
         return found
 
     def read_into(self, name: str, place: NDArray[Any]) -> None:
-        """Read an array into another one of its shape and type, in one piece."""
+        """Read an array into another one of its shape and type, in one piece of memory."""
         dtype, shape, start = self._places[name]
         if (place.dtype, place.shape) != (dtype, shape) or not place.flags.c_contiguous:
             raise self.damaged(f"{name} has another shape than it should have")
@@ -136,9 +138,10 @@ class CheckpointFile:
             file.seek(start)
             rest = place.data.cast("B")
             while len(rest):
-                if not (count := file.readinto(rest)):
+                if not (count := file.readinto(rest[:_AT_ONCE])):
                     raise self.damaged("it was cut off")
                 rest = rest[count:]
+                forget()  # the records of a long run are mapped
 
     @property
     def names(self) -> Iterator[str]:

@@ -80,7 +80,8 @@ class Checkpoints:
     def try_out(self, take: Callable[[], RunState], recorder: Recorder) -> None:
         """Take a state at the start of a run, which shows whether that is possible, and how long it takes.
 
-        If checkpoints are to be written on its way, and this one is not there already, it is: so there is always one.
+        If checkpoints are to be written on its way, and this one is not there already, it is, too. That of a branch
+        has all records before it, so the loop does not wait for it either.
 
         Raises
         ------
@@ -99,7 +100,7 @@ class Checkpoints:
         self._taken_in = time.perf_counter() - began
         self._per_tick = sum(numbers.nbytes for numbers in recorder.numbers(0, 1))
         if self.every is not None and not self.before:
-            self._write(Snapshot.of(self.origin, state, recorder, self.first, every=self.every))
+            self._write_beside(Snapshot.of(self.origin, state, recorder, self.first, every=self.every), began)
 
     def next_stop(self, tick: int, last: int) -> int:
         """Return the tick at which the run is to stop for a moment: the next one that is due, or its end.
@@ -123,9 +124,7 @@ class Checkpoints:
             snapshot = self._taken(take, recorder)
             self._taken_in = time.perf_counter() - began
             if snapshot is not None:
-                self._since = math.inf  # until it is written
-                self._thread = threading.Thread(target=self._write_beside, args=(snapshot, began))
-                self._thread.start()
+                self._write_beside(snapshot, began)
         return False
 
     def leave(self, tick: int, take: Callable[[], RunState], recorder: Recorder) -> None:
@@ -167,11 +166,18 @@ class Checkpoints:
             self.before, self.fault = name, ""
 
     def _write_beside(self, snapshot: Snapshot, began: float) -> None:
+        self._since = math.inf  # until it is written
+        self._thread = threading.Thread(target=self._write_and_tell, args=(snapshot, began))
+        self._thread.start()
+
+    def _write_and_tell(self, snapshot: Snapshot, began: float) -> None:
+        """Write a checkpoint, and note what it has cost since its state was taken."""
         spent = time.thread_time()
         try:
             self._write(snapshot)
         finally:
             size = sum(array.nbytes for array in snapshot.arrays.values())
-            self._per_byte = (time.thread_time() - spent) / max(size, _LARGE)
+            if size >= _LARGE:
+                self._per_byte = (time.thread_time() - spent) / size
             self._written_in = time.perf_counter() - began
             self._since = time.perf_counter()  # last: from now on the loop may take one

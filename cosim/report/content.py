@@ -292,7 +292,7 @@ def _command(told: Provenance, scenario: str) -> str:
     if branched:
         if not branched[-1].run:  # by a program, or an older version
             return ""
-        begin = ["formation", "resume", branched[-1].run, "--at", f"{branched[-1].until:g} s"]
+        begin = ["formation", "resume", branched[-1].run, "--at", f"{branched[-1].until:.12g} s"]
         changes = changes[len(branched[-1].changes) :]
     return " ".join((shlex.join(begin), *changes))
 
