@@ -332,8 +332,20 @@ def test_an_environment_that_cannot_be_used_leaves_nothing(
     (tmp_path / "empty").mkdir()
     (tmp_path / "bad-1.0-py3-none-any.whl").write_text("no wheel")
     said = failed(capsys, 2, "env", "create", str(tmp_path / "empty"), str(tmp_path / "bad-1.0-py3-none-any.whl"))
-    assert ("invalid" if installer == "pip" else "unable to locate the end of central directory") in said
+    assert "empty cannot be completed: " in said
+    assert "bad-1.0-py3-none-any.whl" in said
     assert list((tmp_path / "empty").iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["file/new", "loop/new", "above/" + "n" * 300])
+def test_an_environment_where_no_folder_can_be_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], installer: str, place: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to("loop")
+    said = failed(capsys, 2, "env", "create", str(tmp_path / place), "some-laws")
+    assert f"{tmp_path / place} cannot be made: " in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop"]
 
 
 def test_an_environment_of_a_wheel_is_made(tmp_path: Path, capsys: pytest.CaptureFixture[str], installer: str) -> None:
@@ -351,6 +363,14 @@ def test_an_installer_that_fills_the_disk_is_told_so(tmp_path: Path, monkeypatch
         new_environment.create(tmp_path / "new", ["some-laws"], check=print)
     assert status_of(told.value) == 71
     assert not (tmp_path / "new").exists()
+
+
+def test_the_words_of_an_installer_are_told_without_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = "Resolving...\nerror: it failed\n  Caused by: no answer\n  cause: no route\nError: no folder"
+    pip = ["sh", "-c", f"echo '{words}' >&2; exit 2"]
+    monkeypatch.setattr(new_environment, "_make", lambda *given: pip)
+    with pytest.raises(InputError, match=r"new cannot be made: it failed; no answer; no route; no folder$"):
+        new_environment.create(tmp_path / "new", ["some-laws"], check=print)
 
 
 def test_a_shared_environment_has_the_controllers_that_are_installed_for_editing(tmp_path: Path) -> None:

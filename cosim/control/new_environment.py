@@ -22,6 +22,7 @@ T = TypeVar("T")
 SHARED = "_formation_libraries.pth"
 """The file by which an environment has the libraries of another one."""
 _FULL = os.strerror(errno.ENOSPC)
+_LABEL = r"(ERROR|[Ee]rror|[Cc]ause|Caused by): *"
 _LINES = 6
 """Lines of an installer's complaint that are shown."""
 
@@ -93,10 +94,11 @@ def _whole_or_nothing(folder: Path) -> Iterator[None]:
 
 
 def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
+    with suppress(OSError):  # there is no such path, or its removal fails as its making did, which is what to tell
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink()
 
 
 def _wanted(package: str) -> str:
@@ -177,10 +179,10 @@ def _run(command: Sequence[str], folder: Path, failed: str) -> None:
     if done.returncode == 0:
         return
     lines = [line.strip() for line in (done.stderr or done.stdout).splitlines() if line.strip()]
-    complaints = [line for line in lines if re.match(r"(ERROR|error|cause:|Caused by|×|x |╰|Error)", line)] or lines
+    complaints = [line for line in lines if re.match(rf"{_LABEL}|×|x |╰", line)] or lines
     if full := next((line for line in lines if _FULL in line), ""):
         raise OutputError(f"{folder} {failed}: {printable(full)}; make room") from OSError(errno.ENOSPC, _FULL)
-    text = printable("; ".join(re.sub(r"^(ERROR|error|cause): *", "", line) for line in complaints[-_LINES:]))
+    text = printable("; ".join(re.sub(f"^{_LABEL}", "", line) for line in complaints[-_LINES:]))
     hint = "; without a network, --wheels DIR takes packages from a folder" if _offline("\n".join(lines)) else ""
     raise InputError(f"{folder} {failed}: {text or f'{Path(command[0]).name} ended with {done.returncode}'}{hint}")
 
