@@ -25,7 +25,7 @@ import cosim
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.ssp.imported import import_ssp
-from tests.ssp_masters import MASTERS, Exported, written
+from tests.ssp_masters import MASTERS, Exported, apart, written
 from tests.team_loop import closed_loop, courses, make_fmus, slaves
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -34,15 +34,6 @@ SYSTEMS = ("clmr_line", "tractor_trailer_circle", "mixed_team")
 FMI = ("2.0", "3.0")
 TEAM_LIMIT, SYSTEM_LIMIT, SAME = 1e-12, 1e-9, 0.0
 """Upper limits for the worst difference of team FMUs, of SSPs, and of a scenario that came back from its SSP."""
-
-
-def apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the largest difference of two arrays; two NaN at one place are equal, one is infinitely apart."""
-    if one.shape != other.shape:
-        return np.inf
-    missing = np.isnan(one) & np.isnan(other)
-    differences = np.abs(np.where(missing, 0.0, one) - np.where(missing, 0.0, other))
-    return float(np.nan_to_num(differences, nan=np.inf, posinf=np.inf).max(initial=0.0))
 
 
 def teams_apart(scenario: Scenario, ours: xr.Dataset, fmi: str, folder: Path) -> float:

@@ -21,6 +21,15 @@ from plants.tests.other_masters import need
 Floats = NDArray[np.float64]
 
 
+def apart(one: Floats, other: Floats) -> float:
+    """Return the largest difference of two arrays; two NaN at one place are equal, one is infinitely apart."""
+    if one.shape != other.shape:
+        return np.inf
+    missing = np.isnan(one) & np.isnan(other)
+    differences = np.abs(np.where(missing, 0.0, one) - np.where(missing, 0.0, other))
+    return float(np.nan_to_num(differences, nan=np.inf, posinf=np.inf).max(initial=0.0))
+
+
 class Exported:
     """A scenario, its SSP, and the trajectories of the run to compare with."""
 
@@ -37,7 +46,7 @@ class Exported:
 
     def apart(self, found: Mapping[str, Floats]) -> float:
         """Return the largest distance of trajectories after each step from those of the run."""
-        return max(float(np.abs(found[name] - values[1:]).max()) for name, values in self.expected.items())
+        return max(apart(found[name], values[1:]) for name, values in self.expected.items())
 
 
 def _delayed(scenario: Scenario, folder: Path) -> Path:

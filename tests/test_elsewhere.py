@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from . import elsewhere
+from .ssp_masters import Exported
 
 
 def test_differences_are_found() -> None:
@@ -15,6 +16,12 @@ def test_differences_are_found() -> None:
     assert elsewhere.apart(values, np.where(np.isnan(values), 0.0, values)) == np.inf
     assert elsewhere.apart(values, values[:1]) == np.inf
     assert elsewhere.apart(values, np.where(values == 2.0, np.inf, values)) == np.inf
+
+
+def test_numbers_that_are_missing_in_another_master_are_a_difference() -> None:
+    exported = object.__new__(Exported)
+    exported.expected = {"leader.x": np.array([0.0, 1.0, 2.0]), "follower_1.x": np.array([0.0, 1.0, 2.0])}
+    assert exported.apart({"leader.x": np.array([1.0, 2.0]), "follower_1.x": np.array([1.0, np.nan])}) == np.inf
 
 
 def test_a_loop_that_fmpy_closes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
