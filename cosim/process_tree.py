@@ -79,7 +79,7 @@ def end(root: int, mark: str, pipe: int | None = None) -> None:
         os.killpg(root, signal.SIGKILL)  # the group outlives its leader
     _signal(root, signal.SIGKILL)
     if some or not lived:
-        _end_marked(mark, pipe)
+        end_marked(mark, pipe)
 
 
 def end_descendants(root: int) -> bool:
@@ -112,7 +112,8 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-def _end_marked(mark: str, pipe: int | None) -> None:
+def end_marked(mark: str, pipe: int | None = None) -> None:
+    """End everything that has a mark, or holds a pipe; see `end`."""
     held = "" if pipe is None or not _LINUX else os.readlink(f"/proc/self/fd/{pipe}")
     for _ in range(_ROUNDS if _LINUX else 0):
         living = _marked(mark, held)

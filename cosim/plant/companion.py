@@ -182,6 +182,7 @@ class Companion:
         self._waits = False
         try:
             how = how_it_ended(self._process.wait(_EXIT_LIMIT), self._expired)
+            process_tree.end(self._process.pid, self._mark)  # at once, while its number is not another process's
         except subprocess.TimeoutExpired:
             how = ": its process has closed the pipe to the harness"
         last = self._last_words

@@ -94,9 +94,15 @@ def kill(process: subprocess.Popen[bytes], mark: str) -> None:
 
 
 def kill_only(process: subprocess.Popen[bytes], mark: str) -> None:
-    """End a process likewise, but do not wait for it."""
-    process_tree.end(process.pid, mark)
-    process.kill()
+    """End a process likewise, but do not wait for it.
+
+    Once it has been waited for, its number may be that of another process: then what it has left is ended by its mark.
+    """
+    if process.returncode is None:
+        process_tree.end(process.pid, mark)
+        process.kill()
+    else:
+        process_tree.end_marked(mark)
 
 
 def how_it_ended(status: int, limit: float | None = None) -> str:

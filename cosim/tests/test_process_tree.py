@@ -14,6 +14,7 @@ from contextlib import suppress
 import pytest
 
 from cosim import process_tree
+from cosim.plant import interpreter
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 
@@ -22,6 +23,7 @@ Start = Callable[..., tuple[subprocess.Popen[str], str, int]]
 LEAVES_ONE = """
 import os, sys, time
 from cosim import process_tree
+from cosim.plant import interpreter
 def daemon():
     if os.fork() == 0:
         os.setsid()
@@ -145,3 +147,17 @@ os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
             pass
     os.close(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 7
+
+
+def test_a_number_that_has_become_another_process_s_is_left_alone(start: Start) -> None:
+    """Numbers are given anew after some thousand processes; what has been waited for is known by its mark alone."""
+    process, mark, left = start("if daemon(): time.sleep(1000)\nos._exit(3)")
+    assert process.wait(30) == 3
+    with subprocess.Popen(["sleep", "1000"], start_new_session=True) as other:
+        try:
+            process.pid = other.pid
+            interpreter.kill_only(process, mark)  # type: ignore[arg-type]
+            assert other.poll() is None
+            assert not lives(left)
+        finally:
+            other.kill()
