@@ -266,6 +266,10 @@ REFUSED = {
     "return float(i // 0)": "this divides by zero",
     "return float(i % (2 - 2))": "this divides by zero",
     "return 9223372036854775807 + 1": "has more than 64 bits",
+    "return float(BIG)": "BIG has more than 64 bits",
+    "return x * HUGE": "HUGE has more than 64 bits",
+    "return float(-LEAST)": "-LEAST has more than 64 bits",
+    "for j in range(i, -5, LEAST):\n        x += 1.0\n    return x": "range(i, -5, LEAST) has more than 64 bits",
     "global HALF\n    HALF = x\n    return x": "global has no translation",
     "NUMBERS[0] = x\n    return x": "NUMBERS is a constant",
     "while x > 0.0:\n        x -= 1.0\n    else:\n        x = 5.0\n    return x": "else of a loop",
@@ -279,7 +283,8 @@ REFUSED = {
 @pytest.mark.parametrize("body", REFUSED)
 def test_what_is_outside_of_the_subset_is_refused(body: str, tmp_path: Path) -> None:
     text = (
-        "import math\nimport numpy as np\n\nHALF = 0.5\nNUMBERS = np.zeros(3)\n\n\n"
+        "import math\nimport numpy as np\n\nHALF = 0.5\nNUMBERS = np.zeros(3)\n"
+        "BIG = 2**70\nHUGE = 10**400\nLEAST = -(2**63)\n\n\n"
         "def shift(to, of):\n    for j in range(len(to)):\n        to[j] = of[j]\n\n\n"
         "def push(to):\n    to[0] += 1.0\n    return to[0]\n\n\n"
         f"def function(x, i, a):\n    {body}\n"
@@ -456,11 +461,68 @@ def test_constants_have_the_words_of_python(tmp_path: Path) -> None:
     ]
 
 
-def test_a_text_that_has_changed_since_is_refused(tmp_path: Path) -> None:
-    module = module_of("def f(x):\n    return x + 1.0\n", tmp_path, "changing")
-    (tmp_path / "changing.py").write_text("def g(y):\n    return y\n\n\ndef f(x):\n    return x + 1.0\n")
-    with pytest.raises(Untranslatable, match="the text of f has changed since it was imported"):
+def test_constants_come_from_where_python_has_imported_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {
+        "limits": "LIMIT = 9.0  # of all\n",
+        "sub/limits": "LIMIT = 2.0  # of these\n",
+        "sub/__init__": "from numpy import e\n\nfrom ..limits import LIMIT as TOP\nfrom .limits import LIMIT\n\n\n"
+        "def f(x):\n    return x + TOP + LIMIT + e\n",
+        "pair": "Z, Y = 1.0, 3.0  # both\nglobals()['W'] = 4.0\n\nfrom outer.other import W, Y\n",
+        "other": "from outer.pair import W, Y\n\n\ndef f(x):\n    return x + Y + W\n",
+    }
+    for name, text in files.items():
+        path = tmp_path / "outer" / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, expected in {
+        "sub": ["double limits_LIMIT = 9.0; /* of all */", "double limits_LIMIT_2 = 2.0; /* of these */"],
+        "pair": ["double pair_Y = 3.0; /* both */", "double other_W = 4.0;"],
+    }.items():
+        module = importlib.import_module(f"outer.{name}")
+        function = getattr(module, "f", None) or sys.modules["outer.other"].f
+        source = translate(name, [Entry("f", function, (0.5,))]).source
+        assert re.findall("^static const (.*)$", source, re.MULTILINE) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "was", "now"),
+    [
+        ("def f(x):\n    return x + 1.0\n", "def f", "def g(y):\n    return y\n\n\ndef f"),
+        ("def f(x):\n    return x + 1.0\n", "+", "-"),
+        ("def f(x):\n    return x + 0.0\n", "0.0", "-0.0"),
+        ("class Laws:\n    def f(x):\n        return x + 1.0\n\n\nf = Laws.f\n", "+", "-"),
+        ("def f(x):\n    return x + 1.0\n", "return", "return ("),
+    ],
+    ids=["above", "operator", "sign-of-zero", "in-a-class", "no-python"],
+)
+def test_a_text_that_has_changed_since_is_refused(text: str, was: str, now: str, tmp_path: Path) -> None:
+    module = module_of(text, tmp_path, "changing")
+    (tmp_path / "changing.py").write_text(text.replace(was, now), encoding="utf-8")
+    with pytest.raises(Untranslatable, match="f has changed since it was imported"):
         translate("changing", [Entry("f", module.f, (0.5,))])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'if True:\n\n    def f(x):\n        """A sum.\n\n        Of two.\n        """\n        return x + 1.0\n',
+        pytest.param(
+            "def f[T](x: T) -> T:\n    return x + 1.0\n",
+            marks=pytest.mark.skipif(sys.version_info < (3, 12), reason="Python 3.12 has them first"),
+        ),
+    ],
+    ids=["indented", "generic"],
+)
+def test_a_text_that_has_not_changed_is_translated(text: str, tmp_path: Path) -> None:
+    source = translate("same", [Entry("f", module_of(text, tmp_path, "same").f, (0.5,))]).source
+    assert "return x + 1.0;" in source
+
+
+def test_only_def_makes_what_is_translated(tmp_path: Path) -> None:
+    module = module_of("f = lambda x: x + 1.0\n", tmp_path, "lambdas")
+    with pytest.raises(Untranslatable, match="only a function that is written with def is translated: f = lambda x"):
+        translate("lambdas", [Entry("f", module.f, (0.5,))])
 
 
 def test_a_compiler_that_may_round_otherwise_is_refused(tmp_path: Path) -> None:

@@ -8,10 +8,12 @@ import linecache
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
 from cosim.translation.layout import INDENT, WIDTH, comment, wrapped
+from cosim.translation.liveness import stored
 from cosim.translation.python_function import comments_in
 from cosim.translation.values import Value
 
@@ -55,17 +57,19 @@ class Constant:
 
 def definition(module: str, file: str, name: str) -> Definition:
     """Return where a name of a module is defined, by way of imports."""
-    own, imported = _module(file)
-    if name in own:
-        return Definition(module, name, *own[name])
-    if name in imported:
-        level, origin, there = imported[name]
-        package = module.rpartition(".")[0]
-        if not level or package:
+    seen = set()
+    while (module, name) not in seen:
+        seen.add((module, name))
+        own, imported = _module(file)
+        if name in own:
+            return Definition(module, name, *own[name])
+        level, origin, there = imported.get(name, (0, "", ""))
+        package = getattr(sys.modules.get(module), "__package__", None) or module.rpartition(".")[0]
+        with suppress(ImportError):  # beyond the outermost package
             origin = importlib.util.resolve_name("." * level + origin, package)
             other = getattr(sys.modules.get(origin), "__file__", None)
-            if other and other != file:
-                return definition(origin, other, there)
+            if other:
+                module, file, name = origin, other, there
     return Definition(module, name)
 
 
@@ -84,19 +88,20 @@ def _module(file: str) -> tuple[_Own, _Imported]:
     remarks = comments_in(text)
     own: dict[str, tuple[int, str, str]] = {}
     imported: dict[str, tuple[int, str, str]] = {}
-    group: list[str] = []
+    group: set[str] = set()
     end = 0
     for statement in tree.body:
         match statement:
-            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
-                group = [*group, name] if statement.lineno == end + 1 else [name]
+            case ast.Assign() | ast.AnnAssign():
+                names = stored(statement.targets if isinstance(statement, ast.Assign) else [statement.target])
+                group = group | names if statement.lineno == end + 1 else names
                 remark, is_alone = remarks.get(statement.lineno, ("", False))
-                own[name] = statement.lineno, "" if is_alone else remark, ""
+                own |= dict.fromkeys(names, (statement.lineno, "" if is_alone else remark, ""))
             case ast.Expr(value=ast.Constant(value=str() as docstring)):
                 own |= {name: (*own[name][:2], docstring) for name in group}
-                group = []
+                group = set()
             case _:
-                group = []
+                group = set()
                 if isinstance(statement, ast.ImportFrom):
                     origin = statement.level, statement.module or ""
                     imported |= {one.asname or one.name: (*origin, one.name) for one in statement.names}

@@ -150,9 +150,12 @@ class Expressions:
         """Return the value of a constant of a module."""
         if value is math.pi or value is np.pi:
             return real(math.pi)
+        if isinstance(value, int):
+            self.of_64_bits(node, value)
         if isinstance(value, bool | float | int | np.int64 | np.bool_):
             found = self._definition(node, name)
-            return real(float(value)) if found.module in ("math", "numpy") else self.shared.constant(found, value)
+            is_known = found.module.partition(".")[0] in ("math", "numpy")
+            return real(float(value)) if is_known else self.shared.constant(found, value)
         if isinstance(value, np.ndarray) and value.dtype in (np.float64, np.int64) and value.ndim and value.size:
             return self.shared.constant_array(self._definition(node, name), value)
         self.refuse(node, f"{name} is no number and no array of numbers, of 64 bits each")
@@ -187,6 +190,12 @@ class Expressions:
             self.refuse(node, f"{ast.unparse(node)} is {number.kind.words}, not a whole number")
         return number
 
+    def of_64_bits(self, node: ast.expr, value: int) -> int:
+        """Return a whole number that is known, if C has it."""
+        if not -(2**63) <= value < 2**63:
+            self.refuse(node, f"{ast.unparse(node)} has more than 64 bits")
+        return value
+
     def truth(self, node: ast.expr) -> Number:
         """Return an expression that has to be a truth value."""
         number = self.number(node)
@@ -202,9 +211,7 @@ class Expressions:
             case ast.Constant(value=bool() as value):
                 return Number(BOOL, "true" if value else "false", constant=value)
             case ast.Constant(value=int() as value):
-                if not -(2**63) < value < 2**63:
-                    self.refuse(node, f"{value} has more than 64 bits")
-                return whole(value)
+                return whole(self.of_64_bits(node, value))
             case ast.Constant(value=float() as value):
                 return real(value)
             case ast.Name():
@@ -243,7 +250,7 @@ class Expressions:
         if isinstance(node.op, ast.UAdd):
             return operand
         if operand.kind is INT and operand.constant is not None:
-            return whole(-int(operand.constant))
+            return whole(self.of_64_bits(node, -int(operand.constant)))
         operand = wide(operand) if operand.is_narrow else operand
         text = operand.within(values.UNARY)
         text = f"({text})" if text.startswith("-") else text
@@ -322,10 +329,7 @@ class Expressions:
         }
         if type(node.op) not in operations:
             self.refuse(node, f"{ast.unparse(node)} has no translation to C")
-        result = operations[type(node.op)](left, right)
-        if not -(2**63) < result < 2**63:
-            self.refuse(node, f"{result} has more than 64 bits")
-        return result
+        return self.of_64_bits(node, operations[type(node.op)](left, right))
 
     def _comparison(self, node: ast.Compare) -> Value:
         if len(node.ops) > 1:

@@ -403,7 +403,8 @@ class Function(Expressions):
         stop = self._kept(stop, f"{c}_stop", loop.body)
         sign = "<" if step.constant > 0 else ">"
         change = {1: f"{c}++", -1: f"{c}--"}.get(int(step.constant))
-        change = change or (f"{c} += {step.text}" if step.constant > 0 else f"{c} -= {whole(-int(step.constant)).text}")
+        down = whole(self.of_64_bits(call, -int(step.constant)))
+        change = change or (f"{c} += {step.text}" if step.constant > 0 else f"{c} -= {down.text}")
         head = f"for (int64_t {c} = {start.text}; {c} {sign} {stop.within(values.ADD)}; {change})"
         env, fixed, assigned = self.env, self.fixed, self.assigned
         natural = start.is_natural and step.constant > 0

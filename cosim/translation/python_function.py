@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import io
-import textwrap
 import tokenize
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,13 +25,13 @@ class PythonFunction:
     function : callable
         The plain function, without a compiler's wrapper.
     tree : FunctionDef
-        Its syntax tree; line 1 is the first of `lines`.
+        Its syntax tree.
     lines : tuple of str
-        Its lines, decorators included.
+        The lines of its file.
     comments : mapping
-        The comment on each line that has one, and whether it has the line for itself.
-    file, first_line
-        Where it stands.
+        The comment on each line of the file that has one, and whether it has the line for itself.
+    file : str
+        The file.
     """
 
     function: FunctionType
@@ -40,7 +39,6 @@ class PythonFunction:
     lines: tuple[str, ...]
     comments: Mapping[int, tuple[str, bool]]
     file: str
-    first_line: int
 
     @property
     def name(self) -> str:
@@ -59,12 +57,12 @@ class PythonFunction:
 
     def where(self, node: ast.AST) -> Location:
         """Return the place of a node."""
-        return Location(self.file, self.first_line + getattr(node, "lineno", 1) - 1)
+        return Location(self.file, getattr(node, "lineno", self.tree.lineno))
 
     def refuse(self, node: ast.AST, message: str) -> NoReturn:
         """Raise `Untranslatable` for a node, with the text of its line."""
-        line = self.lines[getattr(node, "lineno", 1) - 1].strip()
-        raise Untranslatable(message, self.where(node), line)
+        where = self.where(node)
+        raise Untranslatable(message, where, self.lines[where.line - 1].strip())
 
 
 def plain(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -87,52 +85,50 @@ def python_function(function: FunctionType) -> PythonFunction:
     Raises
     ------
     Untranslatable
-        If it has none, or is not made by ``def``.
+        If it has none, if the text has changed since, or if it is not made by ``def``.
     """
-    place = Location(function.__code__.co_filename, function.__code__.co_firstlineno)
+    code = function.__code__  # not the function that a decorator has wrapped
+    place = Location(code.co_filename, code.co_firstlineno)
     try:
-        lines, first = inspect.getsourcelines(function.__code__)  # not the function that a decorator has wrapped
+        lines, _ = inspect.findsource(code)
     except (OSError, TypeError):
         raise Untranslatable(f"the text of {function.__qualname__} is not to be found", place) from None
-    text = textwrap.dedent("".join(lines))
-    try:
-        node = ast.parse(text).body[0]
-    except SyntaxError:
-        node = ast.Pass()
-    if not isinstance(node, ast.FunctionDef):
-        raise Untranslatable("only a function that is written with def is translated", place, lines[0].strip())
-    if not _is_text_of(node, function):
+    text = "".join(lines)
+    definitions = _definitions(text, code.co_filename)
+    if code not in definitions:
         raise Untranslatable(
             f"the text of {function.__qualname__} has changed since it was imported: start Python anew", place
         )
-    return PythonFunction(
-        function, node, tuple(text.splitlines()), comments_in(text), function.__code__.co_filename, max(first, 1)
-    )
+    node = definitions[code]
+    if node is None:
+        line = lines[code.co_firstlineno - 1].strip()
+        raise Untranslatable("only a function that is written with def is translated", place, line)
+    return PythonFunction(function, node, tuple(lines), comments_in(text), code.co_filename)
 
 
-def _is_text_of(node: ast.FunctionDef, function: FunctionType) -> bool:
-    """Tell whether a function was compiled from a text, by its names and constants.
+@lru_cache(maxsize=64)
+def _definitions(text: str, file: str) -> Mapping[CodeType, ast.FunctionDef | None]:
+    """Return what Python compiles a file to, each with its ``def`` where it has one.
 
-    The bytecode depends on the text around; of a function within a class or a function its own name alone counts.
+    Equal code has the same instructions, names, constants (-0.0 is not 0.0) and first line.
     """
-    own = function.__code__
-    if node.name != own.co_name:
-        return False
-    if own.co_freevars or "." in function.__qualname__:
-        return True
-    alone = ast.FunctionDef(**{field: getattr(node, field) for field in node._fields} | {"decorator_list": []})
-    module = ast.Module([ast.fix_missing_locations(ast.copy_location(alone, node))], [])
-    code = compile(module, own.co_filename, "exec", dont_inherit=True)
-    again = next(part for part in code.co_consts if isinstance(part, CodeType) and part.co_name == node.name)
-    return _words_of(again) == _words_of(own)
+    try:
+        tree = ast.parse(text)
+        codes = [compile(tree, file, "exec", dont_inherit=True)]
+    except (SyntaxError, ValueError):
+        return {}
+    for code in codes:
+        codes += [part for part in code.co_consts if isinstance(part, CodeType)]
+    nodes = {
+        (node.name, node.decorator_list[0].lineno if node.decorator_list else node.lineno): node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+    }
+    return {code: nodes.get((code.co_name, code.co_firstlineno)) for code in codes}
 
 
-def _words_of(code: CodeType) -> tuple[object, ...]:
-    constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
-    return code.co_varnames, code.co_names, constants
-
-
-def comments_in(text: str) -> dict[int, tuple[str, bool]]:
+@lru_cache(maxsize=64)
+def comments_in(text: str) -> Mapping[int, tuple[str, bool]]:
     """Return the comment on each line that has one, and whether it has the line for itself."""
     found = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
