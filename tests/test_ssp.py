@@ -298,19 +298,32 @@ def _foreign(path: Path, folder: Path) -> Path:
     return _changed(path, folder / f"foreign_{path.name}", change)
 
 
-def test_an_end_within_a_step_that_is_not_stated_is_put_off(line: Exported, tmp_path: Path) -> None:
-    path = _with(line, tmp_path / "odd.ssp", "SystemStructure.ssd", r"<osp:FixedStepAlgorithm[^>]*/>", "")
-    path = _foreign(_with_stop(path, tmp_path / "late.ssp", "1.013"), tmp_path)
-    imported = import_ssp(path, tmp_path / "odd.xml")
-    assert 'horizon="1.02 s" step="0.02 s"' in imported.files[tmp_path / "odd.xml"].decode()
-    assert any("ends with a step of 0.02 s at 1.02 s" in sentence for sentence in imported.to_do)
+def test_a_step_that_is_too_long_is_named_by_its_own_place(line: Exported, tmp_path: Path) -> None:
+    path = _with(line, tmp_path / "odd.ssp", "SystemStructure.ssd", _BASE, 'baseStepSize="1e110"')
+    with pytest.raises(InputError, match=r"the experiment states 1e\+110 s") as refused:
+        import_ssp(path, tmp_path / "odd.xml")
+    assert refused.value.where is not None
+    with zipfile.ZipFile(path) as archive:
+        assert b"baseStepSize" in archive.read("SystemStructure.ssd").splitlines()[refused.value.where.line - 1]
 
 
-def _with_stop(path: Path, into: Path, stop: str) -> Path:
-    def change(name: str, data: bytes) -> bytes:
-        return re.sub(_STOP.encode(), f'stopTime="{stop}"'.encode(), data) if name.endswith(".ssd") else data
-
-    return _changed(path, into, change)
+@pytest.mark.parametrize(
+    ("stop", "base", "step", "end", "unstated"),
+    [
+        ('stopTime="1.013"', "", 0.02, 1.02, "no step"),
+        ("", 'baseStepSize="0.07"', 0.07, 60.06, "no end"),
+        ("", "", 0.02, 60.0, "no step and no end"),
+    ],
+)
+def test_an_end_within_a_step_is_put_off_if_one_of_them_is_not_stated(
+    line: Exported, tmp_path: Path, stop: str, base: str, step: float, end: float, unstated: str
+) -> None:
+    path = _with(line, tmp_path / "odd.ssp", "SystemStructure.ssd", f"(?s){_STOP}(.*){_BASE}", rf"{stop}\1{base}")
+    imported = import_ssp(_foreign(path, tmp_path), tmp_path / "odd.xml")
+    scenario = read_scenario(written(imported))
+    assert (scenario.step, scenario.horizon) == (step, pytest.approx(end))
+    told = f"the run has a step of {step:g} s and ends at {end:g} s: the SSP states {unstated}"
+    assert told in imported.to_do
 
 
 def test_a_broken_fmu_is_named_by_its_place_in_the_ssp(line: Exported, tmp_path: Path) -> None:

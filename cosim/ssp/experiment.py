@@ -21,7 +21,7 @@ def experiment(structure: Structure, step: float, horizon: float, *, rounds: boo
     step, horizon
         Where it states none.
     rounds
-        Whether the end is put off to that of a step, which the SSP does not state.
+        Whether the end is put off to that of a step, as the SSP does not state both.
 
     Raises
     ------
@@ -29,9 +29,10 @@ def experiment(structure: Structure, step: float, horizon: float, *, rounds: boo
         A scenario cannot have them; with the place in the SSP.
     """
     step, horizon = structure.step or step, structure.stop or horizon
+    for value, place in ((step, structure.step_where), (horizon, structure.stop_where)):
+        if value > LONGEST:
+            raise InputError(f"the experiment states {value:g} s, where at most {LONGEST:g} s are possible", place)
     where = structure.stop_where if structure.stop else structure.step_where
-    if (longest := max(step, horizon)) > LONGEST:
-        raise InputError(f"the experiment states {longest:g} s, where at most {LONGEST:g} s are possible", where)
     steps = horizon / step
     if steps > MAX_TICKS:
         raise InputError(

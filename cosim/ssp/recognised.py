@@ -136,11 +136,10 @@ def recognised_scenario(
         )
     to_do.append("the places of the followers are those in which they start: state the formation that you want")
     to_do.append(f"the control law is {ADAPTIVE_PID.name} with gains that suit many vehicles: choose your own")
-    step, horizon = experiment(structure, _STEP, _HORIZON, rounds=not structure.step)
-    if structure.stop and horizon != structure.stop:
-        to_do.append(
-            f"the run ends with a step of {step:g} s at {horizon:g} s: the SSP states no step, and ends before"
-        )
+    step, horizon = experiment(structure, _STEP, _HORIZON, rounds=not (structure.step and structure.stop))
+    stated = {"step": structure.step, "end": structure.stop}
+    if unstated := " and no ".join(name for name, value in stated.items() if not value):
+        to_do.append(f"the run has a step of {step:g} s and ends at {horizon:g} s: the SSP states no {unstated}")
     text = _text(path, structure, name, leader, followers, list(plants.values()), to_do, step, horizon)
     is_open = any(robot.proposal.open for robot in robots) or not followers
     return Found(text.encode(), files, (), tuple(to_do), is_open)

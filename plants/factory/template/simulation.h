@@ -1,5 +1,5 @@
 /* One running instance of a model: its values, its clock, its steps. Knows no FMI: the layers above translate. What an
- * instance holds, and how it steps, is the kind's of model: simulation_state.h and simulation.c.
+ * instance holds, and how it steps, depends on the kind of model: simulation_state.h and simulation.c.
  *
  * Whatever fails has changed nothing but `message`, which then says why; only a failed simulation_step may have moved
  * the instance, which then stands at the last good point on the way. A message may also come with STATUS_WARNING, or
@@ -52,7 +52,7 @@ Status simulation_start(Simulation *s);
 /* One communication step. */
 Status simulation_step(Simulation *s, double time, double step);
 
-/* What the description may say that there is not; then it refuses.
+/* Functions for features that the description may lack; they then refuse.
  *
  * Let an input ramp during the next step, by its first time derivative. */
 Status simulation_set_slope(Simulation *s, unsigned reference, double slope);
