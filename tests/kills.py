@@ -37,7 +37,7 @@ from tests.stub.stub import make_fmu
 
 KINDS = ["run", "run", "figure", "build", "check", "pytest", "hosted", "study", "tune", "cluster", "hosted study"]
 """Commands, those twice that are given more often; those that are hosted have a law in an environment of its own."""
-STUDIES = {"study": "study", "tune": "tune", "cluster": "study", "hosted study": "study"}
+STUDIES = {"study": "study", "tune": "tune", "cluster": "study", "hosted study": "hosted"}
 """The file of each kind of study."""
 HOSTED = ("hosted_built_in", "hosted_supervised")
 """Scenarios with a law in an environment of its own."""
