@@ -18,8 +18,6 @@ from cosim.plant.bells import BELL, HEARD_DONE, Copies, Heard, can_ring, listen,
 
 FRESH, RUNG, ANSWERED = range(3)
 """How far a tick is: nothing is asked; all hosts are; all have answered, to Python."""
-
-
 _AS_COMPILED = int(np.float64(AS_COMPILED).view(np.int64))
 _CORE = 16
 """Place [bytes] of the harness's core in `cosim.control.host.Board.told`."""
@@ -45,7 +43,7 @@ class Exchange:
         self._teams = {team.host: team for team in teams}  # one of each host
         hosts: list[Host] = list(self._teams)
         self._bells = np.zeros(len(hosts), BELL)
-        self._told = np.zeros(len(hosts), dtype=np.int64)
+        told = np.zeros(len(hosts), dtype=np.int64)
         gives: list[tuple[int, int, int]] = []
         takes: list[tuple[int, int, int]] = []
         for number, host in enumerate(hosts):
@@ -53,14 +51,14 @@ class Exchange:
             host.process.ring_by(bell)
             board = host.process.board
             assert board is not None
-            self._told[number] = _at(board.told)
+            told[number] = _at(board.told)
             takes.append((_at(bell["failed"]), _at(board.tells), board.tells.nbytes))
         for team, own in zip(teams, inputs, strict=True):
             gives += [(_at(to), _at(of), of.nbytes) for to, of in zip(team.inputs, own, strict=True) if of.nbytes]
         self._state = np.zeros(1, dtype=np.int64)
         to, back = (np.array(copies, dtype=np.int64).reshape(-1, 3) for copies in (gives, takes))
-        lines = np.array(sorted({line for to_, _, size in gives for line in lines_of(to_, size)}), dtype=np.int64)
-        self.call = Bound(exchange, self._bells, self._told, to, back, lines, self._state)
+        lines = lines_of((there, size) for there, _, size in gives)
+        self.call = Bound(exchange, self._bells, told, to, back, lines, self._state)
 
     def settle(self, time: float) -> bool:
         """Wait for hosts that take long; return whether that was all, so that the tick can go on where it was.

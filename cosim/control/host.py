@@ -1,8 +1,9 @@
 """The host of the control laws of another Python environment: one file, which that environment's interpreter runs.
 
 It needs the standard library, NumPy and `formation_controllers` of that environment, any release that speaks version 1
-of the controllers' interface; the package that this file belongs to is out of its sight. The harness imports the same
-functions for laws of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
+of the controllers' interface; the package that this file belongs to is out of its sight, but for the file
+`cosim.plant.intrinsics`, which it reads to compile what shares memory. The harness imports the same functions for laws
+of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
 
 Requests come through standard input and replies go through standard output, both moved out of the laws' reach first.
 A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes of JSON. The
@@ -21,6 +22,7 @@ import inspect
 import json
 import mmap
 import os
+import runpy
 import struct
 import sys
 import threading
@@ -31,7 +33,7 @@ from contextlib import suppress
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # a host starts without
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from typing import Any
 
 HEADER = struct.Struct("<BI")
@@ -62,6 +64,8 @@ _MOST = 2**16
 """Most ticks in a row without looks: after each look in vain they are twice as many and one more, after a tick half."""
 _ROUNDS = 30_000
 """Looks between two of the clock, which take some microseconds."""
+_INTRINSICS = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "plant", "intrinsics.py")
+"""What compiled code needs for shared memory, which an FMU does without."""
 _ORPHAN_CHECK = 1.0
 _PR_SET_PDEATHSIG, _SIGKILL = 1, 9
 _LINE = 64
@@ -325,9 +329,12 @@ def board_size(numbers: int) -> int:
     return 5 * _LINE + -(-max(numbers, 1) * 8 // _LINE) * _LINE
 
 
-def lines_of(address: int, size: int) -> range:
-    """Return the addresses of the cache lines with so many bytes from an address."""
-    return range(address - address % _LINE, address + size, _LINE)
+def lines_of(parts: Iterable[tuple[int, int]]) -> Any:
+    """Return the addresses of the cache lines of some memory, parts of which have an address and a number of bytes."""
+    import numpy as np
+
+    lines = {line for at, size in parts for line in range(at - at % _LINE, at + size, _LINE)}
+    return np.array(sorted(lines), dtype=np.int64)
 
 
 INPUTS = ("pose", "velocity", "leader_pose", "leader_velocity", "leader_acceleration", "q_d", "q_d_dot", "q_d_ddot")
@@ -646,29 +653,6 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
     word = ir.IntType(64)
 
     @intrinsic
-    def loaded(_: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return builder.load_atomic(builder.inttoptr(values[0], word.as_pointer()), "seq_cst", 8)
-
-        return types.int64(types.int64), generate
-
-    @intrinsic
-    def exchanged(_: Any, address: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return builder.atomic_rmw("xchg", builder.inttoptr(values[0], word.as_pointer()), values[1], "seq_cst")
-
-        return types.int64(types.int64, types.int64), generate
-
-    @intrinsic
-    def exchanged_if(_: Any, address: Any, expected: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            there = builder.inttoptr(values[0], word.as_pointer())
-            found = builder.cmpxchg(there, values[1], values[2], "seq_cst", "seq_cst")
-            return builder.zext(builder.extract_value(found, 1), word)
-
-        return types.int64(types.int64, types.int64, types.int64), generate
-
-    @intrinsic
     def ticked(_: Any, work: Any, current: Any) -> Any:
         """Run a tick of all teams, each by its address, and say before in memory which one it is."""
 
@@ -691,24 +675,7 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
 
         return types.none(work, types.int64), generate
 
-    @intrinsic
-    def claimed(_: Any, address: Any) -> Any:
-        """Fetch a cache line that is to be written to, while something else is done."""
-
-        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            number, memory = ir.IntType(32), ir.IntType(8).as_pointer()
-            kind = ir.FunctionType(ir.VoidType(), [memory, number, number, number])
-            prefetch = builder.module.declare_intrinsic("llvm.prefetch", [memory], kind)
-            given = (ir.Constant(number, value) for value in (1, 3, 1))  # to write, near, data
-            builder.call(prefetch, [builder.inttoptr(values[0], memory), *given])
-            return context.get_dummy_value()
-
-        return types.none(types.int64), generate
-
-    load: Any = loaded
-    claim: Any = claimed
-    exchange: Any = exchanged
-    exchange_if: Any = exchanged_if
+    load, exchange, exchange_if, claim = runpy.run_path(_INTRINSICS)["intrinsics"]()
     run: Any = ticked
 
     def swap(address: int, value: int) -> int:
@@ -756,15 +723,10 @@ def _compile(core: Callable[[], int] | None) -> _Compiled | None:
     dispatcher: Any = jit(nogil=True)(serve)
 
     def serving(board: Board, seen: Any, work: tuple[Any, ...]) -> Callable[[int], int]:
-        import numpy as np
-
         hears, asks, current = (int(part.ctypes.data) for part in (board.asked, board.answered, board.current))
-        lines = {
-            line
-            for _, to, _, size, *_, commands in work
-            for line in (*lines_of(to, size), *lines_of(commands.ctypes.data, commands.nbytes))
-        }
-        given = hears, asks, board.told, board.tells, seen, current, work, np.array(sorted(lines), dtype=np.int64)
+        written = [(to, size) for _, to, _, size, *_ in work]
+        written += [(int(commands.ctypes.data), commands.nbytes) for *_, commands in work]
+        given = hears, asks, board.told, board.tells, seen, current, work, lines_of(written)
         entry = dispatcher.compile((*map(numba.typeof, given), numbers))
         return lambda rounds: int(entry(*given, rounds))
 
