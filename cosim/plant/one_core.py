@@ -9,9 +9,8 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
+from cosim.closing import Closing
 from cosim.plant.bells import core_now
 
 TOGETHER = 0.5
@@ -20,7 +19,7 @@ TRIAL = 0.01
 """Time [s] for which it is tried whether they are faster on one core or on several."""
 
 
-class OneCore:
+class OneCore(Closing):
     """Keeps the calling thread and the main threads of processes on one core, except now and then.
 
     It is tried again and again whether they get on faster so. Only Linux can do it; elsewhere, or if the system refuses
@@ -61,7 +60,7 @@ class OneCore:
         if together == bool(self._allowed) or sys.platform != "linux":
             return
         if not together:
-            self._let_go()
+            self.close()
             return
         core = core_now()
         try:
@@ -71,9 +70,10 @@ class OneCore:
                 for thread in self._threads:
                     os.sched_setaffinity(thread, {core})
         except OSError:
-            self._let_go()
+            self.close()
 
-    def _let_go(self) -> None:
+    def close(self) -> None:
+        """Let all work where they could before."""
         if sys.platform != "linux":
             return
         for thread, allowed in self._allowed.items():
@@ -82,12 +82,3 @@ class OneCore:
             except OSError:  # the process has ended
                 self._threads = ()
         self._allowed = {}
-
-    def __enter__(self) -> Self:
-        """Return it; nothing has happened yet."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self._let_go()

@@ -10,9 +10,9 @@ import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
+from cosim.closing import Closing
 from cosim.results.representative import representative
 from cosim.results.result import Result
 
@@ -20,7 +20,7 @@ PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from cosim.results.figure_pro
 """The program of the process, which finds modules where this process finds them."""
 
 
-class FigureProcess:
+class FigureProcess(Closing):
     """Draws one figure at a time. Its process lasts for all figures of a command, as Matplotlib is slow to import.
 
     Legal call order: `start` if there is time to load before the first figure; `draw`, then `wait`, as often as wanted.
@@ -36,7 +36,7 @@ class FigureProcess:
         """Start the process, if it does not run."""
         if self._process is not None and self._process.poll() is None:
             return
-        self._end()
+        self.close()
         self._fault = ""
         options: dict[str, Any] = (
             {"start_new_session": True}  # Ctrl-C is the command's
@@ -57,7 +57,7 @@ class FigureProcess:
             try:
                 sending.start()
             except RuntimeError as error:
-                self._end()
+                self.close()
                 self._fault = f"its process cannot be used: {error}"
             else:
                 self._sending = sending
@@ -76,7 +76,7 @@ class FigureProcess:
         fault: str = json.loads(reply)
         return fault
 
-    def _end(self) -> None:
+    def close(self) -> None:
         """End the process at once: nobody waits for a figure that it draws."""
         process, self._process = self._process, None
         if process is None:
@@ -91,15 +91,6 @@ class FigureProcess:
             process.stdin.close()
         process.wait()
         process.stdout.close()
-
-    def __enter__(self) -> Self:
-        """Return it; the process ends at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self._end()
 
 
 def _send(pipe: IO[bytes], result: Result, path: str) -> None:

@@ -13,9 +13,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from cosim.closing import Closing
 from cosim.errors import InputError, OutputError
 from cosim.file_lock import lock
 from cosim.studies.row import Row
@@ -24,7 +23,7 @@ FILE = "rows.jsonl"
 _FORMAT = "formation-study-rows 1"
 
 
-class Store:
+class Store(Closing):
     """The rows of a study, open for one process.
 
     Parameters
@@ -92,13 +91,8 @@ class Store:
                 file.seek(place)
                 yield Row.of(json.loads(file.readline())).courses
 
-    def __enter__(self) -> Self:
-        """Return the store; it is closed at the end of the block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let others write to it."""
         self._file.close()
 
     def _read(self, name: str) -> None:
