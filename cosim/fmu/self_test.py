@@ -27,7 +27,7 @@ from cosim.fmu.package import Package
 from cosim.fmu.reference_experiments import Experiment
 from cosim.fmu.reference_series import Series
 from cosim.fmu.replay import FAILURE, REQUEST, RESULT, Request
-from cosim.plant.interpreter import environment, kill
+from cosim.plant.interpreter import environment, kill, wait
 from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 from plants import scratch
 
@@ -141,7 +141,7 @@ def _in_a_process(folder: Path, time_limit: float) -> str:
         start_new_session=os.name == "posix",
     )
     try:
-        status = process.wait(time_limit)
+        status = wait(process, mark, time_limit)
     except subprocess.TimeoutExpired:
         return f"it did not end within {time_limit:g} s; its process was ended"
     finally:

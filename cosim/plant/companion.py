@@ -14,7 +14,7 @@ from typing import Any
 from cosim import process_tree
 from cosim.errors import printable
 from cosim.plant.awaiting import Awaited
-from cosim.plant.interpreter import how_it_ended, kill, kill_only
+from cosim.plant.interpreter import how_it_ended, kill, kill_only, wait
 from cosim.plant.printed import LOG, Printed
 from cosim.plant.protocol import HEADER, MOST, Reply, send
 from cosim.undisturbed import undisturbed
@@ -181,8 +181,7 @@ class Companion:
     def _ended(self, failed: str) -> Exception:
         self._waits = False
         try:
-            how = how_it_ended(self._process.wait(_EXIT_LIMIT), self._expired)
-            process_tree.end(self._process.pid, self._mark)  # at once, while its number is not another process's
+            how = how_it_ended(wait(self._process, self._mark, _EXIT_LIMIT), self._expired)
         except subprocess.TimeoutExpired:
             how = ": its process has closed the pipe to the harness"
         last = self._last_words

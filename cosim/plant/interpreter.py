@@ -105,6 +105,21 @@ def kill_only(process: subprocess.Popen[bytes], mark: str) -> None:
         process_tree.end_marked(mark)
 
 
+def wait(process: subprocess.Popen[bytes], mark: str, limit: float) -> int:
+    """Wait for a process to end by itself, end what it has left, and return its status.
+
+    What it has left is ended at once: later, the process's number may be that of another one, see `kill_only`.
+
+    Raises
+    ------
+    subprocess.TimeoutExpired
+        It has not ended within a time limit [s].
+    """
+    status = process.wait(limit)
+    process_tree.end(process.pid, mark)
+    return status
+
+
 def how_it_ended(status: int, limit: float | None = None) -> str:
     """Return how a process ended, in words that follow what it did not do.
 

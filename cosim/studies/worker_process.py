@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from cosim import process_tree
-from cosim.plant.interpreter import environment, how_it_ended, kill, launch
+from cosim.plant.interpreter import environment, how_it_ended, kill, launch, wait
 from cosim.plant.protocol import HEADER, MOST, exactly
 from cosim.studies.kept_run import KeptRun
 from cosim.studies.row import Row
@@ -108,7 +108,7 @@ class WorkerProcess:
         """End it with all that it has started, at once unless it finishes."""
         if self._process.stdin is None or self._process.stdin.closed:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(_FINISH)
+                wait(self._process, self._mark, _FINISH)
         kill(self._process, self._mark)
 
     def _answer(self) -> tuple[int, bytes]:
@@ -118,7 +118,7 @@ class WorkerProcess:
             if body is not None:
                 return kind, body
         try:
-            raise Ended(how_it_ended(self._process.wait(_LAST_MOMENT)))
+            raise Ended(how_it_ended(wait(self._process, self._mark, _LAST_MOMENT)))
         except subprocess.TimeoutExpired:
             raise Ended(": its process has closed its pipe") from None
 
