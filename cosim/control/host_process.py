@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import secrets
 import subprocess
@@ -22,11 +21,9 @@ from cosim.errors import printable
 from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, core_now, fill, sleep_until, watch
 from cosim.plant.companion import Companion
 from cosim.plant.interpreter import start
+from cosim.plant.printed import LAW_LOG
 from cosim.plant.protocol import Reply
 from cosim.shared_memory import LaterMemory
-
-LOG = logging.getLogger("cosim.controller")
-"""Shows lines that laws in other environments print, on standard error unless a program wants them elsewhere."""
 
 START_LIMIT = 300.0
 """Time limit [s] for all that comes before the second tick: a law may be compiled there."""
@@ -96,7 +93,7 @@ class HostProcess(Companion):
             return start(command, {**os.environ, mark: "1"}, self._memory.descriptors, errors)
 
         try:
-            super().__init__(f"controllers in {environment.folder}", begin, [START_LIMIT], LOG)
+            super().__init__(f"controllers in {environment.folder}", begin, [START_LIMIT], LAW_LOG)
         except BaseException:
             self._memory.close()
             raise

@@ -20,8 +20,10 @@ from cosim.errors import printable
 LOG = logging.getLogger("cosim.fmu")
 """Shows its lines on standard error, unless the program that uses this package wants them elsewhere."""
 
-LOGGED = (LOG.name, "cosim.controller")
-"""The loggers of what other processes print, FMUs and laws."""
+LAW_LOG = logging.getLogger("cosim.controller")
+"""Likewise for lines that laws in other environments print."""
+LOGGED = (LOG.name, LAW_LOG.name)
+"""The names of both."""
 LINES = 1000
 """Lines of a process that are shown, the first ones."""
 CHARACTERS = 500
