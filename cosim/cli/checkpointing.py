@@ -117,7 +117,7 @@ class Course:
         """From where the run goes on."""
         if self.checkpoint is None:
             return None
-        start = self.checkpoint.start(self.branched is not None, str(self.branched or ""))
+        start = self.checkpoint.start(None if self.branched is None else str(self.branched))
         return start if self.noted else replace(start, parts=self.checkpoint.origin.parts)
 
     def begin(self, scenario: Scenario, setup: Setup, ending: ExitStack) -> tuple[Setup, Start | None]:

@@ -160,17 +160,16 @@ class Checkpoint:
                 with file.understood():
                     file.read_into(f"records/{index}", place)
 
-    def start(self, changed: bool = False, run: str = "") -> Start:
+    def start(self, branched: str | None = None) -> Start:
         """Return from where a run goes on.
 
         Parameters
         ----------
-        changed
-            Whether it goes on with another scenario.
-        run
-            The folder of the run from which it then branches off.
+        branched
+            The folder of the run from which it branches off with another scenario, empty for none; None if it goes on
+            with the same.
         """
-        part = Part(self.time, self.scenario.changes, *((self.scenario.text, run) if changed else ()))
+        part = Part(self.time, self.scenario.changes, *(() if branched is None else (self.scenario.text, branched)))
         return Start(self.scenario, self.state, self.fill, (*self.origin.parts, part))
 
 

@@ -34,8 +34,8 @@ class Checkpoints:
     where both share a core or its memory. One that is due is left out while the one before is still being written, and
     then until a time has passed by the clock of which it is no more than `SHARE`: neither what the one before has
     taken by the clock, from the state to the disk, nor the CPU time that this one is likely to take, which grows with
-    the records since then. The time is at least `LEAST` and at most `MOST`. Where there is none
-    before, it runs from the start of the loop.
+    the records since then. The time is at least `LEAST` and at most `MOST`. Where there is none before, it runs from
+    the start of the loop.
 
     Legal call order: `try_out`; then `reach` and `next_stop` in turn, `reach` first; `leave` if the run ends before its
     horizon; `finish`.

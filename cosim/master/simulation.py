@@ -437,7 +437,7 @@ class Simulation(Closing):
         checkpoint.origin.check_surroundings(checkpoint.path)
         changes = list(changes)
         scenario = checkpoint.scenario.edited(changes)
-        made = cls(scenario, observers=observers, start=checkpoint.start(bool(changes)))
+        made = cls(scenario, observers=observers, start=checkpoint.start("" if changes else None))
         try:
             checkpoint.origin.check_parts(made.setup, checkpoint.path)
         except BaseException:
