@@ -104,6 +104,9 @@ class UnboundVelocities(InputError):
 class OutputError(FormationError):
     """A result could not be written."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(brief(message))
+
 
 @dataclass(frozen=True)
 class Failure:

@@ -1,5 +1,6 @@
 """Inputs of strangers that a program easily stumbles over: each is refused in one sentence, with its place."""
 
+import os
 import re
 import zipfile
 from pathlib import Path
@@ -9,11 +10,13 @@ import pytest
 from cosim.errors import brief
 from cosim.fmu.package import Package, open_package
 from cosim.fmu.vehicle import as_vehicle
+from cosim.scenario.document import NAMESPACE
 from cosim.scenario.root_element import root_of
 from cosim.tests.driving import SHORT
 
 from .commands import command, failed
 
+ODD_NAMES = ("a\udcffb", "a\x1b[31m\u202eb")
 LONG_NAME, LONG_PATH = "a" * 300, "b/" * 3000 + "c.csv"
 
 
@@ -150,6 +153,97 @@ def test_an_fmu_of_many_unused_plants_is_opened_once(
     assert not looked, "they have one binding and one interface"
     path.write_text(path.read_text(encoding="utf-8").replace('"2 m"', '"2 kg"'), encoding="utf-8")
     assert "'2 kg'" in failed(capsys, 2, "check", str(path)), "each plant is checked"
+
+
+# Paths ------------------------------------------------------------------------------------------------------
+
+
+LINE = "{line}"
+"""Stands for a scenario."""
+READ = [
+    ["run", "{}"],
+    ["run", LINE, "--plant", "clmr={}"],
+    ["run", LINE, "--binding", "clmr={}"],
+    ["run", LINE, "--environment", "proposed={}"],
+    ["resume", "{}"],
+    ["study", "{}"],
+    ["show", "{}"],
+    ["report", "{}"],
+    ["export", "{}"],
+    ["export-controller", "{}"],
+    ["import", "{}.ssp"],
+    ["judge", "{}", "--scenario", LINE],
+    ["judge", "recorded.csv", "--scenario", LINE, "--map", "{}"],
+    ["check", "{}"],
+    ["check", LINE, "--untrusted", "{}/a"],
+    ["inspect", "{}", "--self-test"],
+    ["swap", "{}", "--plant", "clmr=a.fmu"],
+    ["swap", LINE, "--plant", "clmr={}", "--no-probe"],
+    ["compare-plants", "{}", "car_like"],
+    ["compare-plants", "car_like", "car_like", "--torque", "{}"],
+    ["compare-plants", "car_like", "car_like", "--binding-b", "{}"],
+    ["env", "list", "{}"],
+    ["env", "create", "made", "./{}"],
+    ["env", "create", "made", "a", "--wheels", "{}"],
+    ["new", "{}"],
+]
+"""Commands that read a file, or want another name; ``{}`` stands for its path."""
+
+
+@pytest.mark.parametrize("path", [LONG_NAME, LONG_PATH, "loop", "pipe", "file/a", *ODD_NAMES, ""], ids=range(8))
+@pytest.mark.parametrize("arguments", READ, ids=" ".join)
+def test_paths_that_no_command_can_read(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    path: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("recorded.csv").write_text("time\n0\n")
+    Path("file").write_text("")
+    Path("loop").symlink_to("loop")
+    if hasattr(os, "mkfifo"):
+        os.mkfifo("pipe")
+    before = sorted(tmp_path.iterdir())
+    printed = failed(capsys, 2, *(argument.replace(LINE, line).replace("{}", path) for argument in arguments))
+    assert printed.strip()
+    assert not set("\x1b\u202e\udcff") & set(printed)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", [*ODD_NAMES, "[a]{b} '$x' <&%"], ids=range(3))
+def test_work_in_a_folder_of_an_unusual_name(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path / name)
+    short = ("--horizon", "0.4 s", "--no-expectations")
+    bare = ("--no-figure", "--no-report")
+    Path("mine.xml").write_bytes(Path(line).read_bytes())
+    Path("seeds.xml").write_text(
+        f'<study xmlns="{NAMESPACE}" name="seeds" of="mine.xml"><title>Seeds</title><vary name="end" cross="yes">'
+        '<case name="a"><set select="simulation/@horizon" value="1 s"/><remove select="expect"/></case></vary>'
+        '<sample method="grid"/><measure name="e" figure="rms" signal="range_error" unit="m" over="mean"/></study>'
+    )
+    absolute = str(Path.cwd())
+    printed = ""
+    for arguments in (
+        ["check", "mine.xml"],
+        ["run", "mine.xml", *short, *bare, "--checkpoint", "every=0.2s"],
+        ["resume", f"{absolute}/runs/clmr_line", *bare, "--at", "0.2 s", "--horizon", "0.3 s", "--no-expectations"],
+        ["study", "seeds.xml", "--no-figure", "--out", f"{absolute}/studies"],
+        ["report", f"{absolute}/runs/clmr_line", "--out", f"{absolute}/report.html"],
+        ["export", f"{absolute}/runs/clmr_line", "--out", f"{absolute}/wide.csv"],
+        ["export", f"{absolute}/mine.xml", "--ssp", f"{absolute}/mine.ssp"],
+        ["import", "mine.ssp", "--out", "again.xml"],
+        ["build", "car_like", "--out", absolute],
+        ["export-controller", "mine.xml", "--out", absolute],
+        ["compare-plants", "car_like.fmu", "car_like", "--duration", "0.2 s", "--out", absolute, "--no-figure"],
+    ):
+        printed += "".join(command(capsys, *arguments))
+    assert not set("\x1b\u202e\udcff") & set(printed)
 
 
 # Messages ---------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 import plants
-from cosim.cli.console import out
+from cosim.cli.console import out, safe
 from cosim.errors import InputError, OutputError
 
 
@@ -18,5 +18,5 @@ def build(options: argparse.Namespace) -> int:
             raise InputError(str(error)) from None
         except OSError as error:
             raise OutputError(f"the FMU of {model} cannot be written to {options.out}: {error.strerror}") from None
-        out().print(str(path), markup=False, soft_wrap=True)
+        out().print(safe(str(path)), soft_wrap=True)
     return 0

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cosim.cli.console import out, say, warn
+from cosim.cli.console import out, safe, say, warn
 from cosim.errors import Failure, InputError
 from cosim.master.branch import branched
 from cosim.master.checkpoint import Checkpoint, Start
@@ -155,4 +155,4 @@ class Course:
             say(out(), left)
         if failure is not None and not failure.robot and (at := made.written or made.first):
             command = shlex.join(["formation", "resume", str(self.place)])
-            out().print(f"{command} goes on from {at * scenario.step:.6g} s", markup=False, soft_wrap=True)
+            out().print(safe(f"{command} goes on from {at * scenario.step:.6g} s"), soft_wrap=True)

@@ -32,9 +32,9 @@ def compare(options: argparse.Namespace) -> int:
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
     duration, step = _quantity("--duration", options.duration, "s"), _quantity("--step", options.step, "s")
     pose = dict(_pose(options.pose))
-    existed = os.path.exists(folder)
-    writable_folder(folder, "--out")
+    new = [place for place in (folder, *folder.parents) if not os.path.lexists(place)]
     try:
+        writable_folder(folder, "--out")
         comparison = compare_plants(
             a,
             b,
@@ -46,16 +46,16 @@ def compare(options: argparse.Namespace) -> int:
             within=options.within,
         )
     except BaseException:
-        if not existed:
+        for place in new:
             with suppress(OSError):
-                folder.rmdir()
+                place.rmdir()
         raise
     console = out()
     _print(console, comparison)
     write(folder / "compare.json", (json.dumps(comparison.to_dict(), indent=2) + "\n").encode())
     if options.figure:
         save_comparison_figure(comparison, folder / "compare.png")
-    console.print(f"results in {folder}/", markup=False, soft_wrap=True)
+    console.print(safe(f"results in {folder}/"), soft_wrap=True)
     for failure in comparison.failures:
         raise failure
     return BEYOND if options.within and not comparison.within else 0

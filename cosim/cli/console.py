@@ -129,12 +129,12 @@ def table(console: Console, title: str) -> Table:
 @contextmanager
 def taking_a_while(message: str) -> Iterator[None]:
     """Name a slow step: on a terminal at once, elsewhere in a line after some seconds."""
-    console = err()
+    console, message = err(), safe(message)
     if console.is_terminal:
         with console.status(message):
             yield
         return
-    timer = threading.Timer(PATIENCE, lambda: console.print(f"{message} ...", markup=False, soft_wrap=True))
+    timer = threading.Timer(PATIENCE, lambda: console.print(f"{message} ...", soft_wrap=True))
     timer.daemon = True
     timer.start()
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from cosim.cli.console import out
+from cosim.cli.console import out, safe
 from cosim.cli.named_scenarios import read
 from cosim.errors import OutputError
 from cosim.team_fmu import team_fmus
@@ -18,5 +18,5 @@ def export_controllers(options: argparse.Namespace) -> int:
     except OSError as error:
         raise OutputError(f"an FMU cannot be written to {options.out}: {error.strerror}") from None
     for path in made.values():
-        out().print(str(path), markup=False, soft_wrap=True)
+        out().print(safe(str(path)), soft_wrap=True)
     return 0

@@ -19,7 +19,7 @@ def new(options: argparse.Namespace) -> int:
     """Write a scenario to start from."""
     path: Path = options.file
     if path.suffix != ".xml":
-        raise InputError(f"{path}: name a file that ends in .xml, such as {path.with_suffix('.xml')}")
+        raise InputError(f"{path}: name a file that ends in .xml, such as {path.parent / (path.stem or 'mine')}.xml")
     if not matches("name", path.stem) or len(path.stem) > 100:
         raise InputError(
             f"{path}: the file's name becomes the scenario's name: use at most 100 letters, digits, '_', '-' and '.', "

@@ -213,7 +213,7 @@ def run_one(
 
     if pacer is not None:
         console.print(str(pacer.report), soft_wrap=True)
-    console.print(f"results in {place}/", markup=False, soft_wrap=True)
+    console.print(safe(f"results in {place}/"), soft_wrap=True)
     if kept is not None:
         console.print(safe(_where(kept, out_folder)), soft_wrap=True)
     if options.timing:

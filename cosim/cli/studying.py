@@ -106,13 +106,13 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
         save_study_report(where, folder / PAGE)
         files.append(PAGE)
     _print(out(), outcome, cases)
-    out().print(f"results in {where}/: {', '.join(files)}", markup=False, soft_wrap=True)
+    out().print(safe(f"results in {where}/: {', '.join(files)}"), soft_wrap=True)
     if written:
-        out().print(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/", markup=False, soft_wrap=True)
+        out().print(safe(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/"), soft_wrap=True)
     if kept:
         names = ", ".join(f"{one.name}/" for one in kept[:_MOST_KEPT])
         more = f" and {len(kept) - _MOST_KEPT} more" if len(kept) > _MOST_KEPT else ""
-        out().print(f"full results in {where}/{FOLDER}/: {names}{more}", markup=False, soft_wrap=True)
+        out().print(safe(f"full results in {where}/{FOLDER}/: {names}{more}"), soft_wrap=True)
     return outcome
 
 

@@ -105,7 +105,7 @@ def _wanted(package: str) -> str:
     """Return a package as pip takes it; a path is told from a name."""
     path = Path(package)
     if path.suffix == ".whl" or os.sep in package or path.is_dir():
-        if not path.exists():
+        if not (os.path.isfile(path) or os.path.isdir(path)):  # a pipe or a device may never end
             raise InputError(f"{package}: there is no such wheel or folder")
         if path.is_dir() and not any((path / name).exists() for name in ("pyproject.toml", "setup.py")):
             raise InputError(f"{package} is no project: it has no pyproject.toml (--wheels names a folder of wheels)")

@@ -166,6 +166,11 @@ def _extract(path: Path, directory: Path, where: Location | None, sort: Sort) ->
                     _write(archive, entry, directory.joinpath(*place.parts))
             except _DAMAGED as error:
                 raise InputError(f"the {sort.name} {path} cannot be unpacked: {error}", where) from None
+            except OSError as error:
+                if error.errno == errno.EINVAL or lack_of(error):
+                    raise
+                why = f"has the entry {str(place)!r}, which cannot be unpacked: {error.strerror or error}"
+                raise InputError(f"the {sort.name} {path} {why}", where) from None
     except _DAMAGED as error:
         raise InputError(f"{path} is not an {sort.name}: {error}", where) from None
     except OSError as error:

@@ -6,6 +6,7 @@ loads, also if they bring other files of that name. The memory of this code outl
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -50,7 +51,7 @@ def brought_code(directory: Path, platform: str, binaries: Collection[str]) -> s
         if library.fullmatch(path.name) and not (path.parent == beside and path.name in binaries):
             return f"a library of its own ({path.name})"
     for name in binaries:
-        variable = unique_variable(beside / name) if (beside / name).is_file() else ""
+        variable = unique_variable(beside / name) if os.path.isfile(beside / name) else ""
         if variable:
             return f"variables that a process has only once ({variable})"
     return ""

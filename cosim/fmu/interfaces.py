@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 
 from cosim.errors import InputError, Location
 from cosim.fmu.model_description import Interface, ModelDescription, Variable
 from cosim.fmu.package import Package
 from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
+
+_LONGEST = 250
+"""Bytes of a model identifier; file systems take 255 with the suffix of a library."""
 
 
 def interfaces(description: ModelDescription) -> dict[str, Interface]:
@@ -75,6 +79,8 @@ def _ticked_from_outside(clock: Variable) -> bool:
 
 def _unusable(identifier: str, version: str) -> str:
     """Return why a model identifier cannot be used: it is a file's name, and part of C functions' names in FMI 1.0."""
+    if len(os.fsencode(identifier)) > _LONGEST:
+        return f"which is too long for the name of a file: at most {_LONGEST} bytes"
     if version == "1.0":
         return "" if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier) else "which is no C identifier"
     outside = identifier in ("", ".", "..") or any(character in identifier for character in "/\\:\0")

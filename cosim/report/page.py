@@ -117,6 +117,7 @@ def page(title: str, data: Json, scripts: tuple[str, ...] = SCRIPTS, connect: st
 
 def _as_data(value: object) -> str:
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = text.encode(errors="backslashreplace").decode()  # the name of a file may have bytes that are no text
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 

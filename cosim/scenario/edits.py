@@ -26,6 +26,7 @@ Change = Callable[[etree._Element], None]
 
 _TOKENS = re.compile(r"""'[^']*(?:'|\Z)|"[^"]*(?:"|\Z)|[][()=]""")
 """What tells where an XPath ends: quoted texts, of which the last may not be closed, brackets and equals signs."""
+_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True)
@@ -234,14 +235,14 @@ def _remove_expectations(root: etree._Element) -> None:
 def _set_fmu(root: etree._Element, plant: str, fmu: Path) -> None:
     element = _by_id(root, "plant", plant)
     element.attrib.pop("model", None)
-    element.set("fmu", str(fmu.absolute()))
+    element.set("fmu", _absolute(fmu))
 
 
 def _set_binding(root: etree._Element, plant: str, file: Path) -> None:
     element = _by_id(root, "plant", plant)
     for binding in element.findall("binding"):
         element.remove(binding)
-    element.set("binding", str(file.absolute()))
+    element.set("binding", _absolute(file))
 
 
 def _set_controller(root: etree._Element, controller: str, name: str, package: str, version: str) -> None:
@@ -271,9 +272,16 @@ def _set_environment(
     for attribute, value in (
         ("package", package),
         ("version", f"=={version}"),
-        ("environment", str(folder.absolute())),
+        ("environment", _absolute(folder)),
     ):
         element.set(attribute, value)
+
+
+def _absolute(path: Path) -> str:
+    absolute = str(path.absolute())
+    if _NOT_IN_XML.search(absolute):
+        raise InputError(f"no scenario can name {absolute!r}: XML has no such characters; rename the file or folder")
+    return absolute
 
 
 def _by_id(root: etree._Element, tag: str, key: str) -> etree._Element:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -144,7 +145,7 @@ def files_of(laws: Sequence[LawInHost], parameters: Sequence[Port]) -> tuple[dic
     resources = {
         "host.py": Path(host.__file__).read_bytes(),
         "law.json": (json.dumps(about, indent=1) + "\n").encode(),
-        "interpreter.txt": f"{interpreter(law)}\n".encode(),
+        "interpreter.txt": os.fsencode(f"{interpreter(law)}\n"),
     }
     return sources | {"law.h": header}, resources
 

@@ -1,6 +1,7 @@
 """FMUs as tools and people leave them on the disk: archives with backslashes and folders, and unpacked ones."""
 
 import os
+import re
 import zipfile
 from pathlib import Path
 
@@ -71,7 +72,14 @@ def test_one_file_that_was_added_twice(stub: Path, tmp_path: Path) -> None:
 
 
 def test_a_file_where_a_folder_is(stub: Path, tmp_path: Path) -> None:
-    assert "cannot be read" in refused(zipped(tmp_path / "a.fmu", entries(stub) | {"a": b"", "a/b": b""}))
+    said = refused(zipped(tmp_path / "a.fmu", entries(stub) | {"a": b"", "a/b": b""}))
+    assert "has the entry 'a/b', which cannot be unpacked: " in said
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "a/" * 3000 + "b", "é" * 200])
+def test_names_that_no_file_can_have(stub: Path, tmp_path: Path, name: str) -> None:
+    said = refused(zipped(tmp_path / "a.fmu", entries(stub) | {name: b""}))
+    assert re.search(r"a\.fmu has the entry '\S+', which cannot be unpacked: File name too long$", said)
 
 
 def test_a_folder_that_was_zipped_as_a_whole(stub: Path, tmp_path: Path) -> None:
@@ -123,6 +131,24 @@ def test_model_identifiers_that_lead_elsewhere(stub: Path, tmp_path: Path, ident
     with pytest.raises(InputError, match="which is no name of a file") as raised:
         open_fmu(zipped(tmp_path / "a.fmu", content))
     assert f"has the model identifier {identifier!r}" in raised.value.message
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+@pytest.mark.parametrize("name", ["a" * 251, "é" * 126])
+def test_model_identifiers_that_are_too_long_for_a_file(tmp_path: Path, fmi: str, name: str) -> None:
+    content = entries(make_fmu(tmp_path, fmi=fmi, interface="co_simulation"))
+    old, new = (f'modelIdentifier="{text}"'.encode() for text in ("stub", name))
+    content["modelDescription.xml"] = content["modelDescription.xml"].replace(old, new)
+    with pytest.raises(InputError, match="which is too long for the name of a file: at most 250 bytes"):
+        open_fmu(zipped(tmp_path / "a.fmu", content))
+
+
+def test_another_interface_s_model_identifier_is_too_long(tmp_path: Path) -> None:
+    content = entries(make_fmu(tmp_path, interface="both"))
+    before, found, after = content["modelDescription.xml"].partition(b'<ModelExchange modelIdentifier="')
+    assert found
+    content["modelDescription.xml"] = before + found + b"a" * 300 + after
+    usable(zipped(tmp_path / "a.fmu", content))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "windows-1252", "gbk", "shift_jis", "utf-7"])

@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from collections.abc import Callable
@@ -23,6 +24,12 @@ from .stub import make_fmu
 
 FMI = ("1.0", "2.0", "3.0")
 DRIVEN = {"tau_drive": 10.0, "tau_steer": 1.0}
+
+
+@pytest.fixture(autouse=True)
+def _unpacked_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """FMPy leaves what it has unpacked if a simulation fails."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 @pytest.fixture
