@@ -134,11 +134,6 @@ class Bench:
         """Forget what earlier commands of a kind have left, where the next one would go on from it."""
         shutil.rmtree(self.out / kind, ignore_errors=True)
 
-    def tells_of_kills(self, kind: str) -> bool:
-        """Return whether a row of a study tells that the process of a law was killed, and is rightly kept."""
-        rows = self.out / kind / "small" / "rows.jsonl"
-        return rows.exists() and b": its process crashed (SIGKILL)" in rows.read_bytes()
-
     def outcome_differs(self, kind: str) -> bool:
         """Return whether the files of a study are other ones than the first."""
         folder = self.out / kind / "small"
@@ -266,8 +261,6 @@ def whole(bench: Bench, kind: str) -> Iterator[str]:
     """Let a command run to its end; return the findings."""
     if kind == "cluster":
         bench.start_cluster()
-    if kind == "hosted study" and bench.tells_of_kills(kind):
-        bench.begin_anew(kind)
     pid, _ = bench.start(kind)
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     if status != 0:

@@ -794,3 +794,19 @@ def test_a_study_of_a_law_in_an_environment_has_the_same_rows(own: Path, tmp_pat
     assert len(beside) == 6
     assert others == [beside, beside]
     assert nothing_left(own)
+
+
+@pytest.mark.parametrize(("fault", "broken"), [(11, 0), (12, 2)])
+def test_a_run_of_a_study_whose_host_is_killed_is_made_once_more(
+    own: Path, laws: Path, tmp_path: Path, fault: int, broken: int
+) -> None:
+    study = write_study(tmp_path, sample='<sample method="random" runs="2"/>')
+    base = tmp_path / "base.xml"
+    base.write_text(base.read_text("utf-8").replace('horizon="0.2 s"', 'horizon="0.3 s"'), "utf-8")
+    written(base, faulty(own, fault), of=base)
+    rows = conduct(read_study(study), tmp_path, workers=0).rows
+    assert [row.status for row in rows].count("broken") == broken
+    assert all("its process crashed (SIGKILL)" in row.message for row in rows if row.status == "broken")
+    assert (laws / "faulty_laws.py.killed").exists() is (fault == 11)
+    (laws / "faulty_laws.py.killed").unlink(missing_ok=True)
+    assert nothing_left(own)

@@ -136,3 +136,8 @@ def how_it_ended(status: int, limit: float | None = None) -> str:
         name = signal.Signals(-status).name if -status in set(signal.Signals) else f"signal {-status}"
         return f": its process crashed ({name})"
     return f": its process exited with status {status}"
+
+
+def tells_of_kill(message: str) -> bool:
+    """Return whether a message says that a process was killed, as the system does for want of memory, or anybody."""
+    return how_it_ended(-signal.SIGKILL) in message

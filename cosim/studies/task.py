@@ -12,6 +12,7 @@ from cosim.errors import FormationError, Location, OtherStructure
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
+from cosim.plant.interpreter import tells_of_kill
 from cosim.results.expectations import judge
 from cosim.results.outcome import RunOutcome
 from cosim.results.result import Result
@@ -106,11 +107,13 @@ _bases: OrderedDict[tuple[str, tuple[int, ...]], _Base] = OrderedDict()
 def rows_of(task: Task) -> Iterator[Row]:
     """Run a chunk, and return each row as it comes.
 
-    What is prepared is kept for the next one; one thread at a time may do this.
+    What is prepared is kept for the next one; one thread at a time may do this. A run of which a process was killed is
+    made once more, as that need not be its own doing.
     """
     for run, key in zip(task.runs, task.keys, strict=True):
         base = _base(task, run.cases)
-        yield _alone(task, base, run, key) if task.alone else _together(task, base, run, key)
+        row = _alone(task, base, run, key) if task.alone else _together(task, base, run, key)
+        yield _alone(task, base, run, key) if tells_of_kill(row.message) else row
 
 
 def _base(task: Task, cases: tuple[int, ...]) -> _Base:
