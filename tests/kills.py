@@ -230,7 +230,7 @@ def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterato
     victim = rng.choice(others) if others and rng.random() < 0.5 else pid
     with suppress(ProcessLookupError):
         os.kill(victim, signal.SIGKILL)
-    while victim in living(CLUSTER_MARK):  # it ends in a moment, also where the command has ended before
+    while process_tree._state(victim) not in ("Z", ""):  # then its parent hears of it, here that of the cluster
         time.sleep(0.02)
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     if status not in STATUSES:

@@ -431,6 +431,20 @@ def test_a_damaged_checkpoint_names_the_one_before(
     assert not list(differences(whole, left, tmp_path))
 
 
+def test_a_checkpoint_under_the_name_of_another(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    last = left / FOLDER / name_of(25)
+    last.write_bytes((left / FOLDER / name_of(10)).read_bytes())
+    assert f"the checkpoint {last} is damaged: it is one at 0.2 s" in failed(capsys, 2, "resume", str(left))
+
+
+@pytest.mark.parametrize("every", [0, -1, "often", []])
+def test_a_checkpoint_whose_facts_make_no_sense(left: Path, every: object, capsys: pytest.CaptureFixture[str]) -> None:
+    last = left / FOLDER / name_of(25)
+    file = CheckpointFile(last)
+    write_checkpoint(last, file.facts | {"every": every}, {name: file.array(name) for name in file.names})
+    assert f"the checkpoint {last} is damaged: " in failed(capsys, 2, "resume", str(left), *LEAST)
+
+
 def test_every_flipped_bit_is_noticed(left: Path) -> None:
     path = left / FOLDER / name_of(10)
     data = path.read_bytes()

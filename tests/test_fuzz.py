@@ -15,7 +15,9 @@ REFUSED = {"changes of a place", "elements that nobody knows", "attributes"}
 """Pieces that no scenario may have, or not twice."""
 
 
-@pytest.mark.parametrize(("kind", "cases"), [("scenarios", range(150)), ("fmus", range(60)), ("hosts", range(30))])
+@pytest.mark.parametrize(
+    ("kind", "cases"), [("scenarios", range(150)), ("fmus", range(60)), ("hosts", range(30)), ("files", range(30))]
+)
 def test_nothing_but_results_and_refusals(
     kind: str, cases: range, tmp_path: Path, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

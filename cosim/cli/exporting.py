@@ -9,10 +9,9 @@ from typing import Any
 from cosim.cli.console import out, safe, taking_a_while, warn
 from cosim.cli.named_scenarios import read
 from cosim.errors import InputError
-from cosim.export.formats import export_result, format_of, usable
+from cosim.export.formats import export_result, format_of
 from cosim.quantity import quantity
-from cosim.results.files import load_result, writable_file
-from cosim.results.result import Result
+from cosim.results.files import load_run, writable_file
 
 
 def export(options: argparse.Namespace) -> int:
@@ -31,7 +30,7 @@ def export(options: argparse.Namespace) -> int:
         "fps": options.fps,
         "size": _size(options.size),
     }
-    result = _load(options.result)
+    result = load_run(options.result)
     for path in paths:
         export_result(result, path, options.start_time, **film)
         out().print(safe(f"{path}: {format_of(path).about}"), soft_wrap=True)
@@ -95,14 +94,6 @@ def _check_no_changes(options: argparse.Namespace) -> None:
 
 def _usual_place(result: Path) -> Path:
     return (result if result.is_dir() else result.parent) / "result.mcap"
-
-
-def _load(path: Path) -> Result:
-    result = Result.of(load_result(path))
-    try:
-        return usable(result)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _seconds(text: str | None, option: str) -> float | None:

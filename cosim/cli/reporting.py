@@ -9,8 +9,7 @@ from cosim.cli.console import out, safe
 from cosim.errors import InputError
 from cosim.report.page import PAGE, save_report, save_study_report
 from cosim.report.study_content import is_study
-from cosim.results.files import load_result
-from cosim.results.result import Result
+from cosim.results.files import load_run
 
 
 def report(options: argparse.Namespace) -> int:
@@ -24,7 +23,7 @@ def report(options: argparse.Namespace) -> int:
     if studies:
         save_study_report(studies[0], path)
     else:
-        save_report([_load(result) for result in options.results], path)
+        save_report([load_run(result) for result in options.results], path)
     out().print(safe(f"page in {path}: open it in a browser"), soft_wrap=True)
     return 0
 
@@ -34,14 +33,3 @@ def _usual_place(results: list[Path]) -> Path:
         return Path(PAGE)
     [result] = results
     return (result if result.is_dir() else result.parent) / PAGE
-
-
-def _load(path: Path) -> Result:
-    result = Result.of(load_result(path))
-    if missing := [name for name in ("scenario", "status", "pose", "leader_pose") if _lacks(result, name)]:
-        raise InputError(f"{path} is not the result of a run: {missing[0]!r} is missing in it")
-    return result
-
-
-def _lacks(result: Result, name: str) -> bool:
-    return name not in result and name not in result.attrs

@@ -6,12 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import xarray as xr
-
 from cosim.cli.console import out, report, safe, say, warn
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
-from cosim.results.files import load_result
+from cosim.results.files import load_run
+from cosim.results.result import Result
 from cosim.results.summary import Summary, summary_of
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def show(options: argparse.Namespace) -> int:
 
 def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
     try:
-        result = load_result(path)
+        result = load_run(path)
         summary = _summary(path, result)
         print_summary(out(), summary)
         if figure is not None:
@@ -54,7 +53,7 @@ def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
     return 0 if summary.passed else EXPECTATION_FAILED
 
 
-def _summary(path: Path, result: xr.Dataset) -> Summary:
+def _summary(path: Path, result: Result) -> Summary:
     try:
         return summary_of(result)
     except InputError as error:

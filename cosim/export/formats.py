@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from cosim.errors import InputError
 from cosim.moments import SECOND, nanoseconds_of
+from cosim.results.form import check
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def export_result(
     path = Path(path)
     module = import_module(format_of(path).module)
     options = Options(_start(start_time), begin, end, speed, fps, size)
-    module.write(usable(Result.of(result)), path, options)
+    module.write(_with_samples(check(Result.of(result))), path, options)
 
 
 def _start(moment: float | str) -> int:
@@ -140,17 +141,7 @@ def format_of(path: Path) -> Format:
     return found
 
 
-def usable(result: Result) -> Result:
-    """Return a result that can be exported.
-
-    Raises
-    ------
-    InputError
-        It is not the result of a run, or it has no sample.
-    """
-    for name in ("scenario_name", "scenario", "status", "time", "robot", "pose", "leader_pose"):
-        if name not in result and name not in result.attrs:
-            raise InputError(f"this is not the result of a run: {name!r} is missing in it")
+def _with_samples(result: Result) -> Result:
     if not result.sizes["time"]:
         raise InputError("the result holds no sample, so there is nothing to export")
     return result

@@ -129,6 +129,8 @@ class Checkpoint:
             self.state = RunState.from_parts(last.facts["state"], arrays)
             every = last.facts["every"]
             self.every = None if every is None else int(every)
+            if self.every is not None and self.every < 1:
+                raise ValueError(f"one is to be written every {self.every} ticks")
             ends = [self.state.tick, *(int(file.facts["first"]) for file in self._files)]
             if any(one < other for one, other in pairwise(ends)) or ends[-1] != 0:
                 raise ValueError("its records are not those of all ticks up to it")

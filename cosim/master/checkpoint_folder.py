@@ -41,7 +41,7 @@ def latest(folder: Path, tick: int | None = None) -> Checkpoint | None:
     if not ticks:
         return None
     try:
-        return Checkpoint(folder / name_of(ticks[-1]))
+        return _at(folder, ticks[-1])
     except InputError as error:
         if len(ticks) == 1:
             raise
@@ -54,8 +54,16 @@ def readable(folder: Path) -> Checkpoint | None:
     """Return the last checkpoint in a folder that can be read; None if there is none."""
     for tick in reversed(ticks_in(folder)):
         with suppress(InputError):
-            return Checkpoint(folder / name_of(tick))
+            return _at(folder, tick)
     return None
+
+
+def _at(folder: Path, tick: int) -> Checkpoint:
+    """Return the checkpoint before a tick; InputError if it is damaged, or another one under that name."""
+    found = Checkpoint(folder / name_of(tick))
+    if found.state.tick != tick:
+        raise InputError(f"the checkpoint {found.path} is damaged: it is one at {found.time:g} s")
+    return found
 
 
 def _step(path: Path) -> float:

@@ -18,8 +18,7 @@ from cosim.export.courses import courses_of
 from cosim.export.csv import heading
 from cosim.recordings.mapping import Mapped
 from cosim.recordings.series import NO_UNIT, Floats, Numbers, Series
-from cosim.results.files import load_result
-from cosim.results.result import Result
+from cosim.results.files import load_run
 from plants import UnitError, units
 
 if TYPE_CHECKING:
@@ -78,9 +77,7 @@ def read_result(path: Path, wanted: Iterable[Mapped]) -> Numbers:
     InputError
         It cannot be read, or lacks what a mapping names.
     """
-    result = Result.of(load_result(path))
-    if "time" not in result or "robot" not in result:
-        raise InputError(f"{path} is not the result of a run: 'time' or 'robot' is missing in it")
+    result = load_run(path)
     courses = {heading(course.path, "1"): course for course in courses_of(result)}
     time = result["time"].values
     found = {}

@@ -20,6 +20,7 @@ from cosim.results.drawable_part import Part, drawable_parts
 from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
+from cosim.results.form import check
 from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
@@ -61,14 +62,12 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     InputError
         It is not the result of a run, or it has no sample.
     """
-    _check_times(result)
+    check(result)
     summary = summary_of(result) if summary is None else summary
     samples = result.sizes.get("time", 0)
     if not samples:
         raise InputError("the result holds no sample, so there is nothing to show")
     step = float(result.attrs["step"])
-    if not 0.0 < step < math.inf:
-        raise InputError(f"this is not the result of a run: its step is {step:g} s")
     columns = Columns()
     kinds, events = kinds_of(result), _events(result)
     bands = [[band for band in bands_of_kind(kind, result) if band.signal in result] for kind in kinds]
@@ -115,17 +114,6 @@ def courses_of(
         "motion": _motion(result, parts, columns, MOST_POSES // share),
         "signals": _signals(result, parts, columns, MOST_NUMBERS // share),
     }
-
-
-def _check_times(result: Result) -> None:
-    """Refuse times that no run has."""
-    if "time" not in result:
-        return
-    time = result["time"].values
-    for block in blocks(len(time)):
-        some = time[max(block.start - 1, 0) : block.stop]
-        if not (np.isfinite(some).all() and (np.diff(some) > 0.0).all()):
-            raise InputError("this is not the result of a run: its times do not increase")
 
 
 def _events(result: Result) -> tuple[Event, ...]:

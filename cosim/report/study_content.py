@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.report.content import Json, content_of
 from cosim.report.paths import with_distances
-from cosim.results.files import load_result
+from cosim.results.files import load_result, load_run
 from cosim.results.json_numbers import without_nan
 from cosim.results.result import Result, Variable
 
@@ -100,7 +100,7 @@ def _summary(folder: Path) -> Json:
             "worst": dict(told["worst"]) if told.get("worst") else None,
             "verdicts": list(map(_verdict, told["verdicts"])),
         }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} is not the summary of a study: {type(error).__name__}: {error}") from None
 
 
@@ -211,5 +211,5 @@ def _played(kept: Mapping[int, Path]) -> Iterator[tuple[Result, Json]]:
     """Return each run, and what a page shows of it; one that has no sample, or cannot be read, has no playback."""
     for number, path in kept.items():
         with suppress(InputError, KeyError):
-            result = Result.of(load_result(path))
+            result = load_run(path)
             yield result, {**content_of(result, share=len(kept)), "number": number}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,9 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, OutputError
+from cosim.results.form import check
 from cosim.results.netcdf import annotate as netcdf_attributes
 from cosim.results.netcdf import netcdf
 from cosim.results.result import Result
+from cosim.results.trial_reading import harm_of
 from cosim.storage import take, write_all
 from plants import scratch
 
@@ -164,9 +167,18 @@ def load(path: str | Path) -> xr.Dataset:
     """Read a result that `save` has written."""
     import xarray as xr
 
-    result = xr.load_dataset(path, engine="h5netcdf")
+    result = xr.load_dataset(path, engine="h5netcdf", phony_dims="access")  # of a file without names, else a warning
     result.encoding.pop("unlimited_dims", None)  # set for a variable without entries; a part of it could not be saved
     return result
+
+
+def load_run(path: Path) -> Result:
+    """Read the result of a run as `load_result` does, and refuse what has not its form."""
+    result = Result.of(load_result(path))
+    try:
+        return check(result)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def load_result(path: str | Path) -> xr.Dataset:
@@ -187,10 +199,24 @@ def load_result(path: str | Path) -> xr.Dataset:
     if not os.path.isfile(file):
         what = f"the folder {path} holds no result.nc" if os.path.isdir(path) else f"there is no file {path}"
         raise InputError(f"{what}; expected the result of a run, runs/NAME/result.nc, or its folder")
+    if harm := harm_of(file):
+        raise InputError(f"{file} cannot be read as the result of a run: {harm}")
+    with _quiet_ends():
+        try:
+            return load(file)
+        except Exception as error:  # the libraries raise many kinds
+            said = f"{type(error).__name__}: {error}"
+    with suppress(OSError), file.open("rb") as stream:
+        if stream.read(len(_HDF5)) != _HDF5:
+            raise InputError(f"{file} is no netCDF file; expected the result of a run, result.nc")
+    raise InputError(f"{file} cannot be read as the result of a run: {said}")
+
+
+@contextmanager
+def _quiet_ends() -> Iterator[None]:
+    """Let objects that cannot be closed print no traceback: those of a library that has failed already."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
-        return load(file)
-    except Exception as error:  # the libraries raise many kinds
-        with suppress(OSError), file.open("rb") as stream:
-            if stream.read(len(_HDF5)) != _HDF5:
-                raise InputError(f"{file} is no netCDF file; expected the result of a run, result.nc") from None
-        raise InputError(f"{file} cannot be read as the result of a run: {type(error).__name__}: {error}") from None
+        yield
+    finally:
+        sys.unraisablehook = before

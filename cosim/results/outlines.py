@@ -33,6 +33,13 @@ _ABOUT: Mapping[str, tuple[str, Callable[[Part], Any], Any]] = {
         0,
     ),
 }
+FORM: Mapping[str, tuple[tuple[str, ...], bool]] = {
+    "outline_axis": (("outline_axis",), True),
+    **{name: (_PART, isinstance(otherwise, str)) for name, (_, _, otherwise) in _ABOUT.items()},
+    "outline_at": ((*_PART, "outline_axis"), False),
+    "outline_corners": ((*_PART, "outline_corner", "outline_axis"), False),
+}
+"""By the name of a coordinate its dimensions, and whether it holds texts."""
 _OWN = re.compile("outline_(part|corner|axis|name|on|turned_by|collides|at|corners)")
 
 

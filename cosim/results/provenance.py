@@ -80,14 +80,14 @@ class Provenance:
         failure = json.loads(attributes.get("failure", "null"))
         packages: dict[str, dict[str, None]] = {}  # of controllers, which may have several versions of one
         for law in json.loads(attributes.get("controllers", "[]")):
-            packages.setdefault(law["package"], {})[law["version"]] = None
+            packages.setdefault(str(law["package"]), {})[str(law["version"])] = None
         return cls(
-            file=attributes.get("scenario_file", ""),
-            changes=tuple(json.loads(attributes.get("changes", "[]"))),
+            file=str(attributes.get("scenario_file", "")),
+            changes=tuple(map(str, json.loads(attributes.get("changes", "[]")))),
             seed=int(attributes["seed"]) if "seed" in attributes else None,
-            versions=json.loads(attributes.get("versions", "{}"))
+            versions={name: str(own) for name, own in json.loads(attributes.get("versions", "{}")).items()}
             | {package: " and ".join(versions) for package, versions in packages.items()},
-            failure=Failure(**failure) if failure else None,
+            failure=_failure(**failure) if failure else None,
             parts=tuple(replace(Part.of(part), scenario="") for part in json.loads(attributes.get("parts", "[]"))),
         )
 
@@ -117,6 +117,10 @@ class Provenance:
         shown = ", ".join(f"{name} {self.versions[name]}" for name in (*HOUSE, *laws) if name in self.versions)
         seed = "" if self.seed is None else f"seed {self.seed}"
         return "; ".join(part for part in (seed, shown) if part)
+
+
+def _failure(robot: str, time: float, variable: str, message: str) -> Failure:
+    return Failure(str(robot), float(time), str(variable), str(message))
 
 
 def _in_words(changes: tuple[str, ...]) -> str:

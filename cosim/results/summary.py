@@ -119,7 +119,7 @@ def summary_of(result: xr.Dataset | Result) -> Summary:
         return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
     except KeyError as error:
         raise InputError(f"this is not the result of a run: {error.args[0]!r} is missing in it") from None
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
 
 

@@ -202,7 +202,7 @@ def test_the_command(judged: Result, tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         (["nothing.nc"], "there is no file nothing.nc"),
         (["{text}"], "is no netCDF file; expected the result of a run"),
-        (["{other}"], "other.nc is not the result of a run: 'scenario' is missing in it"),
+        (["{other}"], "other.nc: this is not the result of a run: 'scenario_name' is missing in it"),
         (["{text}", "--out", "page.txt"], "a browser takes it for a page only if its name ends with .html"),
     ],
 )
@@ -241,7 +241,7 @@ def test_how_far_apart_the_paths_of_two_runs_are() -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"step": "nan"}, "its step is nan s"),
+        ({"step": "nan"}, "its step is 'nan'"),
         ({"verdicts": '[{"passed": 1}]'}, "no verdict"),
         ({"verdicts": "[1]"}, "TypeError"),
         ({"plant_messages": "x"}, "JSONDecodeError"),

@@ -17,6 +17,8 @@ from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from tests.fuzz import mutations
 from tests.fuzz.calls import calls_case, warm
+from tests.fuzz.files import files_case
+from tests.fuzz.files import warm as warm_files
 from tests.fuzz.hosts import hosts_case
 
 ROOT = Path(__file__).parents[2]
@@ -58,8 +60,13 @@ CASES: dict[str, Callable[[int, Path, tuple[bytes, ...]], None]] = {
     "scenarios": scenario_case,
     "fmus": fmu_case,
     "hosts": lambda *case: _refused(lambda: hosts_case(*case)),
+    "files": files_case,
     "calls": calls_case,
 }
+
+
+WARMED = {"calls": warm, "files": warm_files}
+"""What is loaded and made before the first case, so that none pays for it."""
 
 
 def run(kind: str, seeds: range, folder: Path, fmus: tuple[bytes, ...]) -> Iterator[str]:
@@ -99,8 +106,8 @@ def run_limited(kind: str, seeds: range, folder: Path) -> Iterator[str]:
 def batch(kind: str, first: int, last: int, folder: Path) -> None:
     """Run cases under limits of CPU time and memory, and print each before it runs, and what fails."""
     fmus = tuple(path.read_bytes() for path in sorted(folder.glob("seeds/*.fmu")))
-    if kind == "calls":
-        warm(folder)
+    if kind in WARMED:
+        WARMED[kind](folder)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + BYTES, size + BYTES))
     for seed in range(first, last):

@@ -138,6 +138,11 @@ def setting(rng: random.Random) -> str:
     return f"{_xpath(rng)}={rng.choice(VALUES)}"
 
 
+def markup(text: str, rng: random.Random) -> str:
+    """Return XML with another value, element, name or declaration."""
+    return rng.choice((_value, _value, _element, _name, _declaration))(text, rng)
+
+
 def archive(data: bytes, rng: random.Random) -> bytes:
     """Return a mutated FMU: its bytes, the files in it, or its model description."""
     if rng.random() < 0.4:
@@ -147,7 +152,7 @@ def archive(data: bytes, rng: random.Random) -> bytes:
     if rng.random() < 0.8:
         text = content["modelDescription.xml"].decode("utf-8")
         for _ in range(rng.randint(1, 3)):
-            text = rng.choice((_value, _value, _element, _name, _declaration))(text, rng)
+            text = markup(text, rng)
         content["modelDescription.xml"] = text.encode("utf-8", "surrogatepass")
         if rng.random() < 0.1:
             content["modelDescription.xml"] = flipped(content["modelDescription.xml"], rng)
