@@ -122,6 +122,7 @@ class SupervisedRun(Closing):
         self._gate = gate
         self._status: int | None = None
         self._expired: float | None = None
+        self._severed = False
         self._buffer = b""
         self._nonsense = False  # whether the process has answered with something that makes no sense
         self._forwarded = 0
@@ -273,6 +274,8 @@ class SupervisedRun(Closing):
     def _how(self) -> str:
         if self._nonsense:
             return ": its process answers with bytes that are no reply"
+        if self._severed:
+            return ": its process has closed the pipe to the harness"
         return how_it_ended(self._status or 0, self._expired)
 
     def _last_words(self) -> str:
@@ -397,6 +400,7 @@ class SupervisedRun(Closing):
         give_up = time.monotonic() + _LAST_MOMENT  # its pipe closes a little before it ends
         while self._status is None and _lives(self._pid) and time.monotonic() < give_up:
             time.sleep(0.001)
+        self._severed = self._status is None and _lives(self._pid)
         if self._left:  # and nothing that it has started is left
             self._has_ended()
         self._end_tree()

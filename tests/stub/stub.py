@@ -30,6 +30,7 @@ BEHAVIOURS = {
     "thread_crash": "starts a thread, which crashes a little after the next call, while that one waits",
     "garbage": "writes bytes without sense into all pipes that its process has open, once",
     "garbage_endless": "likewise, without end",
+    "close_pipes": "closes all pipes that its process has open, and sleeps for ever",
     "hang": "sleeps for ever",
     "hang_stubborn": "sleeps for ever, and ignores SIGTERM and SIGINT",
     "spin": "computes for ever",

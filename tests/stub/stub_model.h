@@ -258,6 +258,16 @@ static inline void write_garbage(bool endless)
     hang();
 }
 
+/* Close every pipe that this process has open, apart from the standard streams, and go no further. */
+static inline void close_pipes(void)
+{
+    struct stat about;
+    for (int descriptor = 3; descriptor < 4096; descriptor++) {
+        if (fstat(descriptor, &about) == 0 && S_ISFIFO(about.st_mode)) close(descriptor);
+    }
+    hang();
+}
+
 /* Do what this stub does in a function of the importer's interface: mostly nothing. */
 static inline Status act(Stub *s, const char *place)
 {
@@ -270,7 +280,8 @@ static inline Status act(Stub *s, const char *place)
     const bool timed = strcmp(place, "step") == 0 || strcmp(place, "set") == 0 || strcmp(place, "get") == 0;
     if (timed && car->time < car->when - EPSILON) return OK;
     static const char *const deadly[] = {"segfault", "exit", "exit_0", "abort", "hang", "hang_stubborn", "spin",
-                                         "daemon_exit", "daemon_hang", "overflow", "thread_crash", "garbage_endless"};
+                                         "daemon_exit", "daemon_hang", "overflow", "thread_crash", "garbage_endless",
+                                         "close_pipes"};
     for (size_t i = 0; i < sizeof deadly / sizeof deadly[0]; i++) {
         if (is(s, deadly[i])) say(s, OK, "%s goes into %s at t = %g s, as it was made to", place, s->behaviour, car->time);
     }
@@ -278,6 +289,7 @@ static inline Status act(Stub *s, const char *place)
     if (is(s, "thread_crash")) crash_in_a_thread();
     if (is(s, "garbage")) write_garbage(false);
     if (is(s, "garbage_endless")) write_garbage(true);
+    if (is(s, "close_pipes")) close_pipes();
     end_or_hang(s->behaviour);
     if (is(s, "slow")) usleep((useconds_t)(s->seconds * 1e6));
     if (is(s, "print")) {
