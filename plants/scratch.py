@@ -10,9 +10,9 @@ may have closed the descriptor of the lock. Windows has no such locks; there the
 import atexit
 import os
 import re
+import secrets
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -21,8 +21,8 @@ from pathlib import Path
 if sys.platform != "win32":
     import fcntl
 
-_locks: dict[Path, tuple[int, tuple[int, int]]] = {}
-"""The descriptor of each folder of this process, and the device and inode by which to know it again."""
+_locks: dict[Path, tuple[int, tuple[int, int] | None]] = {}
+"""The descriptor of each folder of this process, and the device and inode by which to know it again; -1 for none."""
 
 
 def make(base: Path, prefix: str) -> Path:
@@ -37,17 +37,28 @@ def make(base: Path, prefix: str) -> Path:
     """
     _remove_left(base, prefix)
     while True:
-        folder = Path(tempfile.mkdtemp(prefix=f"{prefix}{os.getpid()}-", dir=base))
+        folder = base / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}"
+        _locks[folder] = -1, None  # before it is there: an interrupt may come at any moment
+        try:
+            folder.mkdir(0o700)
+        except OSError as error:
+            del _locks[folder]
+            if isinstance(error, FileExistsError):
+                continue
+            raise
         try:
             descriptor = _lock(folder)
         except (BlockingIOError, FileNotFoundError):  # another process has come before the lock, and removes it
+            del _locks[folder]
             continue
         except OSError:  # a file system without locks
             return folder
-        if descriptor is None or folder.exists():
-            if descriptor is not None:
-                _locks[folder] = descriptor, _identity(descriptor)
+        if descriptor is None:
             return folder
+        if folder.exists():
+            _locks[folder] = descriptor, _identity(descriptor)
+            return folder
+        del _locks[folder]
         os.close(descriptor)
 
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
@@ -218,3 +219,37 @@ def test_a_folder_into_which_a_thread_still_writes_is_removed_at_exit(
     scratch._remove_at_exit()
     assert not made.exists()
     assert made not in scratch.remembered()
+
+
+def test_no_folder_is_forgotten_at_whichever_moment_an_interrupt_comes(tmp_path: Path) -> None:
+    def interrupted_after(lines: int) -> bool:
+        """Make a folder, with an interrupt after some lines of Python; return whether it came."""
+        left = lines
+
+        def trace(frame: FrameType, event: str, _: object) -> Callable[..., object]:
+            nonlocal left
+            left -= event == "line"
+            if left < 0:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+            return trace
+
+        before = sys.gettrace()
+        sys.settrace(trace)
+        try:
+            scratch.make(tmp_path, "test-")
+        except KeyboardInterrupt:
+            return True
+        finally:
+            sys.settrace(before)
+        return False
+
+    scratch.make(tmp_path, "test-")
+    lines = 0
+    while interrupted_after(lines):
+        assert set(tmp_path.iterdir()) <= set(scratch.remembered())
+        lines += 1
+    assert lines > 10
+    for made in tmp_path.iterdir():
+        scratch.remove(made)
+    assert not list(tmp_path.iterdir())
