@@ -233,7 +233,8 @@ def _span(result: Result, failed: float | None) -> tuple[float, float]:
 
 def _has_gaps(whole: Result, drawn: Result) -> bool:
     """Return whether numbers of a result are not drawn."""
-    return any(_missing(drawn[name].values) > _missing(whole[name].values) for name in whole.data_vars)
+    courses = (name for name, signal in whole.data_vars.items() if signal.dims[:1] == ("time",))
+    return any(_missing(drawn[name].values) > _missing(whole[name].values) for name in courses)
 
 
 def _missing(values: NDArray[np.float64]) -> int:

@@ -11,6 +11,9 @@ import xarray as xr
 
 import cosim
 from cosim.errors import InputError
+from cosim.export.formats import export_result
+from cosim.report.page import save_report
+from cosim.results.figure import save_figure
 from cosim.results.files import load_result, load_run, save
 from cosim.results.form import check
 from cosim.results.result import Result
@@ -63,10 +66,16 @@ def test_what_has_it_not_is_refused(
         check(Result.of(changed))
 
 
-def test_what_others_have_added_or_left_out_is_no_matter(run: xr.Dataset) -> None:
+def test_what_others_have_added_or_left_out_is_no_matter(run: xr.Dataset, tmp_path: Path) -> None:
     names = [name for name in run.variables if str(name).startswith(("outline", "message", "plant"))]
-    own = run.drop_vars(names).assign(own=("robot", ["a", "b", "c", "d"]))
-    check(Result.of(own))
+    own = run.drop_vars(names).assign(own=("robot", ["a", "b", "c", "d"]), note="a", first=run.pose[0])
+    cosim.summary_of(own)
+    save_report([own], tmp_path / "report.html")
+    save_figure(own, tmp_path / "figure.png")
+    for suffix in ("csv", "mcap", "mat"):
+        export_result(own, tmp_path / f"run.{suffix}")
+    assert min(path.stat().st_size for path in tmp_path.iterdir()) > 1000
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 def test_a_damaged_file_is_refused_in_a_sentence_alone(
