@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.results.outlines import FORM as OUTLINES
+from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.storage import blocks
 
@@ -44,8 +45,8 @@ def check(result: Result) -> Result:
     Raises
     ------
     InputError
-        It lacks what every result of a run has, or a variable has other dimensions, texts in place of numbers or the
-        reverse, or its times do not increase.
+        It lacks what every result of a run has, a variable has other dimensions, texts in place of numbers or the
+        reverse, its times do not increase, or its attributes make no sense.
     """
     for name in (*_TEXTS, *_TIMES, *_VARIABLES):
         if name not in (result if name in _VARIABLES else result.attrs):
@@ -71,6 +72,10 @@ def check(result: Result) -> Result:
                 raise InputError(f"this is not the result of a run: {name!r} is missing in it")
     if result.sizes.get("outline_axis", 2) != 2:
         raise InputError("this is not the result of a run: 'outline_axis' names no two axes")
+    try:
+        Provenance.of(result.attrs)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
     _check_times(result)
     return result
 

@@ -43,6 +43,8 @@ def test_a_mixed_team_has_it(scenarios: Path, scenario: str) -> None:
         (lambda run: run.drop_attrs(deep=False), "'scenario_name' is missing in it"),
         (lambda run: run.assign_attrs(scenario=1), "'scenario' is 1, no text"),
         (lambda run: run.assign_attrs(scenario_file=1), "'scenario_file' is 1, no text"),
+        (lambda run: run.assign_attrs(controllers="no"), "JSONDecodeError: .*"),
+        (lambda run: run.assign_attrs(seed=[1, 2]), "TypeError: .*"),
         (lambda run: run.assign_attrs(step=0.0), "its step is 0.0, no time above zero"),
         (lambda run: run.assign_attrs(horizon=np.inf), "its horizon is inf, no time above zero"),
         (

@@ -12,7 +12,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -83,8 +83,8 @@ def calls_case(seed: int, folder: Path, _: tuple[bytes, ...]) -> None:
     with _temporary(folder / "tmp"):
         for _attempt in range(rng.randint(1, 3)):
             how = "run" if deadly else rng.choice(("run", "prepared", "simulation"))
-            with _interrupted(rng.uniform(0.0, 0.3) if rng.random() < 0.3 else 0.0):
-                _call(how, path, rng)
+            after = rng.uniform(0.0, 0.3) if rng.random() < 0.3 else 0.0
+            _interrupted(after, partial(_call, how, path, rng))
         left = [entry.name for entry in (folder / "tmp").iterdir() if entry not in scratch.remembered()]
     if left or _held() != before:
         raise AssertionError(f"{kind} {behaviour} {place} {process}: leaves {left}, {before} to {_held()}")
@@ -146,22 +146,23 @@ def _closed(made: Any) -> Iterator[Any]:
             made.close()
 
 
-@contextmanager
-def _interrupted(after: float) -> Iterator[None]:
-    """Press Ctrl-C after some seconds, unless it is zero; later it does nothing."""
+def _interrupted(after: float, call: Callable[[], None]) -> None:
+    """Press Ctrl-C some seconds after the beginning of a call, unless it is zero or the call has ended."""
+    calls = True
 
     def press(*_: object) -> None:
-        signal.raise_signal(signal.SIGINT)
+        if calls:
+            signal.raise_signal(signal.SIGINT)
 
     signal.signal(signal.SIGALRM, press)
-    signal.setitimer(signal.ITIMER_REAL, after)
     try:
-        yield
+        signal.setitimer(signal.ITIMER_REAL, after)
+        call()
+        calls = False
     except KeyboardInterrupt:
-        pass
+        calls = False
     finally:
-        with suppress(KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 @contextmanager
