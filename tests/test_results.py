@@ -370,7 +370,7 @@ def test_nothing_is_run_to_show_a_result(line: str, ran: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"), [(b"no result", "is no netCDF file"), (xr.Dataset(), "'status' is missing in it")]
+    ("content", "sentence"), [(b"no result", "is no netCDF file"), (xr.Dataset(), "'scenario_name' is missing in it")]
 )
 def test_why_it_is_no_result(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: object, sentence: str

@@ -71,10 +71,10 @@ def _components(result: Result, variable: Variable, signal: str, robot: str, row
     own = own_names(result, variable, row)
     values = variable.values if robot == LEADER else variable.values[:, row - 1]
     values = values.reshape(len(values), len(labels))
-    by_component = list(units_by_component(labels, units).values())
+    unit_of = units_by_component(labels, units)
     for k, name in enumerate(own):
         if name is not None and not np.isnan(values[:, k]).all():
-            yield Course(robot, signal, name, by_component[k] or "1", about, values[:, k])
+            yield Course(robot, signal, name, unit_of[labels[k]] or "1", about, values[:, k])
 
 
 def _labels(result: Result, variable: Variable) -> Sequence[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from cosim.errors import InputError
 from cosim.moments import SECOND, nanoseconds_of
-from cosim.results.form import check
+from cosim.results.form import in_form
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def export_result(
     path = Path(path)
     module = import_module(format_of(path).module)
     options = Options(_start(start_time), begin, end, speed, fps, size)
-    module.write(_with_samples(check(Result.of(result))), path, options)
+    module.write(_with_samples(in_form(Result.of(result))), path, options)
 
 
 def _start(moment: float | str) -> int:

@@ -20,7 +20,7 @@ from cosim.results.drawable_part import Part, drawable_parts
 from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
-from cosim.results.form import check
+from cosim.results.form import in_form
 from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
@@ -62,7 +62,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     InputError
         It is not the result of a run, or it has no sample.
     """
-    check(result)
+    result = in_form(result)
     summary = summary_of(result) if summary is None else summary
     samples = result.sizes.get("time", 0)
     if not samples:

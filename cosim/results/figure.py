@@ -29,6 +29,7 @@ from cosim.results.figure_panels import MANY, MOST_LINES, Place, draw_panels
 from cosim.results.figure_paths import draw_formation, draw_paths
 from cosim.results.figure_style import LEADER, Colour, colours_of
 from cosim.results.files import write
+from cosim.results.form import in_form
 from cosim.results.panels import Panel, panels, paper_panels
 from cosim.results.provenance import Provenance
 from cosim.results.representative import representative
@@ -75,11 +76,11 @@ def save_figure(result: xr.Dataset | Result, path: str | Path, panels: Choice = 
     Raises
     ------
     InputError
-        It holds no sample, or there are no such panels.
+        It is not the result of a run, it holds no sample, or there are no such panels.
     OutputError
         The file cannot be written.
     """
-    result = representative(Result.of(result))
+    result = representative(in_form(Result.of(result)))
     if not result.sizes["time"]:
         raise InputError("the result holds no sample, so there is nothing to draw")
     buffer = io.BytesIO()

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError, OutputError
-from cosim.results.form import check
+from cosim.results.form import in_form
 from cosim.results.netcdf import annotate as netcdf_attributes
 from cosim.results.netcdf import netcdf
 from cosim.results.result import Result
@@ -176,7 +176,7 @@ def load_run(path: Path) -> Result:
     """Read the result of a run as `load_result` does, and refuse what has not its form."""
     result = Result.of(load_result(path))
     try:
-        return check(result)
+        return in_form(result)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

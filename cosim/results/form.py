@@ -11,7 +11,8 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.results.outlines import FORM as OUTLINES
 from cosim.results.provenance import Provenance
-from cosim.results.result import Result
+from cosim.results.result import Result, Variable
+from cosim.scenario.scenario import LEADER
 from cosim.storage import blocks
 
 Form: TypeAlias = Mapping[str, tuple[tuple[str, ...], bool]]
@@ -37,16 +38,22 @@ _FORM: Form = {
     **{f"message_{name}": (("message",), True) for name in ("robot", "status", "category", "text")},
     **OUTLINES,
 }
+_LEAST = {"robot": 1, "pose_component": 2, "outline_corner": 1}
+"""By the name of a dimension the least entries along it."""
 
 
-def check(result: Result) -> Result:
-    """Return a result that has the form of a run's.
+def in_form(result: Result) -> Result:
+    """Return a result in the form that a run gives it.
+
+    Whoever has edited it may have added variables, ordered dimensions in another way and left out robots or samples.
+    The dimensions are ordered, ``vehicle`` names the leader and the robots, and signals are numbers: an added variable
+    that holds none is left out.
 
     Raises
     ------
     InputError
         It lacks what every result of a run has, a variable has other dimensions, texts in place of numbers or the
-        reverse, its times do not increase, or its attributes make no sense.
+        reverse, its times do not increase, its attributes make no sense, or it has a robot twice, or one of no vehicle.
     """
     for name in (*_TEXTS, *_TIMES, *_VARIABLES):
         if name not in (result if name in _VARIABLES else result.attrs):
@@ -58,26 +65,70 @@ def check(result: Result) -> Result:
         told = result.attrs[name]
         if not (isinstance(told, int | float | np.number) and 0.0 < float(told) < math.inf):
             raise InputError(f"this is not the result of a run: its {name} is {told!r}, no time above zero")
-    for name, variable in (*result.data_vars.items(), *result.coords.items()):
-        dims, text = _FORM.get(name, (variable.dims, False))
-        if variable.dims != dims:
-            told = f"has the dimensions ({', '.join(variable.dims)}), not ({', '.join(dims)})"
-            raise InputError(f"this is not the result of a run: {name!r} {told}")
-        known = name in _FORM or variable.dims[:1] == ("time",)
-        if known and (variable.values.dtype.kind in "fiu") == text and variable.values.size:
-            raise InputError(f"this is not the result of a run: {name!r} holds {'numbers' if text else 'no numbers'}")
-    if any(name in result for name in OUTLINES):
-        for name in (*OUTLINES, "vehicle", "pose_name"):
-            if name not in result:
-                raise InputError(f"this is not the result of a run: {name!r} is missing in it")
-    if result.sizes.get("outline_axis", 2) != 2:
-        raise InputError("this is not the result of a run: 'outline_axis' names no two axes")
+    signals = {name: _in_form(name, one) for name, one in result.data_vars.items() if name in _FORM or _is_number(one)}
+    result = Result(signals, {name: _in_form(name, one) for name, one in result.coords.items()}, result.attrs)
+    for dim, least in _LEAST.items():
+        if (size := result.sizes.get(dim, least)) < least:
+            raise InputError(f"this is not the result of a run: {dim!r} has {size} of at least {least} entries")
     try:
         Provenance.of(result.attrs)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
     _check_times(result)
+    result = _of_vehicles(result)
+    _check_outlines(result)
     return result
+
+
+def _in_form(name: str, variable: Variable) -> Variable:
+    order = [dim for dim in ("time", "robot") if dim in variable.dims]
+    dims, text = _FORM.get(name, ((*order, *(dim for dim in variable.dims if dim not in order)), None))
+    if sorted(variable.dims) != sorted(dims):
+        told = f"has the dimensions ({', '.join(variable.dims)}), not ({', '.join(dims)})"
+        raise InputError(f"this is not the result of a run: {name!r} {told}")
+    if text is not None and _is_number(variable) == text and variable.values.size:
+        raise InputError(f"this is not the result of a run: {name!r} holds {'numbers' if text else 'no numbers'}")
+    values = variable.values if variable.values.dtype.kind != "b" else variable.values.astype(np.float64)
+    return Variable(dims, values.transpose([variable.dims.index(dim) for dim in dims]), variable.attrs)
+
+
+def _is_number(variable: Variable) -> bool:
+    return variable.values.dtype.kind in "fiub"
+
+
+def _of_vehicles(result: Result) -> Result:
+    """Return a result whose vehicles are the leader and the robots, in this order."""
+    wanted = (LEADER, *result.robots)
+    if len(set(wanted)) < len(wanted):
+        raise InputError("this is not the result of a run: it has a robot twice")
+    if "vehicle" not in result:  # in files of earlier versions, which have a row for each
+        if result.sizes.get("vehicle", len(wanted)) != len(wanted):
+            raise InputError("this is not the result of a run: 'vehicle' is missing in it")
+        return result
+    having = [str(name) for name in result["vehicle"].values]
+    if missing := [name for name in wanted if name not in having]:
+        raise InputError(f"this is not the result of a run: 'vehicle' does not name {missing[0]!r}")
+    if tuple(having) == wanted:
+        return result
+    rows = [having.index(name) for name in wanted]
+    data_vars, coords = (
+        {name: one.taken("vehicle", rows) if "vehicle" in one.dims else one for name, one in group.items()}
+        for group in (result.data_vars, result.coords)
+    )
+    return Result(data_vars, coords, result.attrs)
+
+
+def _check_outlines(result: Result) -> None:
+    if not any(name in result for name in OUTLINES):
+        return
+    for name in (*OUTLINES, "vehicle", "pose_name"):
+        if name not in result:
+            raise InputError(f"this is not the result of a run: {name!r} is missing in it")
+    if result.sizes["outline_axis"] != 2:
+        raise InputError("this is not the result of a run: 'outline_axis' names no two axes")
+    for names, turned_by in zip(result["pose_name"].values, result["outline_turned_by"].values, strict=True):
+        if unknown := sorted(set(" ".join(map(str, turned_by)).split()) - set(map(str, names))):
+            raise InputError(f"this is not the result of a run: 'pose_name' lacks {unknown[0]!r}, which turns a part")
 
 
 def _check_times(result: Result) -> None:

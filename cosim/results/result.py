@@ -6,7 +6,7 @@ The attributes have the names that they have in xarray: whatever only reads a re
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -44,6 +44,10 @@ class Variable:
         axis = self.dims.index(dim)
         dims = self.dims if isinstance(index, slice) else (*self.dims[:axis], *self.dims[axis + 1 :])
         return Variable(dims, self.values[(*(slice(None),) * axis, index)], self.attrs)
+
+    def taken(self, dim: str, indices: Sequence[int]) -> Variable:
+        """Return some of its entries along a dimension, in another order; a copy."""
+        return Variable(self.dims, np.take(self.values, indices, self.dims.index(dim)), self.attrs)
 
 
 @dataclass(frozen=True, eq=False)

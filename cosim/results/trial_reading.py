@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,14 @@ LIMIT = 60.0
 """Time [s] after which the process is ended."""
 _FEW = 100_000
 """Numbers that are read whole; where there are more, they lie in one piece, which cannot be misread."""
+_CRASHES = {
+    -signal.SIGSEGV,
+    -signal.SIGABRT,
+    -signal.SIGFPE,
+    -signal.SIGILL,
+    -getattr(signal, "SIGBUS", signal.SIGSEGV),
+}
+"""How a process ends that crashes by itself; other signals come from outside and say nothing of the file."""
 
 
 def harm_of(path: Path) -> str:
@@ -22,7 +31,7 @@ def harm_of(path: Path) -> str:
         return f"reading it takes more than {LIMIT:g} s"
     except OSError:  # no process can be started: whoever reads it will tell
         return ""
-    return "it is damaged so that the library which reads it crashes" if status < 0 else ""
+    return "it is damaged so that the library which reads it crashes" if status in _CRASHES else ""
 
 
 def _read(path: str) -> None:
