@@ -2,14 +2,52 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals by which a user, or the end of a terminal or of a machine, stops a command."""
+
+
+_waiting: list[int] = []
+"""Signals that wait until a block has ended."""
+
+
+def disturbed() -> bool:
+    """Return whether a signal waits until a block has ended: nothing in it should take longer than it must."""
+    return bool(_waiting)
+
+
+class Ending(ExitStack[None]):
+    """A stack of what is to be done in the end, which no signal interrupts.
+
+    It is done as well once the stack is lost: a signal may strike where a constructor has just handed it over.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._process = os.getpid()
+
+    def __del__(self) -> None:
+        if self._process == os.getpid() and not sys.is_finalizing():  # a process that was forked has it, too
+            with suppress(Exception):
+                self.close()
+
+    def __exit__(self, *about: Any) -> None:
+        """Do it all; a signal that comes does then what it does."""
+        try:
+            with undisturbed():
+                super().__exit__(*about)
+        except KeyboardInterrupt:  # of a signal that came just before the block, or in it
+            with undisturbed():
+                self.close()
+            raise
 
 
 @contextmanager
@@ -28,6 +66,7 @@ def undisturbed() -> Iterator[None]:
     def remember(number: int, frame: FrameType | None) -> None:
         if holds:
             came.append(number)
+            _waiting.append(number)
         else:  # while handlers are replaced
             handlers[signal.Signals(number)](number, frame)
 
@@ -40,5 +79,7 @@ def undisturbed() -> Iterator[None]:
         holds = False
         for number, handler in handlers.items():
             signal.signal(number, handler)
+        for received in came:
+            _waiting.remove(received)
         for received in came:
             signal.raise_signal(signal.Signals(received))

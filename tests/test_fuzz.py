@@ -26,9 +26,10 @@ def test_nothing_but_results_and_refusals(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes and files that Linux shows")
-def test_nothing_but_results_and_errors_of_sequences_of_calls(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("kind", "cases"), [("calls", range(1, 7)), ("interrupts", range(1, 31))])
+def test_nothing_but_results_and_errors_of_calls(kind: str, cases: range, tmp_path: Path) -> None:
     """In a process of their own, as they are about all that a process holds."""
-    assert list(run_limited("calls", range(1, 7), tmp_path)) == []
+    assert list(run_limited(kind, cases, tmp_path)) == []
 
 
 @pytest.mark.parametrize("piece", sorted(REPEATED.keys() - REFUSED))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.scenario.scenario import Scenario
 from cosim.storage import Storage, blocks, fill
+from cosim.undisturbed import Ending
 
 
 def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
@@ -71,7 +71,7 @@ def branched(setup: Setup, scenario: Scenario, start: Start) -> Setup:
     if scenario.text == start.scenario.text or tick == 0:
         return setup
     check_branch(start.scenario, scenario, tick)
-    with ExitStack() as cleanup:
+    with Ending() as cleanup:
         before = set_up(start.scenario, cleanup, {})
     robots = [
         _changed(one, earlier, tick)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeAlias
@@ -33,6 +33,7 @@ from cosim.results.verdict import Verdict
 from cosim.scenario.edits import Change
 from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import Scenario
+from cosim.undisturbed import Ending
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ class Prepared(Closing):
         self._before: Simulation | None = None  # the last run, if it has reached its end
         self._memory: list[NDArray[Any]] = []
         self._reset = False  # whether the plants of the last run were those of the run before
-        with ExitStack() as cleanup:
+        with Ending() as cleanup:
             self._setup = set_up(self._placed(scenario), cleanup, {}, None, self._known)
             self._check_record()
             self._unverified = any(robot.source.model is None for robot in driven_robots(self._setup))
@@ -122,7 +123,7 @@ class Prepared(Closing):
         scenario = variation if isinstance(variation, Scenario) else self._variations.edited(variation)
         scenario = self._placed(scenario)
         self._check_structure(scenario)
-        with ExitStack() as cleanup:
+        with Ending() as cleanup:
             setup = set_up(scenario, cleanup, {}, self._setup, self._known)
             memory = [] if self._keeps or self._unverified else self._memory
             recorder = self._recorder(scenario, setup, memory)

@@ -43,6 +43,7 @@ from cosim.results.result import Result
 from cosim.scenario.edits import Change
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import fill, forget
+from cosim.undisturbed import Ending
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -121,7 +122,7 @@ class Simulation(Closing):
         self._failure: Failure | None = None
         self._signals = HeldSignals()
         self._observers: list[Observer] = []
-        with ExitStack() as cleanup:
+        with Ending() as cleanup:
             if setup is None:
                 setup = set_up(scenario, cleanup, self.timing)
                 setup = setup if start is None else branched(setup, scenario, start)

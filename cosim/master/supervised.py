@@ -15,7 +15,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -56,7 +56,7 @@ from cosim.plant.start_check import not_started
 from cosim.results.result import Result
 from cosim.scenario.scenario import SUPERVISED_TIME_LIMIT, Scenario
 from cosim.shared_memory import provide
-from cosim.undisturbed import undisturbed
+from cosim.undisturbed import Ending, undisturbed
 
 _LOOK = 0.05
 """Time [s] between two looks at the process."""
@@ -129,7 +129,7 @@ class SupervisedRun(Closing):
         self._pipes: tuple[int, ...] = ()
         self._printed: Printed | None = None
         self._left = False  # whether the process has ended all that it has started, and leaves
-        with ExitStack() as cleanup:
+        with Ending() as cleanup:
             if setup is None:
                 setup = set_up(scenario, cleanup, self.timing)
                 setup = setup if start is None else branched(setup, scenario, start)

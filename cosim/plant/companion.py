@@ -17,7 +17,7 @@ from cosim.plant.awaiting import Awaited
 from cosim.plant.interpreter import how_it_ended, kill, kill_only, wait
 from cosim.plant.printed import LOG, Printed
 from cosim.plant.protocol import HEADER, MOST, Reply, send
-from cosim.undisturbed import undisturbed
+from cosim.undisturbed import disturbed, undisturbed
 
 _LAUNCH_LIMIT = 60.0
 """Time limit [s] for the interpreter of a new process to start, before the time limit of its work counts."""
@@ -160,6 +160,9 @@ class Companion:
             if current != self._seen and len(self._limits) > 1:  # each of the parts may take its time
                 self._seen, self._since = current, now
             self._takes(now - self._since)
+            if disturbed():
+                kill_only(self._process, self._mark)
+                return False
             if now - self._since > self._limit:
                 self._expired = self._limit
                 kill_only(self._process, self._mark)

@@ -18,6 +18,7 @@ from cosim.plant.process import PlantProcess, end
 from cosim.plant.saved import PlantState
 from cosim.plant.spec import Value
 from cosim.plant.stepping import Rows
+from cosim.undisturbed import undisturbed
 
 
 @dataclass(frozen=True)
@@ -142,8 +143,9 @@ class Elsewhere:
 
     def close(self) -> None:
         """End all plants with their processes."""
-        processes, self._processes, self._homes = self._processes, [], []
-        end(processes)
+        with undisturbed():
+            processes, self._processes, self._homes = self._processes, [], []
+            end(processes)
 
     def _home_of(self, index: int) -> _Home:
         return next(home for home in self._homes if index in home.plants)
@@ -172,7 +174,8 @@ class Elsewhere:
         for number, plants in enumerate(self._plants):
             with _numbered(plants):
                 specs = [members[index].spec for index in plants]
-                self._processes.append(PlantProcess(specs, self._bells[number : number + 1], self._often))
+                with undisturbed():
+                    self._processes.append(PlantProcess(specs, self._bells[number : number + 1], self._often))
         for process, plants in zip(self._processes, self._plants, strict=True):
             with _numbered(plants):
                 process.wait_until_started()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,6 +36,7 @@ from cosim.plant.saved import FleetState
 from cosim.plant.spec import Value
 from cosim.plant.start_check import SHOWN_LATE, check_pose, moved_too_far, not_started
 from cosim.plant.working_folder import returning
+from cosim.undisturbed import Ending
 
 T = TypeVar("T")
 
@@ -96,7 +96,7 @@ class Fleet:
         self._wired: list[object] = []  # what the arrays are made of, which they keep
         self._bound: Bound | None = None
         self._compiled = NO_FLEET
-        with ExitStack() as cleanup:
+        with Ending() as cleanup:
             self._local = LocalPlants(self._activity)
             cleanup.callback(self._local.close)
             self._elsewhere = Elsewhere(often)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 from cosim.plant.stepping import Rows
 from cosim.plant.stepwise import StepwisePlant, stepper
+from cosim.undisturbed import Ending
 
 
 class NotStarted(Picklable, PlantError):
@@ -177,7 +177,7 @@ class LocalPlants:
 
     def close(self) -> None:
         """End all plants, whatever happens to one of them."""
-        with ExitStack() as closing:
+        with Ending() as closing:
             closing.callback(self._end_stepwise)
             for index, instance in self._instances.items():
                 closing.callback(self._end_one, index, instance)
@@ -195,7 +195,7 @@ class LocalPlants:
         self._instances[index] = before
 
     def _end_stepwise(self) -> None:
-        with ExitStack() as closing:
+        with Ending() as closing:
             for index, plant in self.stepwise.items():
                 closing.callback(self._end_one, index, plant)
             self.stepwise = {}

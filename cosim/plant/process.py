@@ -10,7 +10,7 @@ import pkgutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from cosim.plant.protocol import Request
 from cosim.plant.saved import PlantState
 from cosim.plant.spec import PlantSpec, Value
 from cosim.shared_memory import MappedMemory
+from cosim.undisturbed import Ending
 
 WORKER = ("-P", "-m", "cosim.plant.worker")
 """Options of the interpreter."""
@@ -280,7 +281,7 @@ class PlantProcess(Companion):
 
 def end(processes: Sequence[PlantProcess]) -> None:
     """Close processes that end side by side."""
-    with ExitStack() as closing:
+    with Ending() as closing:
         for process in processes:
             closing.callback(process.close)
         for process in processes:

@@ -20,6 +20,7 @@ from tests.fuzz.calls import calls_case, warm
 from tests.fuzz.files import files_case
 from tests.fuzz.files import warm as warm_files
 from tests.fuzz.hosts import hosts_case
+from tests.fuzz.interrupts import interrupts_case
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 2.0
@@ -62,10 +63,11 @@ CASES: dict[str, Callable[[int, Path, tuple[bytes, ...]], None]] = {
     "hosts": lambda *case: _refused(lambda: hosts_case(*case)),
     "files": files_case,
     "calls": calls_case,
+    "interrupts": interrupts_case,
 }
 
 
-WARMED = {"calls": warm, "files": warm_files}
+WARMED = {"calls": warm, "interrupts": warm, "files": warm_files}
 """What is loaded and made before the first case, so that none pays for it."""
 
 
