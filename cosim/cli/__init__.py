@@ -160,7 +160,7 @@ def _parser() -> Parser:
         "--live",
         action="store_true",
         help="show the run on a page in the browser while it goes on, at an address that is printed; on a terminal the "
-        "page stays until its last viewer leaves or Ctrl-C, elsewhere nobody is waited for",
+        "page stays until its last viewer leaves or Ctrl-C, elsewhere a page that nobody looks at ends with the run",
     )
     run.add_argument("--open", action="store_true", help="open the live page in the browser")
     run.add_argument("--port", type=int, metavar="N", help="port of the live page (any that is free)")

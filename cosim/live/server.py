@@ -40,6 +40,8 @@ _REST = 40
 """How many times as long as a look takes the server rests after it, as the run may go on in the same process."""
 GRACE = 3.0
 """Time [s] in which a viewer that has left may come back, as one does that loads the page anew."""
+_LONGEST_SILENCE = 60.0
+"""Time [s] after which a viewer that takes nothing of what it is sent counts as one that has left."""
 _LONGEST_CLOSE = 1.0
 _LONGEST_COMMAND = 64
 _HEADERS = {
@@ -203,7 +205,8 @@ class Server:
 
         with contextlib.suppress(ConnectionClosed):
             async for message in self._messages(viewer):
-                await viewer.send(message)
+                if not await _taken(viewer, message):
+                    return
 
     async def _messages(self, viewer: ServerConnection) -> AsyncIterator[str | bytes]:
         """Yield what a viewer lacks, whenever it has taken the message before."""
@@ -266,6 +269,25 @@ class Server:
                 return _respond(HTTPStatus.FORBIDDEN, "Only the page of this server may ask for this.")
             return None
         return _respond(HTTPStatus.NOT_FOUND, "The address is the one that the run has printed, with its key.")
+
+
+async def _taken(viewer: ServerConnection, message: str | bytes) -> bool:
+    """Send a viewer a message; return whether it takes it. One that does not is no viewer any more.
+
+    The library's own pings do not end it: they, too, wait until there is room to send them.
+    """
+    sending = asyncio.ensure_future(viewer.send(message))
+    try:
+        left = float("inf")
+        while not (await asyncio.wait((sending,), timeout=_LONGEST_SILENCE))[0]:
+            before, left = left, viewer.transport.get_write_buffer_size()
+            if left >= before:
+                viewer.transport.abort()
+                return False
+        await sending
+        return True
+    finally:
+        sending.cancel()
 
 
 def _listening(port: int) -> socket.socket:

@@ -213,26 +213,47 @@ def test_another_run_takes_the_place_of_the_one_before(short_line: Scenario) -> 
 # Nobody holds a run up --------------------------------------------------------------------------------------
 
 
+@contextmanager
+def never_reading(live: cosim.LiveView) -> Iterator[None]:
+    """Be a viewer that takes nothing, as a browser that was stopped."""
+    address = urlsplit(live.address)
+    with socket.socket() as stopped:
+        stopped.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        stopped.connect((address.hostname or "", address.port or 0))
+        stopped.sendall(
+            f"GET {address.path}feed HTTP/1.1\r\nHost: {address.netloc}\r\nOrigin: http://{address.netloc}\r\n"
+            "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
+        )
+        yield
+
+
 def test_ten_viewers_one_of_whom_never_reads(short_line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "_LONGEST_CLOSE", 0.2)
     scenario = short_line.edited(horizon=400.0)
-    with cosim.LiveView() as live, Simulation(scenario, observers=[live]) as simulation:
-        address = urlsplit(live.address)
-        with socket.create_connection((address.hostname or "", address.port or 0)) as stopped:
-            stopped.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-            stopped.sendall(
-                f"GET {address.path}feed HTTP/1.1\r\nHost: {address.netloc}\r\nOrigin: http://{address.netloc}\r\n"
-                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
-            )
-            with ExitStack() as closing:
-                viewers = [closing.enter_context(viewer(live)) for _ in range(9)]
-                viewers[0].until(lambda: viewers[0].state.get("viewers") == 10)
-                with beside(simulation) as outcome:
-                    for one in viewers:
-                        one.until(lambda one=one: one.end)
-            assert isinstance(outcome[0], Result)
-            assert {one.end["run"]["samples"] for one in viewers} == {20_001}
+    with cosim.LiveView() as live, Simulation(scenario, observers=[live]) as simulation, never_reading(live):
+        with ExitStack() as closing:
+            viewers = [closing.enter_context(viewer(live)) for _ in range(9)]
+            viewers[0].until(lambda: viewers[0].state.get("viewers") == 10)
+            with beside(simulation) as outcome:
+                for one in viewers:
+                    one.until(lambda one=one: one.end)
+        assert isinstance(outcome[0], Result)
+        assert {one.end["run"]["samples"] for one in viewers} == {20_001}
+
+
+def test_a_viewer_that_never_reads_is_none_after_a_while(short_line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise the page, and a run that is paused, would wait for it for ever."""
+    monkeypatch.setattr(server_module, "GRACE", 0.1)
+    monkeypatch.setattr(server_module, "_LONGEST_SILENCE", 0.3)
+    scenario = short_line.edited(horizon=400.0)
+    with cosim.LiveView() as live, Simulation(scenario, observers=[live]) as simulation, never_reading(live):
+        with viewer(live) as one:
+            one.until(lambda: one.state.get("viewers") == 2)
+        simulation.run_to_end()
+        began = time.monotonic()
+        live.wait(stopping=lambda: time.monotonic() > began + 30.0)
+        assert not live._server._viewers
 
 
 def test_a_paused_run_goes_on_when_the_last_viewer_has_left(
