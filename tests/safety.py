@@ -96,7 +96,7 @@ LIST = [
     _bad("log_million", what="logs a million lines in a step", lines=LINES),
     _bad("garbage", what="writes garbage into the pipe to the harness"),
     _bad("garbage_endless", what="writes garbage into the pipe without end"),
-    _bad("close_pipes", what="closes the pipe to the harness, and sleeps for ever"),
+    _bad("close_pipes", what="closes its pipe, and sleeps for ever"),
     Row("parent_entry", "has an entry `../...` in its archive", "parent_entry"),
     Row("absolute_entry", "has an entry `/tmp/...`", "absolute_entry"),
     Row("link_entry", "has a symbolic link that leads out of it", "link_entry"),
