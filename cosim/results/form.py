@@ -81,8 +81,9 @@ def in_form(result: Result) -> Result:
 
 
 def _in_form(name: str, variable: Variable) -> Variable:
-    order = [dim for dim in ("time", "robot") if dim in variable.dims]
-    dims, text = _FORM.get(name, ((*order, *(dim for dim in variable.dims if dim not in order)), None))
+    first = [dim for dim in ("time", "robot") if dim in variable.dims]
+    order = *first, *(dim for dim in variable.dims if dim not in first)
+    dims, text = _FORM.get(name, (("vehicle",) if name.startswith("vehicle_") else order, None))  # that of its geometry
     if sorted(variable.dims) != sorted(dims):
         told = f"has the dimensions ({', '.join(variable.dims)}), not ({', '.join(dims)})"
         raise InputError(f"this is not the result of a run: {name!r} {told}")

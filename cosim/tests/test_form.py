@@ -48,6 +48,10 @@ def test_a_mixed_team_has_it(scenarios: Path, scenario: str) -> None:
         (lambda run: run.assign_attrs(scenario_file=1), "'scenario_file' is 1, no text"),
         (lambda run: run.assign_attrs(controllers="no"), "JSONDecodeError: .*"),
         (lambda run: run.assign_attrs(seed=[1, 2]), "TypeError: .*"),
+        (
+            lambda run: run.assign_coords(vehicle_wheelbase=("own", [1.2])),
+            r"'vehicle_wheelbase' has the dimensions \(own\), not \(vehicle\)",
+        ),
         (lambda run: run.assign_attrs(step=0.0), "its step is 0.0, no time above zero"),
         (lambda run: run.assign_attrs(horizon=np.inf), "its horizon is inf, no time above zero"),
         (
