@@ -35,7 +35,8 @@ class Ending(ExitStack[None]):
         self._process = os.getpid()
 
     def __del__(self) -> None:
-        if self._process == os.getpid() and not sys.is_finalizing():  # a process that was forked has it, too
+        left = getattr(self, "_exit_callbacks", True)
+        if left and self._process == os.getpid() and not sys.is_finalizing():  # a process that was forked has it, too
             with suppress(Exception):
                 self.close()
 

@@ -17,6 +17,7 @@ from cosim.control.host import GainFault, parts_of
 from cosim.control.host_process import HostError, HostProcess, Refused, Request
 from cosim.errors import InputError, printable
 from cosim.scenario.scenario import ControllerSource
+from cosim.undisturbed import undisturbed
 
 Floats: TypeAlias = NDArray[np.float64]
 Gains: TypeAlias = tuple[tuple[str, float | tuple[float, ...]], ...]
@@ -103,7 +104,8 @@ class Host:
         self._inherited = self._process  # of a process that has been forked: its pipes are not to be closed here
         self._process, self._owner, self._greeted, self.teams = None, os.getpid(), False, ()
         try:
-            self._process = HostProcess(self.environment)
+            with undisturbed():
+                self._process = HostProcess(self.environment)
         except OSError as error:
             raise InputError(
                 f"the Python of {self.shown}, {self.environment.interpreter}, cannot be started: {error.strerror}"
@@ -263,9 +265,10 @@ class Host:
 
     def stop(self) -> None:
         """End the process until it is needed again."""
-        if self._process is not None and self.is_owned:
-            self._process.close()
-            self._process = None
+        with undisturbed():
+            if self._process is not None and self.is_owned:
+                self._process.close()
+                self._process = None
         self._greeted, self.teams = False, ()
 
 

@@ -138,7 +138,11 @@ def _lack(message: str) -> OSError | None:
 
 
 def _run(command: Sequence[str], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    # A compiler that is killed leaves its temporary files: there they go with those of the build.
+    variables = os.environ | ({} if cwd is None else dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(cwd)))
     try:
-        return subprocess.run(command, cwd=cwd, capture_output=True, text=True, errors="replace", check=False)
+        return subprocess.run(
+            command, cwd=cwd, env=variables, capture_output=True, text=True, errors="replace", check=False
+        )
     except OSError as error:
         raise BuildError(f"the C compiler {command[0]} could not be run: {error}") from error

@@ -1,6 +1,7 @@
 """The content of an FMU of either version: descriptions, images, documentation, sources that can be built."""
 
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 from lxml import etree
 
 import plants
+from plants.factory.compile import compile_library, find_compiler
 from plants.factory.platforms import host
 
 from .fmus import MODELS, Fmu
@@ -117,8 +119,6 @@ def test_fmu_can_be_rebuilt_from_its_own_sources(car: Fmu, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", MODELS)
 def test_c_has_no_warnings(fmus: Callable, fmi: str, name: str) -> None:
-    from plants.factory.compile import compile_library, find_compiler
-
     root = fmus(name, fmi).folder
     sources = sorted(path.relative_to(root).as_posix() for path in root.glob("sources/*.c"))
     strict = (
@@ -161,3 +161,20 @@ def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
             assert not re.search(r"fmi[23][A-Z]", text)
         if name not in ("model.c", "config.h", "buildDescription.xml"):
             assert not any(word in text for word in ("car_like", "tau_", "gamma", "m_c"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a compiler that is a script")
+def test_temporary_files_of_the_compiler_lie_in_the_folder_of_the_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a compiler that is killed leaves nothing elsewhere."""
+    elsewhere, compiler = tmp_path / "elsewhere", tmp_path / "compiler"
+    elsewhere.mkdir()
+    compiler.write_text(f'#!/bin/sh\n: > "$TMPDIR/temporary"\nexec {shlex.join(find_compiler().command)} "$@"\n')
+    compiler.chmod(0o700)
+    (tmp_path / "one.c").write_text("int one(void) { return 1; }\n")
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setenv("TMPDIR", str(elsewhere))
+    assert compile_library(find_compiler(), host(), tmp_path, ["one.c"], "one")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["compiler", "elsewhere", "one.c"]
+    assert not list(elsewhere.iterdir())
