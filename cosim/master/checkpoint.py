@@ -180,7 +180,7 @@ def _chain(path: Path) -> Iterator[CheckpointFile]:
     seen: set[str] = set()
     name = path.name
     while name:
-        if name in seen or Path(name).name != name:
+        if name in seen or Path(name).name != name or "\0" in name:
             raise InputError(f"the checkpoint {path} is damaged: the one before is {name!r}")
         seen.add(name)
         file = CheckpointFile(path.with_name(name))
