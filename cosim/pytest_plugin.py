@@ -31,6 +31,9 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> ScenarioFi
     """Collect a file if it is a scenario, a variant of one, or a study; no other XML file."""
     if file_path.suffix.lower() == ".xml" and root_of(file_path) in ("scenario", "variant", "study", UNCLEAR):
         file: ScenarioFile = ScenarioFile.from_parent(parent, path=file_path)
+        name, shown = printable(file.name), printable(file.nodeid)
+        if file.nodeid != shown:  # pytest breaks off where one is no text
+            file = ScenarioFile.from_parent(parent, path=file_path, name=name, nodeid=shown)
         return file
     return None
 
@@ -41,7 +44,7 @@ class ScenarioFile(pytest.File):
     def collect(self) -> Iterator[ScenarioItem]:
         """Return the one test that it is."""
         study = root_of(self.path) == "study"
-        item = (StudyItem if study else ScenarioItem).from_parent(self, name=self.path.stem)
+        item = (StudyItem if study else ScenarioItem).from_parent(self, name=printable(self.path.stem))
         if study:
             item.add_marker(MARKER)
         yield item
@@ -98,7 +101,7 @@ class ScenarioItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return the place and the name of the test."""
-        return self.path, 0, f"scenario: {self.name}"
+        return Path(printable(str(self.path))), 0, f"scenario: {self.name}"
 
     def _shown_path(self) -> Path:
         """Return the file as it is named from where pytest was started."""
@@ -121,7 +124,7 @@ class StudyItem(ScenarioItem):
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return the place and the name of the test."""
-        return self.path, 0, f"study: {self.name}"
+        return Path(printable(str(self.path))), 0, f"study: {self.name}"
 
 
 class _NotAsExpected(Exception):

@@ -172,6 +172,19 @@ def test_a_mark_cannot_steer_a_terminal(tmp_path: Path) -> None:
     assert not set("\x9b\u202e") & set(printed)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+@pytest.mark.parametrize("more", [(), ("-n", "1")], ids=["alone", "in parallel"])
+def test_names_of_files_that_are_no_text_or_steer_a_terminal(tmp_path: Path, more: tuple[str, ...]) -> None:
+    """They ended pytest: without JUnit XML, and in parallel without a test."""
+    for name in ("a\udcff", "b\x1b[31m\u202e"):
+        written(tmp_path, "own").rename(tmp_path / f"{name}.xml")
+    status, said = run_pytest(tmp_path, "-v", "--junitxml=j.xml", *more)
+    assert status == 0
+    assert "2 passed" in said
+    assert not set("\x1b\u202e\udcff") & set(said)
+    assert (tmp_path / "j.xml").read_text("utf-8").count("<testcase ") == 2
+
+
 def test_pytest_starts_as_fast_as_without() -> None:
     program = (
         "import cosim.pytest_plugin, sys; "
