@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import mmap
+import os
 import platform
 import sys
 import tempfile
@@ -67,6 +68,8 @@ def foreseen(error: BaseException, about: str = "") -> FormationError:
         return Lack(f"{during}{lack} ({named or _place(error)})")
     if isinstance(error, OSError) and error.errno in _OF_PATHS and error.filename is not None:
         return InputError(f"{during}{error.filename}: {error.strerror}")
+    if isinstance(error, FileNotFoundError) and not _has_working_folder():
+        return InputError(f"{during}the folder in which the command was given is gone; change to another one")
     if not _has_memory():  # a library that cannot be loaded then says anything
         return Lack(f"{during}{_LACKS[errno.ENOMEM]} ({_place(error)})")
     if isinstance(error, SystemExit):
@@ -91,6 +94,14 @@ def lack_of(error: BaseException) -> str:
         if isinstance(cause, RuntimeError) and "can't start new thread" in str(cause):
             return "the system starts no further thread"
     return ""
+
+
+def _has_working_folder() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def _has_memory() -> bool:

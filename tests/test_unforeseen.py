@@ -151,6 +151,19 @@ def test_a_path_that_nobody_thought_of_is_input() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits")
+@pytest.mark.skipif(sys.platform == "win32", reason="the folder of a process cannot be removed there")
+@pytest.mark.parametrize("arguments", [("run", "{}", *SHORT), ("compare-plants", "car_like", "car_like")])
+def test_the_working_folder_is_gone(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    """The relative path of the results leads nowhere then."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    said = failed(capsys, 2, *(argument.replace("{}", line) for argument in arguments))
+    assert "the folder in which the command was given is gone" in said
+
+
 def test_a_file_that_may_not_grow(
     line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -83,7 +83,7 @@ class Store(Closing):
 
     def courses(self, rows: Iterable[Row]) -> Iterator[tuple[str, ...]]:
         """Return the courses of each of some rows that are kept; of one that has none, nothing."""
-        with self._path.open("rb") as file:
+        with open(os.dup(self._file.fileno()), "rb") as file:  # somebody may have removed the folder
             for row in rows:
                 if (place := self._places.get(row.key)) is None:
                     yield ()

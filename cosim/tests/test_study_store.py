@@ -2,9 +2,12 @@
 
 import json
 import math
+import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import closing
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -91,6 +94,17 @@ def test_rows_of_something_else_are_refused(tmp_path: Path, head: dict[str, str]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="nothing is locked there")
+@pytest.mark.skipif(sys.platform == "win32", reason="a file that is open cannot be removed there")
+def test_a_folder_that_somebody_removes_costs_no_course(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    store = Store(folder, "small")
+    with closing(store):
+        kept = store.append([replace(row(number), courses=(f"course {number}",)) for number in range(3)])
+        shutil.rmtree(folder)
+        assert list(store.courses(kept)) == [("course 0",), ("course 1",), ("course 2",)]
+
+
 def test_one_process_at_a_time(tmp_path: Path) -> None:
     with Store(tmp_path, "mine"), pytest.raises(InputError, match="in use by another command"):
         Store(tmp_path, "mine")
