@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,10 +18,12 @@ from lxml import etree
 import cosim.cli.check
 import cosim.cli.listing
 import cosim.cli.run
+import cosim.cli.studying
 from cosim.cli import main
 from cosim.errors import InputError, OutputError
 from cosim.results.result import Result
 from cosim.tests.driving import SHORT
+from cosim.tests.studies import write_study
 from cosim.unforeseen import Fault, Lack, foreseen, lack_of, status_of
 
 from .commands import command, failed
@@ -150,7 +153,6 @@ def test_a_path_that_nobody_thought_of_is_input() -> None:
     assert re.fullmatch(r"s\.xml: a+\.\.\.a+: File name too long", str(error))
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits")
 @pytest.mark.skipif(sys.platform == "win32", reason="the folder of a process cannot be removed there")
 @pytest.mark.parametrize("arguments", [("run", "{}", *SHORT), ("compare-plants", "car_like", "car_like")])
 def test_the_working_folder_is_gone(
@@ -164,6 +166,24 @@ def test_the_working_folder_is_gone(
     assert "the folder in which the command was given is gone" in said
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a file that is open cannot be removed there")
+def test_the_folder_of_a_study_is_removed_while_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, conduct = write_study(tmp_path), cosim.cli.studying.conduct
+
+    def removed(read: Any, folder: Path, **options: Any) -> Any:
+        outcome = conduct(read, folder, **options)
+        shutil.rmtree(folder.parent)
+        return outcome
+
+    monkeypatch.setattr("cosim.cli.studying.conduct", removed)
+    out = tmp_path / "studies"
+    command(capsys, "study", str(study), "--out", str(out), "--no-figure", "--no-report", "--workers", "1")
+    assert {"runs.csv", "runs.nc", "summary.json"} <= {path.name for path in out.glob("*/*")}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits")
 def test_a_file_that_may_not_grow(
     line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -84,6 +84,7 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
             runs=options.runs,
             progress=progress,
         )
+    writable_folder(folder, "--out")  # somebody may have removed it since
     write(folder / "runs.csv", as_csv(outcome).encode())
     save(as_result(outcome), folder / "runs.nc")
     write(folder / "summary.json", as_json(outcome).encode())
