@@ -14,14 +14,13 @@ from typing import Any
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals by which a user, or the end of a terminal or of a machine, stops a command."""
 
-
 _waiting: list[int] = []
-"""Signals that wait until a block has ended."""
+"""Signals that wait until a block of the main thread has ended."""
 
 
 def disturbed() -> bool:
-    """Return whether a signal waits until a block has ended: nothing in it should take longer than it must."""
-    return bool(_waiting)
+    """Return whether a signal waits until a block of this thread has ended, which should take no longer than it must."""
+    return bool(_waiting) and _is_main()
 
 
 class Ending(ExitStack[None]):
@@ -57,7 +56,7 @@ def undisturbed() -> Iterator[None]:
 
     Outside of the main thread, where Python handles no signals, the block changes nothing.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if not _is_main():
         yield
         return
     came: list[int] = []
@@ -84,3 +83,7 @@ def undisturbed() -> Iterator[None]:
             _waiting.remove(received)
         for received in came:
             signal.raise_signal(signal.Signals(received))
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()

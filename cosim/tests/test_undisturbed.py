@@ -1,0 +1,82 @@
+"""Blocks that no signal interrupts, and what is done in the end whatever comes."""
+
+import gc
+import os
+import signal
+import threading
+
+import pytest
+
+from cosim.undisturbed import Ending, disturbed, undisturbed
+
+
+def press() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_signal_waits_for_the_end_of_the_block() -> None:
+    seen: list[object] = []
+    with pytest.raises(KeyboardInterrupt), undisturbed():
+        assert not disturbed()
+        with undisturbed():
+            press()
+            seen.append("goes on")
+            other = threading.Thread(target=lambda: seen.append(disturbed()))
+            other.start()
+            other.join()
+        assert disturbed(), "it waits for the outer block, too"
+    assert not disturbed()
+    assert seen == ["goes on", False], "other threads have their own blocks"
+
+
+def test_all_is_done_in_the_end_whenever_a_signal_comes() -> None:
+    done: list[int] = []
+
+    def work(number: int) -> None:
+        press()
+        done.append(number)
+
+    ending = Ending()
+    with pytest.raises(KeyboardInterrupt), ending:
+        for number in range(3):
+            ending.callback(work, number)
+    assert done == [2, 1, 0]
+    ending.close()
+    assert done == [2, 1, 0]
+
+
+def test_a_fault_of_one_does_not_keep_the_others_from_it() -> None:
+    done: list[int] = []
+    ending = Ending()
+    ending.callback(done.append, 1)
+    ending.callback(lambda: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        ending.close()
+    assert done == [1]
+
+
+def test_what_is_lost_is_done() -> None:
+    done: list[int] = []
+    with Ending() as ending:
+        ending.callback(done.append, 1)
+        kept = ending.pop_all()
+    assert done == []
+    del kept
+    gc.collect()
+    assert done == [1]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
+def test_a_forked_process_does_not_do_it() -> None:
+    reading, writing = os.pipe()
+    ending = Ending()
+    ending.callback(lambda: os.write(writing, str(os.getpid()).encode()))
+    if (pid := os.fork()) == 0:
+        del ending
+        gc.collect()
+        os._exit(0)
+    os.waitpid(pid, 0)
+    ending.close()
+    os.close(writing)
+    assert os.read(reading, 100) == str(os.getpid()).encode()
+    os.close(reading)
