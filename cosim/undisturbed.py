@@ -19,7 +19,7 @@ _waiting: list[int] = []
 
 
 def disturbed() -> bool:
-    """Return whether a signal waits until a block of this thread has ended, which should take no longer than it must."""
+    """Return whether a signal waits until a block of this thread has ended: it should take no longer than it must."""
     return bool(_waiting) and _is_main()
 
 

@@ -16,15 +16,20 @@ def press() -> None:
 
 def test_a_signal_waits_for_the_end_of_the_block() -> None:
     seen: list[object] = []
-    with pytest.raises(KeyboardInterrupt), undisturbed():
-        assert not disturbed()
+
+    def block() -> None:
         with undisturbed():
-            press()
-            seen.append("goes on")
-            other = threading.Thread(target=lambda: seen.append(disturbed()))
-            other.start()
-            other.join()
-        assert disturbed(), "it waits for the outer block, too"
+            assert not disturbed()
+            with undisturbed():
+                press()
+                seen.append("goes on")
+                other = threading.Thread(target=lambda: seen.append(disturbed()))
+                other.start()
+                other.join()
+            assert disturbed(), "it waits for the outer block, too"
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
     assert not disturbed()
     assert seen == ["goes on", False], "other threads have their own blocks"
 
@@ -37,9 +42,10 @@ def test_all_is_done_in_the_end_whenever_a_signal_comes() -> None:
         done.append(number)
 
     ending = Ending()
-    with pytest.raises(KeyboardInterrupt), ending:
-        for number in range(3):
-            ending.callback(work, number)
+    for number in range(3):
+        ending.callback(work, number)
+    with pytest.raises(KeyboardInterrupt):
+        ending.close()
     assert done == [2, 1, 0]
     ending.close()
     assert done == [2, 1, 0]
