@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,7 @@ from lxml import etree
 
 from cosim.errors import Location
 from cosim.results.verdict import Verdict
-
-_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+from cosim.scenario.xml_tree import NOT_XML
 
 
 class Judged(Protocol):
@@ -116,4 +114,4 @@ def _judged(case: etree._Element, verdict: Verdict) -> None:
 
 def _text(text: str) -> str:
     """Return a text without the characters that XML cannot hold."""
-    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+    return NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -19,6 +19,7 @@ from lxml import etree
 from cosim.errors import InputError, nearest, shown
 from cosim.quantity import quantity
 from cosim.scenario.tree_edits import take_out
+from cosim.scenario.xml_tree import NOT_XML
 from cosim.scenario.xpath_advice import unclosed
 from cosim.scenario.xpath_selection import assign, evaluated, selected_or_added
 
@@ -26,7 +27,6 @@ Change = Callable[[etree._Element], None]
 
 _TOKENS = re.compile(r"""'[^']*(?:'|\Z)|"[^"]*(?:"|\Z)|[][()=]""")
 """What tells where an XPath ends: quoted texts, of which the last may not be closed, brackets and equals signs."""
-_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,7 @@ def _set_environment(
 
 def _absolute(path: Path) -> str:
     absolute = str(path.absolute())
-    if _NOT_IN_XML.search(absolute):
+    if NOT_XML.search(absolute):
         raise InputError(f"no scenario can name {absolute!r}: XML has no such characters; rename the file or folder")
     return absolute
 

@@ -7,6 +7,7 @@ element, which takes a tenth of the time that a tree built element by element wo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from cosim.errors import InputError, Location
 from cosim.scenario.malformed_xml import reason
 from cosim.scenario.white_space import NEEDLESS, collapse
 
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""A character that no XML has."""
 MAX_ELEMENTS = 40_000
 """A thousand followers with sensors, events and expectations of their own have a fourth of that."""
 MAX_DEPTH = 50
