@@ -21,6 +21,7 @@ from cosim.plant.spec import CO_SIMULATION, Block, Exchanged, PlantSpec
 from cosim.scenario.scenario import OPEN
 from cosim.swap.candidates import Number, Numbers
 from cosim.swap.proposal import Proposal, Suggestion
+from cosim.undisturbed import undisturbed
 
 DURATION = 1.0
 """Length of the drive [s]."""
@@ -111,7 +112,8 @@ def _run(spec: PlantSpec, step: float, runs: Sequence[NDArray[np.float64]], unti
     processes: list[PlantProcess] = []
     try:
         for _ in runs:
-            processes.append(PlantProcess([spec]))
+            with undisturbed():  # a process that is not in the list would be left
+                processes.append(PlantProcess([spec]))
         for process in processes:
             process.wait_until_started()
         for tick in range(round(DURATION / step)):
