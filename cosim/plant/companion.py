@@ -17,7 +17,7 @@ from cosim.plant.awaiting import Awaited
 from cosim.plant.interpreter import how_it_ended, kill, kill_only, wait
 from cosim.plant.printed import LOG, Printed
 from cosim.plant.protocol import HEADER, MOST, Reply, send
-from cosim.undisturbed import disturbed, undisturbed
+from cosim.undisturbed import disturbed
 
 _LAUNCH_LIMIT = 60.0
 """Time limit [s] for the interpreter of a new process to start, before the time limit of its work counts."""
@@ -27,6 +27,8 @@ _EXIT_LIMIT = 5.0
 
 class Companion:
     """A process that answers requests, one at a time, by frames of `cosim.plant.protocol`; none of it is trusted.
+
+    It is made within `undisturbed`: a process that nobody knows would be left.
 
     Parameters
     ----------
@@ -67,13 +69,7 @@ class Companion:
         self._seen, self._since = -1, time.monotonic()
         self._mark = process_tree.new_mark()
         self._printed = Printed(whose, log)
-        try:
-            with undisturbed():  # a process that nobody knows would be left
-                self._process = self._printed.of(lambda pipe: start(self._mark, pipe))
-        except KeyboardInterrupt:
-            if hasattr(self, "_process"):
-                self._end()
-            raise
+        self._process = self._printed.of(lambda pipe: start(self._mark, pipe))
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._requests, self._replies = self._process.stdin.fileno(), self._process.stdout.fileno()

@@ -57,27 +57,31 @@ def in_form(result: Result) -> Result:
     """
     for name in (*_TEXTS, *_TIMES, *_VARIABLES):
         if name not in (result if name in _VARIABLES else result.attrs):
-            raise InputError(f"this is not the result of a run: {name!r} is missing in it")
+            raise _strange(f"{name!r} is missing in it")
     for name in (*_TEXTS, *_OTHER_TEXTS):
         if not isinstance(told := result.attrs.get(name, ""), str):
-            raise InputError(f"this is not the result of a run: {name!r} is {told!r}, no text")
+            raise _strange(f"{name!r} is {told!r}, no text")
     for name in _TIMES:
         told = result.attrs[name]
         if not (isinstance(told, int | float | np.number) and 0.0 < float(told) < math.inf):
-            raise InputError(f"this is not the result of a run: its {name} is {told!r}, no time above zero")
+            raise _strange(f"its {name} is {told!r}, no time above zero")
     signals = {name: _in_form(name, one) for name, one in result.data_vars.items() if name in _FORM or _is_number(one)}
     result = Result(signals, {name: _in_form(name, one) for name, one in result.coords.items()}, result.attrs)
     for dim, least in _LEAST.items():
         if (size := result.sizes.get(dim, least)) < least:
-            raise InputError(f"this is not the result of a run: {dim!r} has {size} of at least {least} entries")
+            raise _strange(f"{dim!r} has {size} of at least {least} entries")
     try:
         Provenance.of(result.attrs)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise InputError(f"this is not the result of a run: {type(error).__name__}: {error}") from None
+        raise _strange(f"{type(error).__name__}: {error}") from None
     _check_times(result)
     result = _of_vehicles(result)
     _check_outlines(result)
     return result
+
+
+def _strange(what: str) -> InputError:
+    return InputError(f"this is not the result of a run: {what}")
 
 
 def _in_form(name: str, variable: Variable) -> Variable:
@@ -86,9 +90,9 @@ def _in_form(name: str, variable: Variable) -> Variable:
     dims, text = _FORM.get(name, (("vehicle",) if name.startswith("vehicle_") else order, None))  # that of its geometry
     if sorted(variable.dims) != sorted(dims):
         told = f"has the dimensions ({', '.join(variable.dims)}), not ({', '.join(dims)})"
-        raise InputError(f"this is not the result of a run: {name!r} {told}")
+        raise _strange(f"{name!r} {told}")
     if text is not None and _is_number(variable) == text and variable.values.size:
-        raise InputError(f"this is not the result of a run: {name!r} holds {'numbers' if text else 'no numbers'}")
+        raise _strange(f"{name!r} holds {'numbers' if text else 'no numbers'}")
     values = variable.values if variable.values.dtype.kind != "b" else variable.values.astype(np.float64)
     return Variable(dims, values.transpose([variable.dims.index(dim) for dim in dims]), variable.attrs)
 
@@ -101,14 +105,14 @@ def _of_vehicles(result: Result) -> Result:
     """Return a result whose vehicles are the leader and the robots, in this order."""
     wanted = (LEADER, *result.robots)
     if len(set(wanted)) < len(wanted):
-        raise InputError("this is not the result of a run: it has a robot twice")
+        raise _strange("it has a robot twice")
     if "vehicle" not in result:  # in files of earlier versions, which have a row for each
         if result.sizes.get("vehicle", len(wanted)) != len(wanted):
-            raise InputError("this is not the result of a run: 'vehicle' is missing in it")
+            raise _strange("'vehicle' is missing in it")
         return result
     having = [str(name) for name in result["vehicle"].values]
     if missing := [name for name in wanted if name not in having]:
-        raise InputError(f"this is not the result of a run: 'vehicle' does not name {missing[0]!r}")
+        raise _strange(f"'vehicle' does not name {missing[0]!r}")
     if tuple(having) == wanted:
         return result
     rows = [having.index(name) for name in wanted]
@@ -124,12 +128,12 @@ def _check_outlines(result: Result) -> None:
         return
     for name in (*OUTLINES, "vehicle", "pose_name"):
         if name not in result:
-            raise InputError(f"this is not the result of a run: {name!r} is missing in it")
+            raise _strange(f"{name!r} is missing in it")
     if result.sizes["outline_axis"] != 2:
-        raise InputError("this is not the result of a run: 'outline_axis' names no two axes")
+        raise _strange("'outline_axis' names no two axes")
     for names, turned_by in zip(result["pose_name"].values, result["outline_turned_by"].values, strict=True):
         if unknown := sorted(set(" ".join(map(str, turned_by)).split()) - set(map(str, names))):
-            raise InputError(f"this is not the result of a run: 'pose_name' lacks {unknown[0]!r}, which turns a part")
+            raise _strange(f"'pose_name' lacks {unknown[0]!r}, which turns a part")
 
 
 def _check_times(result: Result) -> None:
@@ -137,4 +141,4 @@ def _check_times(result: Result) -> None:
     for block in blocks(len(time)):
         some = time[max(block.start - 1, 0) : block.stop]
         if not (np.isfinite(some).all() and (np.diff(some) > 0.0).all()):
-            raise InputError("this is not the result of a run: its times do not increase")
+            raise _strange("its times do not increase")
