@@ -85,5 +85,22 @@ def undisturbed() -> Iterator[None]:
             signal.raise_signal(signal.Signals(received))
 
 
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Let processes that the block starts leave such signals to this one, which ends them.
+
+    Service managers and batch systems send them to all processes of a command at once. A plant whose process ended by
+    that would be told as one that has failed.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # what a process is started with it keeps
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _is_main() -> bool:
     return threading.current_thread() is threading.main_thread()

@@ -48,6 +48,9 @@ LAST_MOMENT = 20.0
 MARK, CLUSTER_MARK = "FORMATION_KILLS", secrets.token_hex(8)
 STATUSES = {0, 1, 2, 3, 70, 71, -signal.SIGKILL}
 """How a command may end of which some process was killed."""
+STOPS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+STOPPED = {0, 130}
+"""How a command may end that was stopped by one of these, with all its processes."""
 
 
 class Bench:
@@ -219,15 +222,8 @@ READERS: dict[str, Callable[[Path], object]] = {
 }
 
 
-def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterator[str]:
-    """Kill a command, or a process that works for it, at a random moment; return the findings."""
-    if kind == "cluster":
-        bench.start_cluster()
-    pid, mark = bench.start(kind)
-    time.sleep(rng.uniform(0.0, 1.1 * seconds))
-    started = sorted({*living(mark), *process_tree._descendants(pid)} - {pid})  # what is forked shows no mark
-    others = [*started, *(living(CLUSTER_MARK) if kind == "cluster" else [])]
-    victim = rng.choice(others) if others and rng.random() < 0.5 else pid
+def _kill(pid: int, victim: int) -> Iterator[str]:
+    """Kill a command, or a process that works for it."""
     with suppress(ProcessLookupError):
         os.kill(victim, signal.SIGKILL)
     while process_tree._state(victim) not in ("Z", ""):  # then its parent hears of it, here that of the cluster
@@ -235,6 +231,37 @@ def kill(bench: Bench, kind: str, rng: random.Random, seconds: float) -> Iterato
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     if status not in STATUSES:
         yield f"it ends with status {status}"
+
+
+def _stop(bench: Bench, pid: int, started: Sequence[int], rng: random.Random) -> Iterator[str]:
+    """Stop a command as service managers and batch systems do: all its processes get the same signal at once."""
+    log = bench.folder / "log"
+    number, processes = rng.choice(STOPS), [pid, *started]
+    said = log.stat().st_size
+    rng.shuffle(processes)
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    with log.open("rb") as stream:
+        stream.seek(said)
+        told = stream.read().decode("utf-8", "replace")
+    if status not in STOPPED or "Traceback" in told:
+        yield f"after {signal.Signals(number).name} it ends with status {status}, and says: {told[-1500:]}"
+
+
+def kill(bench: Bench, kind: str, rng: random.Random, seconds: float, stop: bool) -> Iterator[str]:
+    """Kill a command, or a process that works for it, or stop them all, at a random moment; return the findings."""
+    if kind == "cluster":
+        bench.start_cluster()
+    pid, mark = bench.start(kind)
+    time.sleep(rng.uniform(0.0, 1.1 * seconds))
+    started = sorted({*living(mark), *process_tree._descendants(pid)} - {pid})  # what is forked shows no mark
+    others = [*started, *(living(CLUSTER_MARK) if kind == "cluster" else [])]
+    if stop:
+        yield from _stop(bench, pid, started, rng)
+    else:
+        yield from _kill(pid, rng.choice(others) if others and rng.random() < 0.5 else pid)
     deadline = time.monotonic() + LAST_MOMENT
     while (left := living(mark, started)) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -280,6 +307,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=1000, help="number of kills (1000)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the moments and of what is killed (1)")
+    parser.add_argument("--stop", action="store_true", help="stop all processes of a command at once in place of it")
     parser.add_argument("--only", choices=KINDS, help="one command")
     options = parser.parse_args()
     rng, findings, done = random.Random(options.seed), 0, 0
@@ -304,7 +332,7 @@ def main() -> int:
             bench.begin_anew(kind)
             for _ in range(min(KILLS, options.count - done)):
                 done += 1
-                for found in kill(bench, kind, rng, took[kind]):
+                for found in kill(bench, kind, rng, took[kind], options.stop):
                     findings += 1
                     print(f"kill {done} of {kind}: {found}", flush=True)
             for found in whole(bench, kind):

@@ -28,6 +28,8 @@ from cosim.master import checkpoint_file, checkpoints
 from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of, ticks_in
 from cosim.master.checkpoints import Checkpoints
+from cosim.master.loop import Part as PartOfTick
+from cosim.master.ticks import Ticks
 from cosim.report import content
 from cosim.report.content import content_of
 from cosim.results.files import load
@@ -160,6 +162,43 @@ def test_an_interrupted_run_says_how_it_goes_on(built_in: Path, whole: Path, tmp
     assert f"formation resume {tmp_path / 'cars'} goes on from 0." in printed
     assert main(["resume", str(tmp_path / "cars"), *LEAST]) == 0
     assert not list(differences(whole, tmp_path / "cars", tmp_path))
+
+
+def test_an_interruption_within_a_tick_leaves_no_checkpoint_there(
+    built_in: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The plants have made a step of which the rest of the run knows nothing."""
+    original = Ticks._do
+
+    def twice(self: Ticks, parts: PartOfTick, tick: int) -> None:
+        if tick == 34 and parts == PartOfTick.LEAD:
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+        original(self, parts, tick)
+
+    with monkeypatch.context() as patches:
+        patches.setattr(Ticks, "_do", twice)
+        patches.setattr(Ticks, "some", lambda *_: False)
+        failed(capsys, 130, "run", str(built_in), "--out", str(tmp_path), "--checkpoint", "every=0.1s", *LEAST)
+    assert max(ticks_in(tmp_path / "cars" / FOLDER)) < 34
+    command(capsys, "resume", tmp_path / "cars", *LEAST)
+    assert not list(differences(whole, tmp_path / "cars", tmp_path))
+
+
+def test_a_run_that_was_interrupted_within_a_tick_cannot_go_on(built_in: Path, tmp_path: Path) -> None:
+    def stop(tick: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with cosim.Simulation(cosim.read_scenario(built_in)) as simulation:
+        with pytest.raises(cosim.RunInterrupted) as stopped:
+            simulation.run(progress=stop)
+        assert stopped.value.result.sizes["time"] == 1
+        told = "the run cannot {}: it was interrupted within a tick"
+        with pytest.raises(cosim.InputError, match=told.format("go on")):
+            simulation.step()
+        with pytest.raises(cosim.InputError, match=told.format("be saved")):
+            simulation.save(tmp_path / "a.checkpoint")
 
 
 def test_a_run_without_changes_goes_on_in_its_own_folder(left: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -576,6 +576,23 @@ def test_a_signal_in_the_course_of_a_run(
     assert result.samples > 1
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_all_processes_of_a_run(
+    harness: Callable[..., Harness], tmp_path: Path, number: signal.Signals
+) -> None:
+    """Those of plants leave it to the command, else a plant would have failed."""
+    one = slow(harness, tmp_path)
+    worker = int(one.workers()[0].split()[0])
+    os.kill(worker, number)
+    seen = one.waits()
+    one.wait_for(lambda: one.waits() > seen + 100)
+    one.process.send_signal(number)
+    assert one.process.wait(60.0) == 130
+    printed = one.log.read_text()
+    assert "Traceback" not in printed
+    assert json.loads(saved(tmp_path / "bad" / "result.nc").attrs["failure"])["message"] == "interrupted"
+
+
 @pytest.mark.parametrize("behaviour", ["slow", "daemon_hang"])
 def test_a_harness_that_is_killed_leaves_no_process(
     harness: Callable[..., Harness], tmp_path: Path, behaviour: str

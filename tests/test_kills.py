@@ -17,3 +17,13 @@ def test_a_command_that_is_killed_leaves_whole_files_and_nothing_else(kind: str)
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stdout.splitlines()[-1] == "4 kills, 0 findings", done.stdout + done.stderr
     assert done.returncode == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at the processes that Linux shows")
+@pytest.mark.parametrize("kind", ["run", "hosted", "study"])
+def test_a_command_whose_processes_all_get_a_signal_is_interrupted(kind: str) -> None:
+    """As service managers and batch systems send it: it is told as an interruption, not as a fault of a plant."""
+    command = [sys.executable, "-m", "tests.kills", "--stop", "--count", "4", "--only", kind]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1] == "4 kills, 0 findings", done.stdout + done.stderr
+    assert done.returncode == 0

@@ -161,7 +161,8 @@ def test_a_signal_while_the_result_is_made_or_written(
         return original(*arguments)
 
     monkeypatch.setattr(sys.modules[module], name, interrupted)
-    failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    told = failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
+    assert "ended early" not in told
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 51
 
 

@@ -220,10 +220,11 @@ def run_one(
         _print_timing(console, timing, result.sizes["time"])
     course.tell(told, scenario)
     if failure is not None:
-        warn(
-            f"the run ended early, at {failure.time:.6g} s of {scenario.horizon:g} s; "
-            "everything recorded up to then is saved"
-        )
+        if told is not None:  # else it had reached its end already
+            warn(
+                f"the run ended early, at {told.time:.6g} s of {scenario.horizon:g} s; "
+                "everything recorded up to then is saved"
+            )
         raise failure
 
 

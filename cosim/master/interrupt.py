@@ -18,10 +18,16 @@ class HeldSignals:
     while a result is made or written. A block within a block begins with the signals of the outer one, and hands it
     back its own. Signals that are ignored, as SIGHUP by nohup, stay so. Outside of the main thread, where Python
     handles no signals, the block changes nothing.
+
+    Parameters
+    ----------
+    is_ended
+        Whether another process ends this one where it does not heed the first signal: then a second one breaks nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, is_ended: bool = False) -> None:
         self.received = 0
+        self._is_ended = is_ended
         self._holds = False
         self._breaks = False
         self._outer: HeldSignals | None = None
@@ -49,16 +55,21 @@ class HeldSignals:
         for number, handler in self._previous.items():  # likewise
             signal.signal(number, handler)
 
-    def breakable(self, action: Callable[[], object]) -> None:
-        """Call code of others, which may never return: a second signal ends it, and nothing else."""
+    def breakable(self, action: Callable[[], object]) -> bool:
+        """Call code of others, which may never return: a second signal ends it, and nothing else.
+
+        Return whether it has come to its end.
+        """
         try:
             try:
-                self._breaks = True
+                self._breaks = not self._is_ended
                 action()
             finally:
                 self._breaks = False
         except KeyboardInterrupt:  # of a signal, wherever above it has struck, or of the code itself
             self.received = max(self.received, 1)
+            return False
+        return True
 
     def _remember(self, number: int, frame: FrameType | None) -> None:
         if not self._holds:

@@ -312,10 +312,13 @@ class Simulation(Closing):
         self._signals = signals
         stopped: Failure | None = None
         try:
-            signals.breakable(lambda: self._run_ticks(watching))
+            is_between_ticks = signals.breakable(lambda: self._run_ticks(watching))
             if not self.finished:
                 stopped = interruption(self.time) if signals.received else leave(self.time)
-                signals.breakable(self._leave)
+                if is_between_ticks:
+                    signals.breakable(self._leave)
+                else:
+                    self._ended = "it was interrupted within a tick"
         finally:
             if self._checkpoints is not None:
                 self._checkpoints.finish()

@@ -94,6 +94,7 @@ def child(
     _print_to(printed, mark)
     tell = partial(_tell, tells)
     activity.listen()
+    signals = HeldSignals(is_ended=True).__enter__()  # of its whole life: one that comes early ends the run, too
     try:
         recorder = Recorder(scenario.ticks + 1, setup.result_variables, None, memory)
         started: list[Fleet] = []
@@ -127,7 +128,7 @@ def child(
         while (order := _order(orders)) is not None:
             kind, body = order
             if kind == Order.RUN:
-                tell(Told.ENDED, **_run(simulation, started[0], recorder, body["pace"], checkpoints))
+                tell(Told.ENDED, **_run(simulation, signals, started[0], recorder, body["pace"], checkpoints))
             else:
                 simulation.close()
                 process_tree.end_descendants(os.getpid())
@@ -139,13 +140,17 @@ def child(
 
 
 def _run(
-    simulation: Simulation, fleet: Fleet, recorder: Recorder, pace: float | None, checkpoints: Checkpoints | None
+    simulation: Simulation,
+    signals: HeldSignals,
+    fleet: Fleet,
+    recorder: Recorder,
+    pace: float | None,
+    checkpoints: Checkpoints | None,
 ) -> dict[str, Any]:
     """Run to the end; return what there is to be told."""
     pacer = None if pace is None else Pacer(simulation.scenario.step, pace)
     try:
-        with HeldSignals() as signals:
-            failure = simulation.record(signals, pacer=pacer)
+        failure = simulation.record(signals, pacer=pacer)
     except SimulationError as error:
         failure = error.failure
     return {

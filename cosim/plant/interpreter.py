@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cosim import process_tree
 from cosim.compiled import PLAIN
+from cosim.undisturbed import deaf
 
 
 def environment(mark: str, plain: bool = True) -> dict[str, str]:
@@ -48,8 +49,8 @@ def start(
 ) -> subprocess.Popen[bytes]:
     """Start an interpreter that is reached through its standard input and output.
 
-    Ctrl-C does not reach it. It stays in the session, as Linux shares a core out between sessions first: one cannot
-    give way to the other in time.
+    Neither Ctrl-C nor another signal that stops a command reaches it. It stays in the session, as Linux shares a core
+    out between sessions first: one cannot give way to the other in time.
 
     Parameters
     ----------
@@ -62,17 +63,18 @@ def start(
     errors
         A descriptor for its standard error; without one, that of this process.
     """
-    return subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=variables,
-        pass_fds=inherited,
-        stderr=errors if errors is not None or _standard_error() else subprocess.DEVNULL,
-        bufsize=0,
-        process_group=0 if os.name == "posix" else None,
-        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
-    )
+    with deaf():
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=variables,
+            pass_fds=inherited,
+            stderr=errors if errors is not None or _standard_error() else subprocess.DEVNULL,
+            bufsize=0,
+            process_group=0 if os.name == "posix" else None,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # which Windows alone has
+        )
 
 
 def _standard_error() -> bool:

@@ -15,6 +15,7 @@ from typing import IO, Any
 from cosim.closing import Closing
 from cosim.results.representative import representative
 from cosim.results.result import Result
+from cosim.undisturbed import deaf
 
 PROGRAM = "import sys; sys.path[:] = sys.argv[1:]; from cosim.results.figure_process import serve; serve()"
 """The program of the process, which finds modules where this process finds them."""
@@ -45,7 +46,8 @@ class FigureProcess(Closing):
         )
         command = [sys.executable, "-P", "-c", PROGRAM, *(os.path.abspath(folder) for folder in sys.path)]
         try:
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **options)
+            with deaf():
+                self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **options)
         except OSError as error:
             self._fault = f"its process cannot be started: {error.strerror}"
 

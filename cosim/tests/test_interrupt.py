@@ -88,11 +88,21 @@ def test_the_second_one_ends_code_of_others() -> None:
             signal.raise_signal(signal.SIGINT)
 
     with HeldSignals() as signals:
-        signals.breakable(never_ends)
+        assert not signals.breakable(never_ends)
         assert begun == [0, 1]
         for _ in range(5):
             signal.raise_signal(signal.SIGTERM)
     assert signals.received == 7
+
+
+def test_many_break_nothing_where_another_process_ends_this_one() -> None:
+    def work() -> None:
+        for number in SIGNALS:
+            signal.raise_signal(number)
+
+    with HeldSignals(is_ended=True) as signals:
+        assert signals.breakable(work)
+    assert signals.received == len(SIGNALS)
 
 
 def test_code_of_others_may_fail_or_interrupt_itself() -> None:
@@ -102,7 +112,7 @@ def test_code_of_others_may_fail_or_interrupt_itself() -> None:
     with HeldSignals() as signals:
         with pytest.raises(ValueError, match="made up"):
             signals.breakable(lambda: fails(ValueError("made up")))
-        signals.breakable(lambda: fails(KeyboardInterrupt()))
+        assert not signals.breakable(lambda: fails(KeyboardInterrupt()))
         for _ in range(5):
             signal.raise_signal(signal.SIGINT)
     assert signals.received == 6
