@@ -123,6 +123,20 @@ def test_a_signal_in_the_course_of_a_run(command: Callable[..., Command], number
     assert result.samples > 1
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_the_process_of_the_run_while_plants_start(
+    command: Callable[..., Command], number: signal.Signals
+) -> None:
+    """It ends the run, as one does that comes later: no plant has failed, and no fault is told."""
+    one = command(behaviour="slow", place="instantiate", seconds=3.0)
+    one.wait_for(lambda: children(one.process.pid))
+    time.sleep(1.0)
+    (child,) = (int(one.split()[0]) for one in children(one.process.pid))
+    os.kill(child, number)
+    assert one.process.wait(60.0) == 130, (one.out / "log").read_text()
+    assert json.loads(saved(one.out / "s" / "result.nc").attrs["failure"])["message"] == "interrupted"
+
+
 def test_two_signals_end_a_step_that_does_not_end(command: Callable[..., Command]) -> None:
     one = command(behaviour="hang_stubborn")
     one.wait_for(lambda: runs(one))
