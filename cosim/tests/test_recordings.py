@@ -482,7 +482,7 @@ def test_bags_with_faults(run: Result, line: Scenario, tmp_path: Path) -> None:
 def test_a_small_file_that_unpacks_to_more_than_is_allowed(
     line: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bags, "MOST_MEMORY", 1 << 29)
+    monkeypatch.setattr(bags, "MOST_MEMORY", 1 << 27)
     before = resource.getrlimit(resource.RLIMIT_AS)
     path = tmp_path / "bomb.mcap"
     with path.open("wb") as file:
@@ -490,10 +490,10 @@ def test_a_small_file_that_unpacks_to_more_than_is_allowed(
         writer.start(profile="ros2")
         schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
         channel = writer.register_channel("/leader/signals/pose/x", "cdr", schema)
-        writer.add_message(channel, log_time=0, publish_time=0, data=b"\0\1\0\0" + bytes(1 << 29))
+        writer.add_message(channel, log_time=0, publish_time=0, data=b"\0\1\0\0" + bytes(1 << 27))
         writer.finish()
     assert path.stat().st_size < 1 << 20
-    with pytest.raises(InputError, match=r"unpacked it needs more than 0\.5 GiB"):
+    with pytest.raises(InputError, match=r"unpacked it needs more than 0\.125 GiB"):
         judge_drive(path, line)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
