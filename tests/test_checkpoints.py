@@ -29,6 +29,7 @@ from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of, ticks_in
 from cosim.master.checkpoints import Checkpoints
 from cosim.master.loop import Part as PartOfTick
+from cosim.master.observer import Observer
 from cosim.master.ticks import Ticks
 from cosim.report import content
 from cosim.report.content import content_of
@@ -185,15 +186,32 @@ def test_an_interruption_within_a_tick_leaves_no_checkpoint_there(
     assert not list(differences(whole, tmp_path / "cars", tmp_path))
 
 
-def test_a_run_that_was_interrupted_within_a_tick_cannot_go_on(built_in: Path, tmp_path: Path) -> None:
-    def stop(tick: int) -> None:
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
+class Stops(Observer):
+    """An observer that is interrupted, some times at once."""
 
-    with cosim.Simulation(cosim.read_scenario(built_in)) as simulation:
-        with pytest.raises(cosim.RunInterrupted) as stopped:
-            simulation.run(progress=stop)
-        assert stopped.value.result.sizes["time"] == 1
+    def __init__(self, times: int) -> None:
+        self._times = times
+
+    def ticked(self, tick: int) -> None:
+        """Stop the second tick."""
+        for _ in range(self._times if tick == 1 else 0):
+            signal.raise_signal(signal.SIGINT)
+
+
+def step_by_step(simulation: cosim.Simulation) -> None:
+    while not simulation.finished:
+        simulation.step()
+
+
+@pytest.mark.parametrize(("go", "times"), [(cosim.Simulation.run, 2), (step_by_step, 1)], ids=["whole", "steps"])
+def test_a_run_that_was_interrupted_within_a_tick_cannot_go_on(
+    built_in: Path, tmp_path: Path, go: Callable[[cosim.Simulation], object], times: int
+) -> None:
+    """The first signal waits for the end of a tick of a whole run, but not of a step that a program makes."""
+    with cosim.Simulation(cosim.read_scenario(built_in), observers=[Stops(times)]) as simulation:
+        with pytest.raises(KeyboardInterrupt):
+            go(simulation)
+        assert simulation.result().sizes["time"] == 2
         told = "the run cannot {}: it was interrupted within a tick"
         with pytest.raises(cosim.InputError, match=told.format("go on")):
             simulation.step()

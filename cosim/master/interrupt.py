@@ -55,11 +55,8 @@ class HeldSignals:
         for number, handler in self._previous.items():  # likewise
             signal.signal(number, handler)
 
-    def breakable(self, action: Callable[[], object]) -> bool:
-        """Call code of others, which may never return: a second signal ends it, and nothing else.
-
-        Return whether it has come to its end.
-        """
+    def breakable(self, action: Callable[[], object]) -> None:
+        """Call code of others, which may never return: a second signal ends it, and nothing else."""
         try:
             try:
                 self._breaks = not self._is_ended
@@ -68,8 +65,6 @@ class HeldSignals:
                 self._breaks = False
         except KeyboardInterrupt:  # of a signal, wherever above it has struck, or of the code itself
             self.received = max(self.received, 1)
-            return False
-        return True
 
     def _remember(self, number: int, frame: FrameType | None) -> None:
         if not self._holds:

@@ -175,7 +175,7 @@ class Simulation(Closing):
         ------
         InputError
             There is no such robot, its motion is given, or these are not as many finite numbers; or the run has ended,
-            failed or been closed.
+            failed, been interrupted within a tick or been closed.
         SimulationError
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
         """
@@ -199,6 +199,9 @@ class Simulation(Closing):
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
             self._fail(failure)
             raise failure from error
+        except BaseException:  # plants may have made a step of which the rest knows nothing
+            self._ended = "it was interrupted within a tick"
+            raise
         if self.finished:
             self._end(None)
 
@@ -312,13 +315,10 @@ class Simulation(Closing):
         self._signals = signals
         stopped: Failure | None = None
         try:
-            is_between_ticks = signals.breakable(lambda: self._run_ticks(watching))
+            signals.breakable(lambda: self._run_ticks(watching))
             if not self.finished:
                 stopped = interruption(self.time) if signals.received else leave(self.time)
-                if is_between_ticks:
-                    signals.breakable(self._leave)
-                else:
-                    self._ended = "it was interrupted within a tick"
+                signals.breakable(self._leave)
         finally:
             if self._checkpoints is not None:
                 self._checkpoints.finish()
@@ -326,8 +326,8 @@ class Simulation(Closing):
         return stopped
 
     def _leave(self) -> None:
-        """Write a checkpoint from which a run can go on that is interrupted or left."""
-        if self._checkpoints is not None:
+        """Write a checkpoint from which a run can go on that is interrupted or left, between two ticks."""
+        if self._checkpoints is not None and not self._ended:
             self._checkpoints.leave(self.tick, self._ticks.saved, self._ticks.recorder)
 
     def _run_ticks(self, watching: Sequence[Observer]) -> None:
