@@ -1,4 +1,4 @@
-"""Moments in which a signal must not raise: what has just been made would be lost."""
+"""Moments in which a signal must not raise, as what has just been made would be lost, and processes that hear none."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -87,19 +88,42 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def deaf() -> Iterator[None]:
-    """Let processes that the block starts leave such signals to this one, which ends them.
+    """Start processes that ignore the signals that stop a command: this process ends them.
 
-    Service managers and batch systems send them to all processes of a command at once. A plant whose process ended by
-    that would be told as one that has failed.
+    Service managers and batch systems send such a signal to all processes of a command at once. A plant whose process
+    ended by that would be told as one that has failed. A process that starts others itself calls `stay_deaf`.
     """
     if sys.platform == "win32":
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # what a process is started with it keeps
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # what a process is started with it keeps
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def stay_deaf() -> None:
+    """Let this process, which was started in `deaf`, go on to ignore the signals, but not what it starts itself."""
+    if sys.platform == "win32":
+        return
+    for number in SIGNALS:
+        signal.signal(number, _pay_no_heed)  # a program that it starts would keep SIG_IGN
+        signal.siginterrupt(number, False)
+    block, unblock = (partial(signal.pthread_sigmask, how, SIGNALS) for how in (signal.SIG_BLOCK, signal.SIG_UNBLOCK))
+
+    def listen() -> None:
+        for number in SIGNALS:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+        unblock()
+
+    os.register_at_fork(before=block, after_in_parent=unblock, after_in_child=listen)
+    unblock()
+
+
+def _pay_no_heed(number: int, frame: FrameType | None) -> None:
+    pass
 
 
 def _is_main() -> bool:

@@ -31,6 +31,7 @@ from cosim.master.checkpoints import Checkpoints
 from cosim.master.loop import Part as PartOfTick
 from cosim.master.observer import Observer
 from cosim.master.ticks import Ticks
+from cosim.plant.process import PlantProcess
 from cosim.report import content
 from cosim.report.content import content_of
 from cosim.results.files import load
@@ -186,6 +187,31 @@ def test_an_interruption_within_a_tick_leaves_no_checkpoint_there(
     assert not list(differences(whole, tmp_path / "cars", tmp_path))
 
 
+@pytest.mark.parametrize("go", ["save", "fork"])
+def test_a_run_that_was_interrupted_while_it_was_saved_cannot_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, go: str
+) -> None:
+    """The answer of a plant's process, which nobody has waited for, would be taken for the next one."""
+    fmu = make_fmu(tmp_path / "fmus", name="car", save=True)
+    path = write(tmp_path / "foreign.xml", f'<plant id="car" fmu="{fmu}" isolate="process"/>', more="")
+    original = PlantProcess._receive
+
+    def pressed(self: PlantProcess, failed: str) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return original(self, failed)
+
+    with cosim.Simulation(cosim.read_scenario(path)) as simulation:
+        for _ in range(2):
+            simulation.step()
+        save = simulation.fork if go == "fork" else partial(simulation.save, tmp_path / "a.checkpoint")
+        with monkeypatch.context() as patches:
+            patches.setattr(PlantProcess, "_receive", pressed)
+            with pytest.raises(KeyboardInterrupt):
+                save()
+        with pytest.raises(cosim.InputError, match="cannot go on: it was interrupted while its state was saved"):
+            simulation.step()
+
+
 class Stops(Observer):
     """An observer that is interrupted, some times at once."""
 
@@ -212,7 +238,7 @@ def test_a_run_that_was_interrupted_within_a_tick_cannot_go_on(
         with pytest.raises(KeyboardInterrupt):
             go(simulation)
         assert simulation.result().sizes["time"] == 2
-        told = "the run cannot {}: it was interrupted within a tick"
+        told = "the run cannot {}: its last tick is not complete"
         with pytest.raises(cosim.InputError, match=told.format("go on")):
             simulation.step()
         with pytest.raises(cosim.InputError, match=told.format("be saved")):

@@ -148,10 +148,20 @@ entry()
 
 
 @pytest.mark.parametrize(
-    "place", ["cosim.master.recorded_result.who_is_who", "cosim.cli.run.save", "cosim.cli.run.summarise"]
+    ("place", "told"),
+    [
+        ("cosim.master.recorded_result.who_is_who", "interrupted at t = 1 s"),
+        ("cosim.cli.run.save", "interrupted at t = 1 s"),
+        ("cosim.cli.run.summarise", "the run was ended"),
+    ],
 )
 def test_a_signal_while_the_result_is_made_or_written(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    place: str,
+    told: str,
 ) -> None:
     module, name = place.rsplit(".", 1)
     original: Callable[..., object] = getattr(import_module(module), name)
@@ -161,8 +171,9 @@ def test_a_signal_while_the_result_is_made_or_written(
         return original(*arguments)
 
     monkeypatch.setattr(sys.modules[module], name, interrupted)
-    told = failed(capsys, 130, "run", line, "--out", str(tmp_path), *SHORT)
-    assert "ended early" not in told
+    junit = tmp_path / "verdicts.xml"
+    assert "ended early" not in failed(capsys, 130, "run", line, "--out", str(tmp_path), "--junit", str(junit), *SHORT)
+    assert told in junit.read_text(encoding="utf-8")
     assert load(tmp_path / "clmr_line" / "result.nc").sizes["time"] == 51
 
 

@@ -185,7 +185,7 @@ def run_one(
             if drawn:
                 figures.draw(result, folder / "figure.png")
         if signals.received and failure is None:  # while the result was being written
-            failure = RunInterrupted(simulation.time, result)
+            failure = RunInterrupted(min(simulation.time, scenario.horizon), result)
         elif signals.received and isinstance(failure, SimulationError):  # both: no further scenario is wanted
             report(failure)
             failure = RunInterrupted(simulation.time, result)
@@ -220,7 +220,7 @@ def run_one(
         _print_timing(console, timing, result.sizes["time"])
     course.tell(told, scenario)
     if failure is not None:
-        if told is not None:  # else it had reached its end already
+        if told is not None and not told.left:  # else it had reached its end already
             warn(
                 f"the run ended early, at {told.time:.6g} s of {scenario.horizon:g} s; "
                 "everything recorded up to then is saved"

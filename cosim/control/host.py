@@ -1,9 +1,9 @@
 """The host of the control laws of another Python environment: one file, which that environment's interpreter runs.
 
 It needs the standard library, NumPy and `formation_controllers` of that environment, any release that speaks version 1
-of the controllers' interface; the package that this file belongs to is out of its sight, but for the file
-`cosim.plant.intrinsics`, which it reads to compile what shares memory. The harness imports the same functions for laws
-of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
+of the controllers' interface; the package that this file belongs to is out of its sight, but for two files:
+`cosim.plant.intrinsics`, to compile what shares memory, and `cosim.undisturbed`. The harness imports the same functions
+for laws of its own: `described`, `checked_gains`, `said` and the layout of the shared memory.
 
 Requests come through standard input and replies go through standard output, both moved out of the laws' reach first.
 A frame is a kind (one byte), a length (four bytes, the least significant first) and that many bytes of JSON. The
@@ -66,6 +66,8 @@ _ROUNDS = 30_000
 """Looks between two of the clock, which take some microseconds."""
 _INTRINSICS = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "plant", "intrinsics.py")
 """What compiled code needs for shared memory, which an FMU does without."""
+_UNDISTURBED = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "undisturbed.py")
+"""What the harness's processes do about signals; an FMU's does nothing."""
 _ORPHAN_CHECK = 1.0
 _PR_SET_PDEATHSIG, _SIGKILL = 1, 9
 _LINE = 64
@@ -1100,6 +1102,8 @@ def main() -> None:
     for stream in streams:
         stream.reconfigure(line_buffering=True, errors="backslashreplace")
     _end_with(int(parent), main_thread == "1")
+    if file is None:
+        runpy.run_path(_UNDISTURBED)["stay_deaf"]()
     status = 0
     try:
         os.write(replies, begins.encode())

@@ -21,13 +21,13 @@ class HeldSignals:
 
     Parameters
     ----------
-    is_ended
-        Whether another process ends this one where it does not heed the first signal: then a second one breaks nothing.
+    supervised
+        Whether another process supervises this one and ends it at a second signal, which then breaks nothing here.
     """
 
-    def __init__(self, is_ended: bool = False) -> None:
+    def __init__(self, supervised: bool = False) -> None:
         self.received = 0
-        self._is_ended = is_ended
+        self._supervised = supervised
         self._holds = False
         self._breaks = False
         self._outer: HeldSignals | None = None
@@ -59,7 +59,7 @@ class HeldSignals:
         """Call code of others, which may never return: a second signal ends it, and nothing else."""
         try:
             try:
-                self._breaks = not self._is_ended
+                self._breaks = not self._supervised
                 action()
             finally:
                 self._breaks = False

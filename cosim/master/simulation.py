@@ -29,6 +29,7 @@ from cosim.master.pacing import Pacer
 from cosim.master.recorded_result import MakeResult, part_of_result, recorded_result
 from cosim.master.recorder import Recorder
 from cosim.master.records import Records
+from cosim.master.run_state import RunState
 from cosim.master.savable import check_savable
 from cosim.master.segment import Segment
 from cosim.master.setup import Setup, set_up
@@ -56,8 +57,8 @@ _NUMBERS = {1: "one", 2: "two", 3: "three"}
 class Simulation(Closing):
     """A scenario in the course of being run.
 
-    Legal call order: `step` until `finished`, or `run`; `result`, `save` and `fork` at any time; `close` at the end (or
-    use ``with``).
+    Legal call order: `step` until `finished`, or `run`; `result` at any time, `save` and `fork` between two steps;
+    `close` at the end (or use ``with``).
 
     Parameters
     ----------
@@ -152,7 +153,7 @@ class Simulation(Closing):
                 start.fill(recorder)
                 self._ticks.restore(start.state, same_seed=start.scenario.seed == scenario.seed, here=here)
             if checkpoints is not None:
-                checkpoints.try_out(self._ticks.saved, recorder)
+                checkpoints.try_out(self._saved, recorder)
             each = sum(variable.bytes_per_sample for variable in self.setup.result_variables)
             self._kept = max(_KEPT // each, 1)  # ticks that the system is not yet told to forget
             self._next_forget = self.tick + self._kept
@@ -189,7 +190,10 @@ class Simulation(Closing):
 
     @contextmanager
     def _failing(self) -> Iterator[None]:
-        """Let a failure of a tick keep the records, and tell observers of the end."""
+        """Let a failure of a tick keep the records, and tell observers of the end.
+
+        An interruption ends the run: plants may have made a step of which the rest knows nothing.
+        """
         try:
             yield
         except SimulationError as error:
@@ -199,8 +203,8 @@ class Simulation(Closing):
             failure = SimulationError("the master", self.time, f"{type(error).__name__}: {error}")
             self._fail(failure)
             raise failure from error
-        except BaseException:  # plants may have made a step of which the rest knows nothing
-            self._ended = "it was interrupted within a tick"
+        except BaseException:
+            self._ended = "its last tick is not complete"
             raise
         if self.finished:
             self._end(None)
@@ -303,7 +307,7 @@ class Simulation(Closing):
         with HeldSignals() as signals, timed(self.timing, "loop"), returning():
             result = self.recorded(self.record(signals, progress, pacer))
         if signals.received:
-            raise RunInterrupted(self.time, result)
+            raise RunInterrupted(min(self.time, self.scenario.horizon), result)
         return result
 
     def record(
@@ -312,6 +316,8 @@ class Simulation(Closing):
         """Do what `run_to_end` does, but return the interruption by a signal, if any, and make no result."""
         watching: list[Observer] = [Progress(progress)] if progress else []
         watching += [pacer] if pacer else []
+        if not self.finished:
+            self._require_open("go on")
         self._signals = signals
         stopped: Failure | None = None
         try:
@@ -328,7 +334,7 @@ class Simulation(Closing):
     def _leave(self) -> None:
         """Write a checkpoint from which a run can go on that is interrupted or left, between two ticks."""
         if self._checkpoints is not None and not self._ended:
-            self._checkpoints.leave(self.tick, self._ticks.saved, self._ticks.recorder)
+            self._checkpoints.leave(self.tick, self._saved, self._ticks.recorder)
 
     def _run_ticks(self, watching: Sequence[Observer]) -> None:
         """Run ticks up to the horizon, or to a signal."""
@@ -349,7 +355,7 @@ class Simulation(Closing):
         if self.finished or self._signals.received:
             return False
         checkpoints = self._checkpoints
-        return checkpoints is None or not checkpoints.reach(self.tick, self._ticks.saved, self._ticks.recorder)
+        return checkpoints is None or not checkpoints.reach(self.tick, self._saved, self._ticks.recorder)
 
     def _segment(self, segment: Segment) -> None:
         """Run a tick, or a segment of ticks if nobody needs every tick."""
@@ -403,7 +409,8 @@ class Simulation(Closing):
         Raises
         ------
         InputError
-            The FMU of a robot cannot save its state; or the run has failed or been closed.
+            The FMU of a robot cannot save its state; or the run has failed, been interrupted within a tick or been
+            closed.
         OutputError
             The file cannot be written.
         SimulationError
@@ -412,7 +419,7 @@ class Simulation(Closing):
         self._require_open("be saved")
         check_savable(self.setup)
         origin = Origin.of(self.scenario, self.setup, self.parts)
-        Snapshot.of(origin, self._ticks.saved(), self._ticks.recorder).write(Path(path))
+        Snapshot.of(origin, self._saved(), self._ticks.recorder).write(Path(path))
 
     @classmethod
     def load(
@@ -472,8 +479,16 @@ class Simulation(Closing):
             for place, own in zip(other.numbers(0, tick), recorder.numbers(0, tick), strict=True):
                 fill(place, own)
 
-        start = Start(self.scenario, self._ticks.saved(), take_over, (*self.parts, part))
+        start = Start(self.scenario, self._saved(), take_over, (*self.parts, part))
         return type(self)(self.scenario.edited(changes), observers=observers, start=start)
+
+    def _saved(self) -> RunState:
+        """Return the state. An interruption ends the run: an answer that is on its way would be taken for the next."""
+        try:
+            return self._ticks.saved()
+        except KeyboardInterrupt:
+            self._ended = "it was interrupted while its state was saved"
+            raise
 
     def _require_open(self, what: str) -> None:
         if self._ended:

@@ -174,7 +174,7 @@ class SupervisedRun(Closing):
                 pacer.take(PaceReport(**told[1]["pace"]))
             result = self._records.recorded(failure)
         if signals.received or (failure is not None and failure.interrupted):
-            raise RunInterrupted(self.time if failure is None else failure.time, result)
+            raise RunInterrupted(self.scenario.horizon if failure is None else failure.time, result)
         if failure is not None and not failure.left:
             error = SimulationError(failure.robot, failure.time, failure.message, failure.variable)
             error.recorded = result

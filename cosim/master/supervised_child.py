@@ -89,12 +89,12 @@ def child(
     """
     faulthandler.disable()  # a crash is told by the process that sees it
     _leave()
+    signals = HeldSignals(supervised=True).__enter__()  # to the end of the process: one while plants start ends the run
     Log.begin_anew()  # FMI 1.0 tells instances apart by their names, which those of the supervising process have, too
     orders, tells, printed = _out_of_reach(orders, tells, printed)
     _print_to(printed, mark)
     tell = partial(_tell, tells)
     activity.listen()
-    signals = HeldSignals(is_ended=True).__enter__()  # of its whole life: one that comes early ends the run, too
     try:
         recorder = Recorder(scenario.ticks + 1, setup.result_variables, None, memory)
         started: list[Fleet] = []
@@ -174,7 +174,8 @@ def _leave() -> None:
     process_tree.adopt()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
+        if signal.getsignal(number) != signal.SIG_IGN:  # as SIGHUP by nohup
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _print_to(pipe: int, mark: str) -> None:

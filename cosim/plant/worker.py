@@ -18,6 +18,7 @@ from cosim.plant.local import NotStarted
 from cosim.plant.printed import line_by_line
 from cosim.plant.protocol import HEADER, Reply, Request, exactly, out_of_reach, send
 from cosim.plant.serving import Served
+from cosim.undisturbed import stay_deaf
 
 
 def main() -> None:
@@ -30,6 +31,7 @@ def main() -> None:
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     replies = out_of_reach(1)
     line_by_line()
+    stay_deaf()
     process_tree.end_with(int(sys.argv[1]))
     status = 0
     try:

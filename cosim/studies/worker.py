@@ -21,6 +21,7 @@ from typing import TypeVar
 
 from cosim import process_tree
 from cosim.plant.protocol import exactly, out_of_reach, send
+from cosim.undisturbed import stay_deaf
 
 LENGTH = 8
 """Bytes of the length of a task, before it."""
@@ -49,6 +50,7 @@ def main() -> None:
     sys.path += [folder for folder in sys.argv[2:] if folder not in sys.path]
     answers, tasks = out_of_reach(1), out_of_reach(0)
     process_tree.end_with(int(sys.argv[1]))
+    stay_deaf()
     try:
         from cosim.studies.task import close_all  # and with it all that a run needs
 

@@ -95,7 +95,7 @@ def test_the_second_one_ends_code_of_others() -> None:
     assert signals.received == 7
 
 
-def test_many_break_nothing_where_another_process_ends_this_one() -> None:
+def test_many_break_nothing_in_a_process_that_is_supervised() -> None:
     done: list[signal.Signals] = []
 
     def work() -> None:
@@ -103,7 +103,7 @@ def test_many_break_nothing_where_another_process_ends_this_one() -> None:
             signal.raise_signal(number)
             done.append(number)
 
-    with HeldSignals(is_ended=True) as signals:
+    with HeldSignals(supervised=True) as signals:
         signals.breakable(work)
     assert signals.received == len(SIGNALS)
     assert tuple(done) == SIGNALS

@@ -3,11 +3,15 @@
 import gc
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
 
-from cosim.undisturbed import Ending, disturbed, undisturbed
+from cosim.undisturbed import SIGNALS, Ending, deaf, disturbed, undisturbed
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
 
 def press() -> None:
@@ -86,3 +90,48 @@ def test_a_forked_process_does_not_do_it() -> None:
     os.close(writing)
     assert os.read(reading, 100) == str(os.getpid()).encode()
     os.close(reading)
+
+
+# Processes that hear none -----------------------------------------------------------------------------------
+
+DEAF = """
+import multiprocessing, os, signal, subprocess, sys, time
+from cosim.undisturbed import SIGNALS, stay_deaf
+for number in SIGNALS:
+    os.kill(os.getpid(), number)
+stay_deaf()
+for number in SIGNALS:
+    os.kill(os.getpid(), number)
+    started = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    time.sleep(1.0)
+    started.send_signal(number)
+    print(started.wait(30.0))
+forked = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60.0,))
+forked.start()
+forked.terminate()
+forked.join(30.0)
+print(forked.exitcode)
+"""
+
+
+@POSIX
+def test_a_process_that_stays_deaf_ends_what_it_starts_by_signals() -> None:
+    with deaf():
+        done = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [*(str(-number) for number in SIGNALS), str(-signal.SIGTERM)]
+
+
+@POSIX
+def test_whoever_starts_deaf_processes_hears_signals_again() -> None:
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+    def block() -> None:
+        with deaf():
+            press()
+
+    with pytest.raises(KeyboardInterrupt):
+        block()
+    with pytest.raises(ValueError, match="made up"), deaf():
+        raise ValueError("made up")
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before
