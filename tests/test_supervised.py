@@ -137,6 +137,21 @@ def test_a_signal_to_the_process_of_the_run_while_plants_start(
     assert json.loads(saved(one.out / "s" / "result.nc").attrs["failure"])["message"] == "interrupted"
 
 
+def test_under_nohup_no_process_heeds_sighup(command: Callable[..., Command]) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        one = command(behaviour="slow", seconds=0.01, when=0.0)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    one.wait_for(lambda: runs(one))
+    for process in (*(int(child.split()[0]) for child in children(one.process.pid)), one.process.pid):
+        os.kill(process, signal.SIGHUP)
+    time.sleep(2.0)
+    assert one.process.poll() is None, (one.out / "log").read_text()
+    one.process.send_signal(signal.SIGTERM)
+    assert one.process.wait(60.0) == 130
+
+
 def test_two_signals_end_a_step_that_does_not_end(command: Callable[..., Command]) -> None:
     one = command(behaviour="hang_stubborn")
     one.wait_for(lambda: runs(one))
