@@ -46,7 +46,7 @@ def until(tab: Any, condition: str) -> None:
 
 
 def test_a_run_is_followed_paused_stepped_and_judged(tab: Any, line: str, tmp_path: Path) -> None:
-    short = ("--horizon", "20 s", "--set=//rms/@from=10 s", "--set=//settled/@by=10 s")
+    short = ("--horizon", "60 s", "--set=//rms/@from=10 s", "--set=//settled/@by=10 s")
     with live_run(tmp_path, line, *short, "--pace", "5", "--paused") as run:
         tab.goto(run.address)
         tab.wait_for_selector("html[data-ready=true]", timeout=60_000)
@@ -78,7 +78,7 @@ def test_a_run_is_followed_paused_stepped_and_judged(tab: Any, line: str, tmp_pa
         tab.get_by_role("button", name="go on").click()
         shows(tab, "ended")
         assert tab.evaluate("formation.state.time") == 0.5
-        assert tab.evaluate(END) == pytest.approx(20.0)
+        assert tab.evaluate(END) == pytest.approx(60.0)
         assert "settled by 10 s" in tab.locator("#verdicts").inner_text()
         assert tab.told == []
 

@@ -104,6 +104,15 @@ def test_a_figure_that_cannot_be_drawn_costs_nothing_else(
 # Who stops --------------------------------------------------------------------------------------------------
 
 
+def test_ctrl_c_in_a_text_that_is_executed(tmp_path: Path) -> None:
+    """As where a dataclass is made. Python notes it, and would end itself by SIGINT in the end."""
+    program = 'from cosim import cli\ncli._function = lambda _: exec("raise KeyboardInterrupt")\ncli.entry()\n'
+    (tmp_path / "interrupted.py").write_text(program, encoding="utf-8")
+    command = [sys.executable, "-m", "interrupted", "list"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize(("number", "times"), [*((number, 1) for number in POSIX_SIGNALS), (signal.SIGINT, 1000)])
 def test_a_signal_to_the_process(line: str, tmp_path: Path, number: int, times: int) -> None:

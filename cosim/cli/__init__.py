@@ -40,6 +40,7 @@ def entry() -> None:
         status = INTERRUPTED
     for number in SIGNALS:  # the command has ended, and its status stands
         signal.signal(number, signal.SIG_IGN)
+    exec("")  # if Ctrl-C has struck in a text that was executed, as for a dataclass, `python -m` ends by it otherwise
     gc.freeze()  # without it the interpreter searches all objects of the libraries for garbage before it ends
     sys.exit(status)
 
