@@ -569,6 +569,30 @@ def test_a_python_that_is_none(tmp_path: Path, program: str, sentence: str) -> N
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    [
+        {"gain_facts": "none"},
+        {"gain_facts": {"K_p": 1}},
+        {"signals": {"name": "a"}},
+        {"signals": [{"name": "a", "unit": "m", "description": "b", "singular_below": 10**400}]},
+        {"vehicles": 1},
+        {"known": 1},
+    ],
+)
+def test_a_host_that_tells_what_makes_no_sense(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    law = {"package": "a", "version": "1", "interface": "1.0", "vehicles": [], "needs": [], "signals": []}
+    bodies = [json.dumps(told).encode() for told in ({"python": "3.11"}, law | {"gain_facts": {}} | wrong)]
+    python = tmp_path / "environment" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    reply = tmp_path / "reply"
+    reply.write_bytes(b"".join(host.HEADER.pack(host.DONE, len(body)) + body for body in bodies))
+    python.write_text(f'#!/bin/sh\nprintf %s "$7"; cat "{reply}"; exec sleep 60\n')
+    python.chmod(0o755)
+    sentence = "did not describe the controller 'faulty': its process answers with bytes that are no reply"
+    assert sentence in refused(written(tmp_path / "line.xml", faulty(python.parents[1])))
+
+
+@pytest.mark.parametrize(
     ("interface", "sentence"),
     [
         (None, "it lacks formation-controllers, which every controller needs"),

@@ -138,7 +138,7 @@ class HostProcess(Companion):
         reply, told = self._reply(failed)
         if reply != Reply.FAILED:
             return told
-        with self._sense(failed):
+        with self.sense(failed):
             place = told["place"]
             raise Refused(printable(str(told["said"])), place if isinstance(place, int) else -1)
 
@@ -147,10 +147,6 @@ class HostProcess(Companion):
         if not isinstance(told, dict):
             raise self._nonsense(failed)
         return told
-
-    def nonsense(self, failed: str) -> Exception:
-        """Return the error of an answer without sense."""
-        return self._nonsense(failed)
 
     def map(self, numbers: int) -> tuple[host.Board, dict[str, Any]]:
         """Return a board with so many numbers, and where it is for the process.

@@ -138,13 +138,11 @@ class Host:
         failed = "did not list its controllers"
         try:
             told = self.process.sensible(self.process.request(Request.LIST, None, failed), failed)
-            try:
+            with self.process.sense(failed):
                 return {
                     printable(str(name)): (printable(str(package)), printable(str(version)))
                     for name, (package, version) in told.items()
                 }
-            except (TypeError, ValueError):
-                raise self.process.nonsense(failed) from None
         except (HostError, Refused) as error:
             raise self._failed(error) from None
 
@@ -162,10 +160,8 @@ class Host:
         failed = f"did not check the gains of {name!r}"
         try:
             told = self.process.sensible(self.process.request(Request.GAINS, [name, settings], failed), failed)
-            try:
+            with self.process.sense(failed):
                 return tuple((str(key), _value(value)) for key, value in told.items())
-            except (TypeError, ValueError):
-                raise self.process.nonsense(failed) from None
         except Refused as refusal:
             raise GainFault(str(refusal), refusal.place) from None
         except HostError as error:
@@ -198,11 +194,9 @@ class Host:
     def _describe(self, name: str) -> dict[str, Any]:
         failed = f"did not describe the controller {name!r}"
         try:
-            told = self.process.request(Request.DESCRIBE, name, failed)
-            try:
-                return _checked(self.process.sensible(told, failed))
-            except (TypeError, ValueError, LookupError):
-                raise self.process.nonsense(failed) from None
+            told = self.process.sensible(self.process.request(Request.DESCRIBE, name, failed), failed)
+            with self.process.sense(failed):
+                return _checked(told)
         except (HostError, Refused) as error:
             raise self._failed(error) from None
 
@@ -243,11 +237,8 @@ class Host:
             board, where = self.process.map(numbers)
             told = self.process.request(Request.TEAMS, {**where, "shapes": shapes, "teams": about}, failed)
             if told:
-                try:
-                    fault = Refused(printable(str(told[0]["fault"])), range(len(teams))[int(told[0]["team"])])
-                except (TypeError, ValueError, LookupError):
-                    raise self.process.nonsense(failed) from None
-                raise fault
+                with self.process.sense(failed):
+                    raise Refused(printable(str(told[0]["fault"])), range(len(teams))[int(told[0]["team"])])
         except HostError as error:
             raise self._failed(error) from None
         self.process.use([team.time_limit for _, team in teams])
@@ -301,13 +292,7 @@ class Hosts:
 
 
 def _checked(told: dict[str, Any]) -> dict[str, Any]:
-    """Return what a host tells of a law, with parts of the types that they must have.
-
-    Raises
-    ------
-    TypeError, ValueError, LookupError
-        It makes no sense.
-    """
+    """Return what a host tells of a law, with parts of the types that they must have, where it makes sense."""
     if "known" in told:
         return {"known": [printable(str(name)) for name in told["known"]]}
     about: dict[str, Any] = {key: printable(str(told[key])) for key in ("package", "version")}

@@ -100,7 +100,8 @@ class TeamElsewhere(Team):
     def not_finite(self, command: NDArray[np.float64], time: float) -> SimulationError:
         """Return the failure of a controller that returned commands (n, entries) which are not finite."""
         try:
-            return self._told(self._request(Request.NOT_FINITE, self._number), time)
+            told = self._request(Request.NOT_FINITE, self._number)
+            return self._told(self._process.sensible(told, "did not answer"), time)
         except (HostError, Refused) as error:
             return self._ended(error, time)
 
@@ -124,11 +125,10 @@ class TeamElsewhere(Team):
         culprit = process.culprit
         try:
             told = process.failure()
-            team = teams[int(told["team"])]
-            assert isinstance(team, TeamElsewhere)
-            return team._told(told, time)
-        except (TypeError, ValueError, LookupError):
-            return self._ended(process.nonsense("did not complete the tick"), time)
+            with process.sense("did not complete the tick"):
+                team = teams[int(told["team"])]
+                assert isinstance(team, TeamElsewhere)
+                return team._told(told, time)
         except (HostError, Refused) as error:
             known = [team for team in teams if isinstance(team, TeamElsewhere)]
             if culprit is not None:

@@ -133,7 +133,7 @@ class Companion:
         if length > MOST:
             raise self._nonsense(failed)
         body = self._exactly(length, failed)
-        with self._sense(failed):
+        with self.sense(failed):
             reply, told = Reply(kind), json.loads(body) if body else None
         self._waits = True
         return reply, told
@@ -166,11 +166,11 @@ class Companion:
         return ready
 
     @contextmanager
-    def _sense(self, failed: str) -> Iterator[None]:
+    def sense(self, failed: str) -> Iterator[None]:
         """Raise an error if what the process has told makes no sense."""
         try:
             yield
-        except (ValueError, TypeError, LookupError, RecursionError):
+        except (ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError):
             raise self._nonsense(failed) from None
 
     def _nonsense(self, failed: str) -> Exception:

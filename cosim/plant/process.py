@@ -121,7 +121,7 @@ class PlantProcess(Companion):
             told = self._receive("it did not start")
             if told is None:
                 return
-            with self._sense("it did not start"):
+            with self.sense("it did not start"):
                 index, said, no_instance = int(told[0]), printable(str(told[1])), bool(told[2])
                 self.specs[index]
         except PlantError as error:
@@ -182,7 +182,7 @@ class PlantProcess(Companion):
                 raise self._ended(failed)
             self._ask(Request.FAILURES)
             told = self._receive(failed)
-            with self._sense(failed):
+            with self.sense(failed):
                 failures = {range(len(self.specs))[int(index)]: printable(str(said)) for index, said in told}
                 if not failures:
                     raise ValueError
@@ -212,7 +212,7 @@ class PlantProcess(Companion):
         failed = "did not save its state"
         self._ask(Request.SAVE, [index])
         told = self._receive(failed)
-        with self._sense(failed):
+        with self.sense(failed):
             return PlantState.from_json(told)
 
     def restore(self, index: int, state: PlantState) -> None:
@@ -238,7 +238,7 @@ class PlantProcess(Companion):
         try:
             self._ask(Request.MESSAGES)
             told = self._receive(failed)
-            with self._sense(failed):
+            with self.sense(failed):
                 return [
                     (range(len(self.specs))[int(index)], printable(str(said)), [_message(*about) for about in data])
                     for index, said, data in told
