@@ -165,7 +165,8 @@ def _table(data: bytes, rng: random.Random) -> bytes:
     lines = [line.split(",") for line in data.decode().splitlines()]
     for _ in range(rng.choice((1, 1, 3))):
         row = rng.choice(lines[:4] if rng.random() < 0.5 else lines)
-        row[rng.randrange(len(row))] = rng.choice(TEXTS)
+        if row:  # else a line without cells, which was put in
+            row[rng.randrange(len(row))] = rng.choice(TEXTS)
         if rng.random() < 0.2:
             lines.insert(rng.randrange(len(lines)), rng.choice(lines)[: rng.randrange(20)])
     return "\n".join(map(",".join, lines)).encode("utf-8", "surrogatepass")
