@@ -31,6 +31,7 @@ from cosim.cli import entry
 from cosim.cli.earlier_results import BEFORE
 from cosim.tests.driving import scenario
 from cosim.tests.studies import SEEDS, write_study
+from cosim.undisturbed import SIGNALS
 from plants import scratch
 from tests.dask_cluster import Cluster
 from tests.environments import CONTROLLERS, environment
@@ -50,9 +51,8 @@ LAST_MOMENT = 20.0
 MARK, CLUSTER_MARK = "FORMATION_KILLS", secrets.token_hex(8)
 STATUSES = {0, 1, 2, 3, 70, 71, -signal.SIGKILL}
 """How a command may end of which some process was killed."""
-STOPS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 STOPPED = {0, 130}
-"""How a command may end that was stopped by one of these, with all its processes."""
+"""How a command may end that was stopped with all its processes."""
 UNHEEDING = {"pytest", "cluster"}
 """Commands of others, and with processes of others."""
 
@@ -240,7 +240,7 @@ def _kill(pid: int, victim: int) -> Iterator[str]:
 def _stop(bench: Bench, pid: int, started: Sequence[int], rng: random.Random) -> Iterator[str]:
     """Stop a command as service managers and batch systems do: all its processes get the same signal at once."""
     log = bench.folder / "log"
-    number, processes = rng.choice(STOPS), [pid, *started]
+    number, processes = rng.choice(SIGNALS), [pid, *started]
     said = log.stat().st_size
     rng.shuffle(processes)
     for process in processes:
@@ -330,7 +330,7 @@ def main() -> int:
         for kind in dict.fromkeys(kinds):
             with suppress(SystemExit):
                 bench.call("study" if kind == "cluster" else kind)  # imports and compiles for all that are forked
-            for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+            for number in SIGNALS:
                 signal.signal(number, signal.SIG_DFL)
             bench.begin_anew(kind)
             begin = time.monotonic()

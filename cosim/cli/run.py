@@ -184,11 +184,10 @@ def run_one(
                 _save(result, folder)
             if drawn:
                 figures.draw(result, folder / "figure.png")
-        if signals.received and failure is None:  # while the result was being written
+        if signals.received and not isinstance(failure, RunInterrupted):  # also while the result was being written
+            if failure is not None:  # both: no further scenario is wanted
+                report(failure)
             failure = RunInterrupted(min(simulation.time, scenario.horizon), result)
-        elif signals.received and isinstance(failure, SimulationError):  # both: no further scenario is wanted
-            report(failure)
-            failure = RunInterrupted(simulation.time, result)
         console = out()
         # Judging may run other scenarios, to compare with: the result is safe by now.
         with timed(timing, "expectations"), taking_a_while("judging the expectations"):

@@ -64,9 +64,10 @@ _MOST = 2**16
 """Most ticks in a row without looks: after each look in vain they are twice as many and one more, after a tick half."""
 _ROUNDS = 30_000
 """Looks between two of the clock, which take some microseconds."""
-_INTRINSICS = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "plant", "intrinsics.py")
+_PACKAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir)
+_INTRINSICS = os.path.join(_PACKAGE, "plant", "intrinsics.py")
 """What compiled code needs for shared memory, which an FMU does without."""
-_UNDISTURBED = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "undisturbed.py")
+_UNDISTURBED = os.path.join(_PACKAGE, "undisturbed.py")
 """What the harness's processes do about signals; an FMU's does nothing."""
 _ORPHAN_CHECK = 1.0
 _PR_SET_PDEATHSIG, _SIGKILL = 1, 9
@@ -1102,8 +1103,6 @@ def main() -> None:
     for stream in streams:
         stream.reconfigure(line_buffering=True, errors="backslashreplace")
     _end_with(int(parent), main_thread == "1")
-    if file is None:
-        runpy.run_path(_UNDISTURBED)["stay_deaf"]()
     status = 0
     try:
         os.write(replies, begins.encode())
@@ -1113,7 +1112,8 @@ def main() -> None:
             _Alone(requests, replies, file).serve(fault and f" cannot run by {sys.executable}: {fault}")
         else:
             send(replies, DONE, greeting)
-            if "fault" not in greeting:
+            if "fault" not in greeting:  # as that of a Python that is too old for that file
+                runpy.run_path(_UNDISTURBED)["stay_deaf"]()
                 _Host(requests, replies).serve()
     except BaseException:
         traceback.print_exc()

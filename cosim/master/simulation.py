@@ -182,8 +182,7 @@ class Simulation(Closing):
         """
         if self.finished:
             raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
-        if self._ended:
-            raise InputError(f"the run cannot go on: {self._ended}")
+        self._require_open("go on")
         override = self._understood(torques) if torques else {}
         with self._failing():
             self._ticks.one(override, self._tell)
