@@ -70,9 +70,11 @@ def test_the_robot_moves(experiment: Experiment) -> None:
 def test_libcosim(experiment: Experiment, capfd: pytest.CaptureFixture[str]) -> None:
     need("libcosimpy")
     from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
 
+    log_output_level(CosimLogLevel.TRACE)  # a level holds for the process: another test may have set its own
     execution = CosimExecution.from_step_size(round(STEP * 1e9))
     robot = execution.add_local_slave(CosimLocalSlave(experiment.path, "robot"))
     observer = CosimObserver.create_last_value()
