@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.clock import ROUNDING
+from cosim.errors import Picklable
 from cosim.moments import SECOND, nanoseconds_of
 from cosim.recordings.mapping import Place
 
@@ -104,7 +105,7 @@ class Numbers:
     names: Sequence[str]
 
 
-class ClockGoesBack(ValueError):
+class ClockGoesBack(Picklable, ValueError):
     """The time of a recording goes back by more than a gap: it holds several drives, or a clock was set."""
 
     def __init__(self, time: float, by: float) -> None:

@@ -498,7 +498,7 @@ class Function(Expressions):
             if joined is None:
                 self.refuse(node, "this is another kind of result than that of another return")
             if joined != self._result:
-                raise OtherResult(joined)
+                raise _OtherResult(joined)
 
     def _joined(self, a: Kind, b: Kind) -> Scalar | Several | None:
         if {a, b} == {FLOAT, INT}:
@@ -858,7 +858,7 @@ def _bare(pointer: str) -> str:
     return pointer[1:-1] if re.fullmatch(r"\(\([^()]*\*\)[^()]*\)", pointer) else pointer
 
 
-class OtherResult(Exception):
+class _OtherResult(Exception):
     """The returns of a function have kinds that are joined to another one."""
 
     def __init__(self, kind: Scalar | Several) -> None:
@@ -905,7 +905,7 @@ def translated(
         function = Function(shared, source, kinds, naturals, name, const, result, is_entry)
         try:
             found = function.translated()
-        except OtherResult as other:
+        except _OtherResult as other:
             result = other.kind
         else:
             if const or not function.has_rows_of_unwritten:
