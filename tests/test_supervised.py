@@ -73,12 +73,24 @@ class Command:
         with (out / "log").open("w") as log:
             self.process = subprocess.Popen(self.arguments, env=environment, stdout=log, stderr=log, process_group=0)
 
+    def run(self) -> list[int]:
+        """Return the process that has loaded the FMU, once there is one: libraries start others in passing."""
+        found = (int(child.split()[0]) for child in children(self.process.pid))
+        return [pid for pid in found if "/bad.so" in _maps(pid)]
+
     def wait_for(self, condition: Callable[[], object]) -> None:
         deadline = time.monotonic() + 120.0
         while not condition():
             assert self.process.poll() is None, (self.out / "log").read_text()
             assert time.monotonic() < deadline, (self.out / "log").read_text()
             time.sleep(0.1)
+
+
+def _maps(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/maps").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +117,7 @@ def command(make: Make, tmp_path: Path, compiled: None) -> Iterator[Callable[...
 
 def runs(command: Command) -> bool:
     """Return whether the plants are started, and the run with them."""
-    return (command.out / "s").is_dir() and bool(children(command.process.pid))
+    return (command.out / "s").is_dir() and bool(command.run())
 
 
 @pytest.mark.parametrize("group", [False, True])
@@ -129,9 +141,9 @@ def test_a_signal_to_the_process_of_the_run_while_plants_start(
 ) -> None:
     """It ends the run, as one does that comes later: no plant has failed, and no fault is told."""
     one = command(behaviour="slow", place="instantiate", seconds=3.0)
-    one.wait_for(lambda: children(one.process.pid))
+    one.wait_for(one.run)
     time.sleep(1.0)
-    (child,) = (int(one.split()[0]) for one in children(one.process.pid))
+    (child,) = one.run()
     os.kill(child, number)
     assert one.process.wait(60.0) == 130, (one.out / "log").read_text()
     assert json.loads(saved(one.out / "s" / "result.nc").attrs["failure"])["message"] == "interrupted"
@@ -144,7 +156,7 @@ def test_under_nohup_no_process_heeds_sighup(command: Callable[..., Command]) ->
     finally:
         signal.signal(signal.SIGHUP, before)
     one.wait_for(lambda: runs(one))
-    for process in (*(int(child.split()[0]) for child in children(one.process.pid)), one.process.pid):
+    for process in (*one.run(), one.process.pid):
         os.kill(process, signal.SIGHUP)
     time.sleep(2.0)
     assert one.process.poll() is None, (one.out / "log").read_text()
@@ -166,7 +178,7 @@ def test_two_signals_end_a_step_that_does_not_end(command: Callable[..., Command
 
 def test_a_signal_while_plants_start(command: Callable[..., Command]) -> None:
     one = command(behaviour="hang", place="instantiate")
-    one.wait_for(lambda: children(one.process.pid))
+    one.wait_for(one.run)
     time.sleep(1.0)
     one.process.send_signal(signal.SIGINT)
     assert one.process.wait(30.0) == 130
@@ -177,7 +189,7 @@ def test_a_signal_while_plants_start(command: Callable[..., Command]) -> None:
 def test_a_command_that_is_killed_leaves_no_process(command: Callable[..., Command], behaviour: str) -> None:
     one = command(behaviour=behaviour)
     one.wait_for(lambda: runs(one))
-    pids = [int(child.split()[0]) for child in children(one.process.pid)]
+    pids = one.run()
     one.process.kill()
     one.process.wait()
     deadline = time.monotonic() + 10.0
