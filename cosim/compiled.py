@@ -52,24 +52,20 @@ def _compiled(function: F, **more: Any) -> F:
     if not COMPILED:
         return function
     import numba
-    from formation_controllers.kept import trusted
+    from formation_controllers.kept import keep
 
     watch_numba()
 
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **more}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
-        file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
+        # Numba renews a cached function only when its own file changes, not one from which another function was inlined
+        # or whose types it takes.
+        if keep(dispatcher, f"{numba.__version__} {_sources()}"):
+            return dispatcher  # type: ignore[no-any-return]
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
-        fresh = False
-    if not fresh:
-        dispatcher = numba.njit(**options)(function)
-        return dispatcher  # type: ignore[no-any-return]
-    # Numba renews a cached function only when its own file changes, not one from which another function was inlined or
-    # whose types it takes. The version is looked at first: what is kept of other sources may not even be readable.
-    file._version = f"{numba.__version__} {_sources()}"
-    return dispatcher  # type: ignore[no-any-return]
+        pass
+    return numba.njit(**options)(function)  # type: ignore[no-any-return]
 
 
 @cache

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from formation_controllers import elementary
-from formation_controllers.kept import trusted
+from formation_controllers.kept import keep
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -95,17 +95,13 @@ def _compiled(function: F, **more: Any) -> F:
     options = {**_OPTIONS, **more}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
-        file = dispatcher._cache._cache_file
-        fresh = hasattr(file, "_version") and trusted(file._cache_path, str(Path(function.__code__.co_filename).parent))
+        # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
+        # inlined from another file.
+        if keep(dispatcher, f"{numba.__version__} {_SOURCES}"):
+            return dispatcher  # type: ignore[no-any-return]
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
-        fresh = False
-    if not fresh:
-        dispatcher = numba.njit(**options)(function)
-        return dispatcher  # type: ignore[no-any-return]
-    # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
-    # inlined from another file. The version is looked at first: what is kept of other sources may not even be readable.
-    file._version = f"{numba.__version__} {_SOURCES}"
-    return dispatcher  # type: ignore[no-any-return]
+        pass
+    return numba.njit(**options)(function)  # type: ignore[no-any-return]
 
 
 def compiled_for(function: F, *arguments: Any) -> F:

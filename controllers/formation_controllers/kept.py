@@ -1,13 +1,20 @@
-"""Where Numba keeps compiled functions: a folder from which code is loaded, so that only the user may write there."""
+"""Where Numba keeps compiled functions: a folder that only the user may write to, files that tell what they hold."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import stat
 import sys
 import warnings
 from functools import cache
+from pathlib import Path
+from typing import Any
 
+from numba.core import caching
+
+_NumbasFiles: Any = caching.IndexDataCacheFile
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -42,3 +49,81 @@ def trusted(folder: str, sources: str) -> bool:
         stacklevel=3,
     )
     return False
+
+
+def keep(dispatcher: Any, version: str) -> bool:
+    """Let a function that Numba caches be kept in `Files`; return False if its folder is not `trusted`.
+
+    Parameters
+    ----------
+    dispatcher
+        The function, by ``numba.njit(cache=True)``.
+    version
+        What its code depends on besides its own file: the version of Numba, and other sources.
+
+    Raises
+    ------
+    AttributeError
+        This Numba keeps functions otherwise.
+    """
+    numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
+    if not trusted(numbas._cache_path, str(Path(dispatcher.py_func.__code__.co_filename).parent)):
+        return False
+    dispatcher._cache._cache_file = Files(numbas._cache_path, base, numbas._source_stamp, version)
+    return True
+
+
+class Files(_NumbasFiles):  # type: ignore[misc]
+    """The files of a function: an index, and one file for each combination of types of its arguments.
+
+    Numba extends the index without a lock, and before it writes the file. Two processes that compile a function for
+    different types at once may choose one name for both, and one that is killed in between leaves the code of older
+    sources under a new entry. Numba would call either, with wrong numbers or a crash. So a file is used only if its
+    checksum is right, which covers the version, and if it holds the very types that are asked for; otherwise the
+    function is compiled once more.
+    """
+
+    def __init__(self, folder: str, base: str, stamp: object, version: str) -> None:
+        super().__init__(folder, base, stamp)
+        self._version = version
+
+    def save(self, key: object, data: object) -> None:
+        """Keep what was compiled, by the types and the processor for which it was."""
+        super().save(key, (key, data))
+
+    def load(self, key: object) -> Any:
+        """Return what was compiled for these types and this processor; None if it is not there."""
+        kept_for, data = super().load(key) or (None, None)
+        return data if kept_for == key else None
+
+    def _load_index(self) -> dict[object, str]:
+        return self._read(self._index_name) or {}
+
+    def _save_index(self, overloads: dict[object, str]) -> None:
+        self._write(self._index_name, overloads)
+
+    def _load_data(self, name: str) -> Any:
+        return self._read(name)
+
+    def _save_data(self, name: str, data: object) -> None:
+        self._write(name, data)
+
+    def _read(self, name: str) -> Any:
+        """Return what is in a file; None if it is not there, damaged or of another version, which is not unpickled."""
+        try:
+            content = Path(self._data_path(name)).read_bytes()
+        except FileNotFoundError:
+            return None
+        told, pickled = content[:_LENGTH], content[_LENGTH:]
+        return pickle.loads(pickled) if told == self._checksum(pickled) else None
+
+    def _write(self, name: str, value: object) -> None:
+        pickled = self._dump(value)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(self._checksum(pickled) + pickled)
+
+    def _checksum(self, pickled: bytes) -> bytes:
+        return hashlib.sha256(f"{self._version} {self._source_stamp}".encode() + pickled).digest()
+
+
+_LENGTH = hashlib.sha256().digest_size

@@ -1,4 +1,4 @@
-"""Compiled functions are loaded only from folders to which others cannot write."""
+"""Compiled functions are loaded only from folders to which others cannot write, and only if they are what is wanted."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import os
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numba
+import numpy as np
 import pytest
-from formation_controllers.kept import trusted
+from formation_controllers.compiled import compiled
+from formation_controllers.kept import Files, trusted
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
 
@@ -91,3 +96,96 @@ def test_nothing_is_loaded_from_there(tmp_path: Path) -> None:
     [place] = (path for path in (tmp_path / "numba").iterdir() if path.name.startswith(tmp_path.name))
     place.chmod(0o777)
     assert hits() == "0"
+
+
+# What is in the files -----------------------------------------------------------------------------------------
+
+ROW = np.arange(6.0)
+COLUMN = np.arange(12.0)[::2]
+"""Six other numbers, in every other place of an array."""
+
+
+def total(values: Any) -> float:
+    """Return a sum, by code that is another for numbers in a row and for others."""
+    result = 0.0
+    for i in range(len(values)):
+        result += values[i]
+    return result
+
+
+@pytest.fixture
+def anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Any]:
+    """Return what makes the function as another process does, with the files that are kept."""
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        pytest.skip("nothing is compiled")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "numba"))
+    return lambda: compiled(total)
+
+
+def files(folder: Path, kind: str) -> list[Path]:
+    return sorted(folder.glob(f"numba/**/*.{kind}"))
+
+
+def test_processes_that_compile_for_different_types_at_once(
+    anew: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both read the index before either writes it, so that both choose the same name; neither gets the other's code."""
+    one, other = anew(), anew()
+    original, waits = Files._save_index, [True]
+
+    def save_index(self: Any, overloads: Any) -> None:
+        if waits.pop():
+            waits.append(False)
+            assert other(COLUMN) == 30.0
+        original(self, overloads)
+        waits.append(False)
+
+    monkeypatch.setattr(Files, "_save_index", save_index)
+    assert one(ROW) == 15.0
+    assert len(files(tmp_path, "nbc")) == 1, "there is no race to be tested"
+    for _ in range(2):
+        found = anew()
+        assert found(COLUMN) == 30.0
+        assert found(ROW) == 15.0
+    found = anew()
+    assert (found(COLUMN), found(ROW)) == (30.0, 15.0)
+    assert sum(found.stats.cache_hits.values()) == 2
+
+
+def test_code_of_older_sources_under_a_new_entry(anew: Callable[[], Any], tmp_path: Path) -> None:
+    """A process that was killed has written the index, and not the file."""
+    assert anew()(ROW) == 15.0
+    [file] = files(tmp_path, "nbc")
+    old = file.read_bytes()
+    older = anew()
+    older._cache._cache_file._version = "older sources"
+    assert older(ROW) == 15.0
+    assert file.read_bytes() != old
+    [index] = files(tmp_path, "nbi")
+    index.unlink()
+    of_older = file.read_bytes()
+    assert anew()(ROW) == 15.0
+    file.write_bytes(of_older)
+    found = anew()
+    assert found(ROW) == 15.0
+    assert sum(found.stats.cache_hits.values()) == 0
+    found = anew()
+    assert found(ROW) == 15.0
+    assert sum(found.stats.cache_hits.values()) == 1
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", ["flip", "cut", "empty", "garbage"])
+def test_damaged_files(anew: Callable[[], Any], tmp_path: Path, kind: str, damage: str) -> None:
+    assert anew()(ROW) == 15.0
+    [file] = files(tmp_path, kind)
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    cut = bytes(content[: len(content) // 2])
+    file.write_bytes({"flip": bytes(content), "cut": cut, "empty": b"", "garbage": b"garbage" * 100}[damage])
+    hits = []
+    for _ in range(2):
+        found = anew()
+        assert found(ROW) == 15.0
+        hits.append(sum(found.stats.cache_hits.values()))
+    assert hits == [0, 1]
