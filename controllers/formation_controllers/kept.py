@@ -8,11 +8,13 @@ import pickle
 import stat
 import sys
 import warnings
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 from numba.core import caching
+
+from formation_controllers.sources import sources_of
 
 _NumbasFiles: Any = caching.IndexDataCacheFile
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -59,7 +61,8 @@ def keep(dispatcher: Any, version: str) -> bool:
     dispatcher
         The function, by ``numba.njit(cache=True)``.
     version
-        What its code depends on besides its own file: the version of Numba, and other sources.
+        What its code depends on besides the sources that are not ours: the version of Numba, and our sources. Numba
+        itself looks at the function's own file alone, not at one from which another function was inlined.
 
     Raises
     ------
@@ -69,7 +72,8 @@ def keep(dispatcher: Any, version: str) -> bool:
     numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
     if not trusted(numbas._cache_path, str(Path(dispatcher.py_func.__code__.co_filename).parent)):
         return False
-    dispatcher._cache._cache_file = Files(numbas._cache_path, base, numbas._source_stamp, version)
+    module = dispatcher.py_func.__module__
+    dispatcher._cache._cache_file = Files(numbas._cache_path, base, numbas._source_stamp, version, module)
     return True
 
 
@@ -83,9 +87,14 @@ class Files(_NumbasFiles):  # type: ignore[misc]
     function is compiled once more.
     """
 
-    def __init__(self, folder: str, base: str, stamp: object, version: str) -> None:
+    def __init__(self, folder: str, base: str, stamp: object, version: str, module: str) -> None:
         super().__init__(folder, base, stamp)
-        self._version = version
+        self._version, self._module = version, module
+
+    @cached_property
+    def _sources(self) -> str:
+        """What the code is made of, told at the first call: until then the module may import more."""
+        return f"{self._version} {self._source_stamp} {sources_of(self._module)}"
 
     def save(self, key: object, data: object) -> None:
         """Keep what was compiled, by the types and the processor for which it was."""
@@ -123,7 +132,7 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             file.write(self._checksum(pickled) + pickled)
 
     def _checksum(self, pickled: bytes) -> bytes:
-        return hashlib.sha256(f"{self._version} {self._source_stamp}".encode() + pickled).digest()
+        return hashlib.sha256(self._sources.encode() + pickled).digest()
 
 
 _LENGTH = hashlib.sha256().digest_size

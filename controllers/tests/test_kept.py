@@ -195,3 +195,43 @@ def test_damaged_files(anew: Callable[[], Any], tmp_path: Path, kind: str, damag
         assert found(ROW) == 15.0
         hits.append(sum(found.stats.cache_hits.values()))
     assert hits == [0, 1]
+
+
+LAW = "import numba\nfrom formation_controllers.compiled import compiled\n"
+
+
+@pytest.mark.parametrize("kind", ["module", "package", "relative", "constant", "far"])
+def test_an_edit_of_another_file_counts(tmp_path: Path, kind: str) -> None:
+    """Of a law in several files each is a source of the others; Numba looks at the function's own file alone."""
+    package = tmp_path / "laws"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    helper = package / "helper.py"
+    helper.write_text(LAW + "GAIN = 2.0\n@compiled\ndef scaled(x):\n    return 2.0 * x\n")
+    (package / "between.py").write_text("from laws.helper import *\n")
+    imports, term = {
+        "module": ("import laws.helper as helper", "helper.scaled(x)"),
+        "package": ("from laws import helper", "helper.scaled(x)"),
+        "relative": ("from .helper import scaled", "scaled(x)"),
+        "constant": ("from laws.helper import GAIN", "GAIN * x"),
+        "far": ("from laws.between import scaled", "scaled(x)"),
+    }[kind]
+    (package / "law.py").write_text(LAW + f"{imports}\n@compiled\ndef law(x):\n    return 1.0 + {term}\n")
+    program = "from laws.law import law; print(law(1.0), sum(law.stats.cache_hits.values()))"
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "numba"),
+        "PYTHONPATH": str(tmp_path),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+
+    def printed() -> str:
+        command = [sys.executable, "-c", program]
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    assert [printed(), printed()] == ["3.0 0", "3.0 1"]
+    helper.write_text(helper.read_text().replace("2.0", "5.0"))
+    assert [printed(), printed()] == ["6.0 0", "6.0 1"]
