@@ -59,8 +59,6 @@ def _compiled(function: F, **more: Any) -> F:
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **more}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
-        # Numba renews a cached function only when its own file changes, not one from which another function was inlined
-        # or whose types it takes.
         if keep(dispatcher, f"{numba.__version__} {_sources()}"):
             return dispatcher  # type: ignore[no-any-return]
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise

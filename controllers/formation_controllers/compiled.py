@@ -95,8 +95,6 @@ def _compiled(function: F, **more: Any) -> F:
     options = {**_OPTIONS, **more}
     try:
         dispatcher: Any = numba.njit(cache=True, **options)(function)
-        # Numba renews a cached function only when that function's own file changes, and would go on with an old formula
-        # inlined from another file.
         if keep(dispatcher, f"{numba.__version__} {_SOURCES}"):
             return dispatcher  # type: ignore[no-any-return]
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise

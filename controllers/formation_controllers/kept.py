@@ -16,7 +16,7 @@ from numba.core import caching
 
 from formation_controllers.sources import sources_of
 
-_NumbasFiles: Any = caching.IndexDataCacheFile
+_NumbasFiles: Any = getattr(caching, "IndexDataCacheFile", object)
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -48,21 +48,23 @@ def trusted(folder: str, sources: str) -> bool:
         f"functions are compiled at each start, because others can write to {folder}, where they would be kept:"
         " remove that folder, or choose one of your own (the environment variable NUMBA_CACHE_DIR)",
         RuntimeWarning,
-        stacklevel=3,
+        stacklevel=5,
     )
     return False
 
 
 def keep(dispatcher: Any, version: str) -> bool:
-    """Let a function that Numba caches be kept in `Files`; return False if its folder is not `trusted`.
+    """Let a function that Numba caches be kept in `Files`; return False if it must not be.
+
+    Its folder must be `trusted`, and its module be imported from its file: nobody knows what others depend on.
 
     Parameters
     ----------
     dispatcher
         The function, by ``numba.njit(cache=True)``.
     version
-        What its code depends on besides the sources that are not ours: the version of Numba, and our sources. Numba
-        itself looks at the function's own file alone, not at one from which another function was inlined.
+        The version of Numba and a checksum of our sources. Those of the user are added at the first call: Numba itself
+        looks at the function's own file alone, not at one from which another function was inlined.
 
     Raises
     ------
@@ -70,9 +72,12 @@ def keep(dispatcher: Any, version: str) -> bool:
         This Numba keeps functions otherwise.
     """
     numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
-    if not trusted(numbas._cache_path, str(Path(dispatcher.py_func.__code__.co_filename).parent)):
+    module, source = dispatcher.py_func.__module__, dispatcher.py_func.__code__.co_filename
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or os.path.abspath(file) != os.path.abspath(source):
         return False
-    module = dispatcher.py_func.__module__
+    if not trusted(numbas._cache_path, str(Path(source).parent)):
+        return False
     dispatcher._cache._cache_file = Files(numbas._cache_path, base, numbas._source_stamp, version, module)
     return True
 
@@ -121,10 +126,15 @@ class Files(_NumbasFiles):  # type: ignore[misc]
         """Return what is in a file; None if it is not there, damaged or of another version, which is not unpickled."""
         try:
             content = Path(self._data_path(name)).read_bytes()
-        except FileNotFoundError:
+        except OSError:
             return None
         told, pickled = content[:_LENGTH], content[_LENGTH:]
-        return pickle.loads(pickled) if told == self._checksum(pickled) else None
+        if told != self._checksum(pickled):
+            return None
+        try:
+            return pickle.loads(pickled)
+        except Exception:  # whatever a class may raise that is not in this project, for whose objects it was compiled
+            return None
 
     def _write(self, name: str, value: object) -> None:
         pickled = self._dump(value)

@@ -7,6 +7,7 @@ import hashlib
 import os
 import sys
 import sysconfig
+import warnings
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import resolve_name
@@ -17,7 +18,7 @@ _STANDARD = tuple({os.path.join(sysconfig.get_path(name), "") for name in ("stdl
 
 
 def sources_of(module: str) -> str:
-    """Return a checksum of the sources of a module and of all that it imports, one through the other.
+    """Return a checksum of the sources of a module and of all that it imports by statements, one through the other.
 
     Of installed packages, but for the module's own, the file that is imported is known by its time and size alone:
     a newer version is another file. The standard library belongs to Python, and our own packages have versions.
@@ -36,7 +37,8 @@ def sources_of(module: str) -> str:
         if _installed(file) and name.partition(".")[0] != module.partition(".")[0]:
             found[file] = _version(file)
         else:
-            found[file], imported = _read(file, sys.modules[name].__package__ or "")
+            package = getattr(sys.modules[name], "__package__", None) or ""
+            found[file], imported = _read(file, package, _version(file))
             names += imported
     return hashlib.sha256(" ".join(found[file] for file in sorted(found)).encode()).hexdigest()
 
@@ -64,13 +66,15 @@ def _version(file: str) -> str:
 
 
 @cache
-def _read(file: str, package: str) -> tuple[str, tuple[str, ...]]:
+def _read(file: str, package: str, version: str) -> tuple[str, tuple[str, ...]]:
     """Return the checksum of a source and the names of what it imports, some of which are no modules."""
     try:
         content = Path(file).read_bytes()
-        text = ast.parse(content)
-    except (OSError, SyntaxError, ValueError):  # no text of Python: a module in another language, say
-        return _version(file), ()
+        with warnings.catch_warnings():  # of a user's text, who has seen them at the import
+            warnings.simplefilter("ignore")
+            text = ast.parse(content)
+    except (OSError, SyntaxError, ValueError, RecursionError):  # no text of Python: a module in another language, say
+        return version, ()
     return hashlib.sha256(content).hexdigest(), tuple(_imported(text, package))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -197,7 +198,43 @@ def test_damaged_files(anew: Callable[[], Any], tmp_path: Path, kind: str, damag
     assert hits == [0, 1]
 
 
-LAW = "import numba\nfrom formation_controllers.compiled import compiled\n"
+def test_a_class_that_is_not_in_this_project(tmp_path: Path) -> None:
+    """What a library's function was compiled for elsewhere ends nobody's start."""
+    (tmp_path / "project").mkdir()
+    (tmp_path / "library.py").write_text(LAW + "@compiled\ndef first(s):\n    return s[0]\n")
+    (tmp_path / "project" / "caller.py").write_text(
+        "from typing import NamedTuple\nfrom library import first\n"
+        "class S(NamedTuple):\n    x: float\n    y: float\nprint(first(S(1.0, 2.0)))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba"), "NUMBA_DISABLE_JIT": "0"}
+
+    def printed(program: str, *path: Path) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            env={**environment, "PYTHONPATH": os.pathsep.join(map(str, path))},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+
+    assert printed("import caller", tmp_path, tmp_path / "project") == "1.0"
+    assert printed("from library import first; print(first((3.0, 4.0)))", tmp_path) == "3.0"
+
+
+def test_a_module_that_is_not_imported_as_others_are(anew: Callable[[], Any], tmp_path: Path) -> None:
+    """Nobody knows what it imports."""
+    source = tmp_path / "apart.py"
+    source.write_text(LAW + "@compiled\ndef f(x):\n    return x + 1.0\n")
+    spec = importlib.util.spec_from_file_location("apart", source)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.f(1.0) == 2.0
+    assert files(tmp_path, "nbc") == []
+
+
+LAW = "from formation_controllers.compiled import compiled\n"
 
 
 @pytest.mark.parametrize("kind", ["module", "package", "relative", "constant", "far"])
