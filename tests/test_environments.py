@@ -650,7 +650,8 @@ def test_a_controller_that_is_not_there(own: Path, tmp_path: Path, old: str, new
 def test_a_module_that_fails(
     own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, laws: Path, module: str, sentence: str
 ) -> None:
-    monkeypatch.setattr(host_process, "START_LIMIT", 2.0)
+    if "sleep" in module:  # the others may need longer on a busy machine
+        monkeypatch.setattr(host_process, "START_LIMIT", 2.0)
     distribution(tmp_path / "laws", "own-laws", "1.0", ["own = own_laws:Law"], module)
     there = environment(tmp_path / "environment", CONTROLLERS, tmp_path / "laws")
     text = faulty(there).replace("faulty-laws", "own-laws").replace("~=1.2", "~=1.0").replace('"faulty"', '"own"')
