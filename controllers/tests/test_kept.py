@@ -20,6 +20,24 @@ from formation_controllers.kept import Files, trusted
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
 
 
+LAW = "from formation_controllers.compiled import compiled\n"
+
+
+def printed(program: str, folder: Path, *more: Path) -> str:
+    """Return what a new process prints that imports from these folders and keeps compiled functions in the first."""
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(folder / "numba"),
+        "PYTHONPATH": os.pathsep.join(map(str, (folder, *more))),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
     """Return a folder with a compiled function, and the folder of its source."""
@@ -78,20 +96,10 @@ def test_a_new_folder_becomes_the_users_alone(folders: tuple[Path, Path]) -> Non
 def test_nothing_is_loaded_from_there(tmp_path: Path) -> None:
     """The name of Numba's folder can be foretold, so that another user of a shared folder could lay it out."""
     (tmp_path / "numba").mkdir()
-    source = "from formation_controllers.compiled import compiled\n@compiled\ndef f(x):\n    return x + 1\n"
-    (tmp_path / "module.py").write_text(source)
-    program = "import module; module.f(1); print(sum(module.f.stats.cache_hits.values()))"
-    command = [sys.executable, "-W", "ignore", "-c", program]
-    environment = {
-        **os.environ,
-        "NUMBA_CACHE_DIR": str(tmp_path / "numba"),
-        "PYTHONPATH": str(tmp_path),
-        "NUMBA_DISABLE_JIT": "0",
-    }
-    options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
+    (tmp_path / "module.py").write_text(LAW + "@compiled\ndef f(x):\n    return x + 1\n")
 
     def hits() -> str:
-        return subprocess.run(command, **options).stdout.strip()  # type: ignore[call-overload, no-any-return]
+        return printed("import module; module.f(1); print(sum(module.f.stats.cache_hits.values()))", tmp_path)
 
     assert [hits(), hits()] == ["0", "1"]
     [place] = (path for path in (tmp_path / "numba").iterdir() if path.name.startswith(tmp_path.name))
@@ -206,17 +214,6 @@ def test_a_class_that_is_not_in_this_project(tmp_path: Path) -> None:
         "from typing import NamedTuple\nfrom library import first\n"
         "class S(NamedTuple):\n    x: float\n    y: float\nprint(first(S(1.0, 2.0)))\n"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba"), "NUMBA_DISABLE_JIT": "0"}
-
-    def printed(program: str, *path: Path) -> str:
-        return subprocess.run(
-            [sys.executable, "-c", program],
-            env={**environment, "PYTHONPATH": os.pathsep.join(map(str, path))},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-
     assert printed("import caller", tmp_path, tmp_path / "project") == "1.0"
     assert printed("from library import first; print(first((3.0, 4.0)))", tmp_path) == "3.0"
 
@@ -232,9 +229,6 @@ def test_a_module_that_is_not_imported_as_others_are(anew: Callable[[], Any], tm
     spec.loader.exec_module(module)
     assert module.f(1.0) == 2.0
     assert files(tmp_path, "nbc") == []
-
-
-LAW = "from formation_controllers.compiled import compiled\n"
 
 
 @pytest.mark.parametrize("kind", ["module", "package", "relative", "constant", "far"])
@@ -255,20 +249,6 @@ def test_an_edit_of_another_file_counts(tmp_path: Path, kind: str) -> None:
     }[kind]
     (package / "law.py").write_text(LAW + f"{imports}\n@compiled\ndef law(x):\n    return 1.0 + {term}\n")
     program = "from laws.law import law; print(law(1.0), sum(law.stats.cache_hits.values()))"
-    environment = {
-        **os.environ,
-        "NUMBA_CACHE_DIR": str(tmp_path / "numba"),
-        "PYTHONPATH": str(tmp_path),
-        "NUMBA_DISABLE_JIT": "0",
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
-
-    def printed() -> str:
-        command = [sys.executable, "-c", program]
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    assert [printed(), printed()] == ["3.0 0", "3.0 1"]
+    assert [printed(program, tmp_path) for _ in range(2)] == ["3.0 0", "3.0 1"]
     helper.write_text(helper.read_text().replace("2.0", "5.0"))
-    assert [printed(), printed()] == ["6.0 0", "6.0 1"]
+    assert [printed(program, tmp_path) for _ in range(2)] == ["6.0 0", "6.0 1"]
