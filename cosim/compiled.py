@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from cosim.compiling import watch_numba
+
+if TYPE_CHECKING:
+    from formation_controllers.kept import Sources
 
 PLAIN = "FORMATION_PLAIN_STEPPING"
 """The environment variable that makes the harness alone do without Numba: an FMU may be made of Python and Numba."""
@@ -51,32 +53,22 @@ def part(function: F) -> F:
 def _compiled(function: F, **more: Any) -> F:
     if not COMPILED:
         return function
-    import numba
-    from formation_controllers.kept import keep
+    from formation_controllers.kept import kept
 
     watch_numba()
-
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **more}
-    try:
-        dispatcher: Any = numba.njit(cache=True, **options)(function)
-        if keep(dispatcher, f"{numba.__version__} {_sources()}"):
-            return dispatcher  # type: ignore[no-any-return]
-    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
-        pass
-    return numba.njit(**options)(function)  # type: ignore[no-any-return]
+    return kept(function, _own(), error_model="numpy", nogil=True, no_cfunc_wrapper=True, **more)  # type: ignore[no-any-return]
 
 
 @cache
-def _sources() -> str:
-    """Return a checksum of the sources of all rooms that have compiled code."""
+def _own() -> Sources:
+    """Read the sources of all rooms that have compiled code."""
+    from formation_controllers.kept import sources
+
     here = Path(__file__).parent
     rooms = ("control", "master", "plant", "signals")
-    files = [
-        Path(__file__),
-        here / "frames.py",
-        *sorted(file for room in rooms for file in (here / room).rglob("*.py")),
-    ]
-    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+    return sources(
+        [Path(__file__), here / "frames.py", *(file for room in rooms for file in (here / room).rglob("*.py"))]
+    )
 
 
 # Compiled functions by their addresses -----------------------------------------------------------------------------

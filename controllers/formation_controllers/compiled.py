@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 import warnings
 from collections.abc import Callable
@@ -15,7 +14,7 @@ import numba
 import numpy as np
 
 from formation_controllers import elementary
-from formation_controllers.kept import keep
+from formation_controllers.kept import kept, sources
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -23,13 +22,7 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 """Strictly IEEE arithmetic, no fast-math; nobody calls a compiled function from C."""
 
 
-def _sources() -> str:
-    """Hash all sources of this package."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
-    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
-
-
-_SOURCES = _sources()
+_OWN = sources(Path(__file__).parent.rglob("*.py"))
 
 
 def _spare_scipy() -> None:
@@ -92,14 +85,7 @@ def vectors_of_four() -> None:
 def _compiled(function: F, **more: Any) -> F:
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
-    options = {**_OPTIONS, **more}
-    try:
-        dispatcher: Any = numba.njit(cache=True, **options)(function)
-        if keep(dispatcher, f"{numba.__version__} {_SOURCES}"):
-            return dispatcher  # type: ignore[no-any-return]
-    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
-        pass
-    return numba.njit(**options)(function)  # type: ignore[no-any-return]
+    return kept(function, _OWN, **_OPTIONS, **more)  # type: ignore[no-any-return]
 
 
 def compiled_for(function: F, *arguments: Any) -> F:

@@ -8,16 +8,23 @@ import pickle
 import stat
 import sys
 import warnings
-from functools import cache, cached_property
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
+import numpy as np
 from numba.core import caching
 
-from formation_controllers.sources import sources_of
+from formation_controllers.dependencies import of_closure, of_text, of_types
 
 _NumbasFiles: Any = getattr(caching, "IndexDataCacheFile", object)
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_VERSIONS = f"{numba.__version__} {np.__version__} {numba.config.BOUNDSCHECK}"  # type: ignore[attr-defined]
+"""What all compiled code depends on; to check bounds is a wish of the user, by NUMBA_BOUNDSCHECK."""
 
 
 @cache
@@ -53,33 +60,50 @@ def trusted(folder: str, sources: str) -> bool:
     return False
 
 
-def keep(dispatcher: Any, version: str) -> bool:
-    """Let a function that Numba caches be kept in `Files`; return False if it must not be.
+@dataclass(frozen=True)
+class Sources:
+    """Sources of a package's own: the code of their functions depends on all of them, and on no others by name.
 
-    Its folder must be `trusted`, and its module be imported from its file: nobody knows what others depend on.
+    Attributes
+    ----------
+    files
+        Their paths.
+    checksum
+        Of their content.
+    """
+
+    files: frozenset[str]
+    checksum: str
+
+
+def sources(files: Iterable[Path]) -> Sources:
+    """Read sources; raises OSError."""
+    paths = sorted(files)
+    content = b"\0".join(file.read_bytes() for file in paths)
+    return Sources(frozenset(map(str, paths)), hashlib.sha256(content).hexdigest())
+
+
+def kept(function: Any, own: Sources, **options: Any) -> Any:
+    """Compile a function with Numba, and keep its code in `Files` if its folder is `trusted`.
 
     Parameters
     ----------
-    dispatcher
-        The function, by ``numba.njit(cache=True)``.
-    version
-        The version of Numba and a checksum of our sources. Those of the user are added at the first call: Numba itself
-        looks at the function's own file alone, not at one from which another function was inlined.
-
-    Raises
-    ------
-    AttributeError
-        This Numba keeps functions otherwise.
+    function
+        The function.
+    own
+        Sources that are known by their checksum. What a function from elsewhere depends on is told at each start.
+    **options
+        Of ``numba.njit``.
     """
-    numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
-    module, source = dispatcher.py_func.__module__, dispatcher.py_func.__code__.co_filename
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or os.path.abspath(file) != os.path.abspath(source):
-        return False
-    if not trusted(numbas._cache_path, str(Path(source).parent)):
-        return False
-    dispatcher._cache._cache_file = Files(numbas._cache_path, base, numbas._source_stamp, version, module)
-    return True
+    try:
+        dispatcher: Any = numba.njit(cache=True, **options)(function)
+        numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
+        if trusted(numbas._cache_path, str(Path(function.__code__.co_filename).parent)):
+            dispatcher._cache._cache_file = Files(numbas._cache_path, base, dispatcher, own)
+            return dispatcher
+    except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
+        pass
+    return numba.njit(**options)(function)
 
 
 class Files(_NumbasFiles):  # type: ignore[misc]
@@ -88,32 +112,48 @@ class Files(_NumbasFiles):  # type: ignore[misc]
     Numba extends the index without a lock, and before it writes the file. Two processes that compile a function for
     different types at once may choose one name for both, and one that is killed in between leaves the code of older
     sources under a new entry. Numba would call either, with wrong numbers or a crash. So a file is used only if its
-    checksum is right, which covers the version, and if it holds the very types that are asked for; otherwise the
-    function is compiled once more.
+    checksum is right, which covers what the code depends on, and if it holds the very types that are asked for;
+    otherwise the function is compiled once more.
     """
 
-    def __init__(self, folder: str, base: str, stamp: object, version: str, module: str) -> None:
-        super().__init__(folder, base, stamp)
-        self._version, self._module = version, module
+    def __init__(self, folder: str, base: str, function: Any, own: Sources) -> None:
+        super().__init__(folder, base, None)
+        self._function, self._own, self._depends = function, own, ""
+        self._asked: dict[object, tuple[str, str]] = {}
 
-    @cached_property
-    def _sources(self) -> str:
-        """What the code is made of, told at the first call: until then the module may import more."""
-        return f"{self._version} {self._source_stamp} {sources_of(self._module)}"
-
-    def save(self, key: object, data: object) -> None:
-        """Keep what was compiled, by the types and the processor for which it was."""
-        super().save(key, (key, data))
-
-    def load(self, key: object) -> Any:
+    def load(self, key: Any) -> Any:
         """Return what was compiled for these types and this processor; None if it is not there."""
-        kept_for, data = super().load(key) or (None, None)
-        return data if kept_for == key else None
+        asked = self._tell(key)
+        if asked is None:
+            return None
+        self._asked[key] = asked
+        self._depends, entry = asked
+        kept_for, data = super().load(entry) or (None, None)
+        return data if kept_for == (entry, key[0]) else None
 
-    def _load_index(self) -> dict[object, str]:
+    def save(self, key: Any, data: object) -> None:
+        """Keep what was compiled, unless the disk is full or a constant has changed while it was compiled."""
+        asked = self._asked.pop(key, None)
+        if asked is None or asked != self._tell(key):
+            return
+        self._depends, entry = asked
+        with suppress(OSError):
+            super().save(entry, ((entry, key[0]), data))
+
+    def _tell(self, key: Any) -> tuple[str, str] | None:
+        """Return what the function depends on and for what it is compiled; None if that is more than can be told."""
+        types, processor, _ = key
+        own = self._own.files
+        try:
+            text, made_by = of_text(self._function, own), of_closure(self._function, own)
+            return f"{_VERSIONS} {self._own.checksum} {text}", f"{of_types(types, own)} {processor} {made_by}"
+        except Exception:  # `Unknown`, or whatever an object of the user may raise when it is looked at
+            return None
+
+    def _load_index(self) -> dict[str, str]:
         return self._read(self._index_name) or {}
 
-    def _save_index(self, overloads: dict[object, str]) -> None:
+    def _save_index(self, overloads: dict[str, str]) -> None:
         self._write(self._index_name, overloads)
 
     def _load_data(self, name: str) -> Any:
@@ -142,7 +182,7 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             file.write(self._checksum(pickled) + pickled)
 
     def _checksum(self, pickled: bytes) -> bytes:
-        return hashlib.sha256(self._sources.encode() + pickled).digest()
+        return hashlib.sha256(self._depends.encode() + pickled).digest()
 
 
 _LENGTH = hashlib.sha256().digest_size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import os
 import subprocess
@@ -15,10 +16,9 @@ import numba
 import numpy as np
 import pytest
 from formation_controllers.compiled import compiled
-from formation_controllers.kept import Files, trusted
+from formation_controllers.kept import Files, Sources, trusted
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
-
+posix = pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
 
 LAW = "from formation_controllers.compiled import compiled\n"
 
@@ -48,6 +48,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return kept, sources
 
 
+@posix
 @pytest.mark.parametrize(
     ("kept_mode", "sources_mode", "good"),
     [
@@ -73,6 +74,7 @@ def test_rights(folders: tuple[Path, Path], kept_mode: int, sources_mode: int, g
     assert kept.stat().st_mode & 0o7777 == kept_mode, "what is there stays as it is"
 
 
+@posix
 def test_another_users(folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     kept, sources = folders
     user, owner = os.geteuid() + 1, sources.stat().st_uid
@@ -85,6 +87,7 @@ def test_another_users(folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPat
             assert not trusted(str(kept), str(sources / ".."))
 
 
+@posix
 def test_a_new_folder_becomes_the_users_alone(folders: tuple[Path, Path]) -> None:
     kept, sources = folders
     (kept / "file").unlink()
@@ -93,6 +96,7 @@ def test_a_new_folder_becomes_the_users_alone(folders: tuple[Path, Path]) -> Non
     assert kept.stat().st_mode & 0o777 == 0o700
 
 
+@posix
 def test_nothing_is_loaded_from_there(tmp_path: Path) -> None:
     """The name of Numba's folder can be foretold, so that another user of a shared folder could lay it out."""
     (tmp_path / "numba").mkdir()
@@ -173,7 +177,7 @@ def test_code_of_older_sources_under_a_new_entry(anew: Callable[[], Any], tmp_pa
     [file] = files(tmp_path, "nbc")
     old = file.read_bytes()
     older = anew()
-    older._cache._cache_file._version = "older sources"
+    older._cache._cache_file._own = Sources(frozenset(), "older sources")
     assert older(ROW) == 15.0
     assert file.read_bytes() != old
     [index] = files(tmp_path, "nbi")
@@ -218,37 +222,241 @@ def test_a_class_that_is_not_in_this_project(tmp_path: Path) -> None:
     assert printed("from library import first; print(first((3.0, 4.0)))", tmp_path) == "3.0"
 
 
+def test_a_class_of_one_process_alone(tmp_path: Path) -> None:
+    """The class that another process reads from the file is not that of its arguments."""
+    (tmp_path / "law.py").write_text(
+        LAW + "from typing import NamedTuple\n@compiled\ndef law(s):\n    return s.x\n"
+        "def local():\n    class S(NamedTuple):\n        x: float\n    return S\n"
+    )
+    program = "from law import *; S = local(); print(law(S(1.0)), law(S(2.0)), sum(law.stats.cache_hits.values()))"
+    assert [printed(program, tmp_path) for _ in range(2)] == ["1.0 2.0 0", "1.0 2.0 0"]
+
+
 def test_a_module_that_is_not_imported_as_others_are(anew: Callable[[], Any], tmp_path: Path) -> None:
-    """Nobody knows what it imports."""
     source = tmp_path / "apart.py"
-    source.write_text(LAW + "@compiled\ndef f(x):\n    return x + 1.0\n")
-    spec = importlib.util.spec_from_file_location("apart", source)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert module.f(1.0) == 2.0
-    assert files(tmp_path, "nbc") == []
+    for gain in (2.0, 2.0, 5.0):
+        source.write_text(LAW + f"GAIN = {gain}\n@compiled\ndef f(x):\n    return GAIN * x\n")
+        spec = importlib.util.spec_from_file_location("apart", source)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.f(1.0) == gain
 
 
-@pytest.mark.parametrize("kind", ["module", "package", "relative", "constant", "far"])
-def test_an_edit_of_another_file_counts(tmp_path: Path, kind: str) -> None:
-    """Of a law in several files each is a source of the others; Numba looks at the function's own file alone."""
+def test_a_full_disk(anew: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What cannot be kept is called all the same."""
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Files, "_open_for_write", full)
+    assert anew()(ROW) == 15.0
+    assert files(tmp_path, "*") == []
+
+
+# What the code depends on -------------------------------------------------------------------------------------
+
+LAWS = {
+    "module": ("import laws.helper as helper", "helper.scaled(x)"),
+    "package": ("from laws import helper", "helper.scaled(x)"),
+    "modules": ("import laws", "laws.helper.scaled(x)"),
+    "relative": ("from .helper import scaled", "scaled(x)"),
+    "far": ("from laws.between import scaled", "scaled(x)"),
+    "constant": ("from laws.helper import GAIN", "GAIN * x"),
+    "by name": ("from laws import helper", "getattr(helper, 'GAIN') * x"),
+    "array": ("from laws.helper import ARRAY", "ARRAY[1] * x"),
+    "file": ("GAIN = float(open('laws/data').read())", "GAIN * x"),
+    "tuple": ("from laws.helper import TUPLE", "TUPLE.k * x"),
+    "fields": ("from laws.helper import Gains\nGAINS = Gains(2.0, 5.0)", "GAINS.k * x"),
+    "member": ("from laws.helper import Gain", "Gain.K.value * x"),
+    "in its place": ("from laws.helper import function", "function(x)"),
+    "made": ("from laws.helper import made", "made(x)"),
+}
+"""How a law comes by a gain of 2, that changes to 5: what it imports, and its term."""
+
+HELPER = """
+import enum
+from typing import NamedTuple
+import numpy as np
+from numba.extending import overload
+
+GAIN = 2.0
+ARRAY = np.array([1.0, 2.0])
+
+@compiled
+def scaled(x):
+    return 2.0 * x
+
+class Gains(NamedTuple):
+    k: float  # first
+    other: float
+
+TUPLE = Gains(k=2.0, other=1.0)
+
+class Gain(enum.Enum):
+    K = 2.0
+
+def function(x): ...
+
+@overload(function)
+def in_its_place(x):
+    return lambda x: 2.0 * x
+
+def make(gain):
+    @compiled
+    def made(x):
+        return gain * x
+    return made
+
+made = make(2.0)
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """Return a folder with the package `laws`, in which `law.py` is missing."""
     package = tmp_path / "laws"
     package.mkdir()
-    (package / "__init__.py").touch()
-    helper = package / "helper.py"
-    helper.write_text(LAW + "GAIN = 2.0\n@compiled\ndef scaled(x):\n    return 2.0 * x\n")
+    (package / "__init__.py").write_text("from laws import helper\n")
+    (package / "helper.py").write_text(LAW + HELPER)
     (package / "between.py").write_text("from laws.helper import *\n")
-    imports, term = {
-        "module": ("import laws.helper as helper", "helper.scaled(x)"),
-        "package": ("from laws import helper", "helper.scaled(x)"),
-        "relative": ("from .helper import scaled", "scaled(x)"),
-        "constant": ("from laws.helper import GAIN", "GAIN * x"),
-        "far": ("from laws.between import scaled", "scaled(x)"),
-    }[kind]
-    (package / "law.py").write_text(LAW + f"{imports}\n@compiled\ndef law(x):\n    return 1.0 + {term}\n")
-    program = "from laws.law import law; print(law(1.0), sum(law.stats.cache_hits.values()))"
-    assert [printed(program, tmp_path) for _ in range(2)] == ["3.0 0", "3.0 1"]
-    helper.write_text(helper.read_text().replace("2.0", "5.0"))
-    assert [printed(program, tmp_path) for _ in range(2)] == ["6.0 0", "6.0 1"]
+    (package / "data").write_text("2.0")
+    return tmp_path
+
+
+def write_law(project: Path, imports: str, term: str) -> None:
+    (project / "laws" / "law.py").write_text(LAW + f"{imports}\n@compiled\ndef law(x):\n    return 1.0 + {term}\n")
+
+
+def edit(project: Path) -> None:
+    """Make a gain of 5 out of a gain of 2, in all ways."""
+    for file in (project / "laws" / "helper.py", project / "laws" / "data"):
+        text = file.read_text()
+        text = text.replace("    k: float  # first\n    other: float", "    other: float\n    k: float")
+        file.write_text(text.replace("2.0", "5.0"))
+
+
+RUN = "from laws.law import law; print(law(1.0), sum(law.stats.cache_hits.values()))"
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_a_change_elsewhere_counts(project: Path, kind: str) -> None:
+    """Numba looks at the function's own file alone."""
+    write_law(project, *LAWS[kind])
+    assert [printed(RUN, project) for _ in range(2)] == ["3.0 0", "3.0 1"]
+    edit(project)
+    assert [printed(RUN, project) for _ in range(2)] == ["6.0 0", "6.0 1"]
+
+
+def test_what_does_not_change_the_code_does_not_count(project: Path) -> None:
+    """Files that are installed or checked out anew have other times; a comment and what else is imported is nothing."""
+    write_law(project, *LAWS["package"])
+    assert printed(RUN, project) == "3.0 0"
+    for file in project.rglob("*.py"):
+        file.write_text(file.read_text() + "# and no more\n")
+        os.utime(file, (1, 1))
+    assert printed("import laws.between, scipy.special; " + RUN, project) == "3.0 1"
+
+
+def test_an_edit_while_the_program_is_open(project: Path) -> None:
+    """The program has the old text, and calls the function for the first time when the file has the new one."""
+    write_law(project, *LAWS["module"])
+    (project / "edited.py").write_text((project / "laws" / "helper.py").read_text().replace("2.0", "5.0"))
+    moved = "import laws.law, os; os.replace('edited.py', 'laws/helper.py'); "
+    assert printed(moved + RUN, project) == "3.0 0"
+    assert [printed(RUN, project) for _ in range(2)] == ["6.0 0", "6.0 1"]
+
+
+def test_modules_that_are_loaded_again(project: Path) -> None:
+    write_law(project, *LAWS["module"])
+    (project / "edited.py").write_text((project / "laws" / "helper.py").read_text().replace("2.0", "5.0"))
+    again = (
+        "import importlib, os\n"
+        "import laws.law as own, laws.helper as helper\n"
+        "assert own.law(1.0) == 3.0\n"
+        "os.replace('edited.py', 'laws/helper.py')\n"
+        "[importlib.reload(module) for module in (helper, own)]\n"
+    )
+    assert printed(again + RUN, project) == "6.0 0"
+    assert [printed(RUN, project)[:3] for _ in range(2)] == ["6.0", "6.0"]
+
+
+def test_fields_of_an_argument(tmp_path: Path) -> None:
+    """Where a field is in a named tuple is decided in another file than that of the function."""
+    (tmp_path / "law.py").write_text(LAW + "@compiled\ndef law(s):\n    return s.x\n")
+    caller = tmp_path / "caller.py"
+    text = "from typing import NamedTuple\nfrom law import law\nclass S(NamedTuple):\n    x: float\n    y: float\n"
+    for fields in ("    x: float\n    y: float\n", "    y: float\n    x: float\n"):
+        caller.write_text(text.replace("    x: float\n    y: float\n", fields) + "print(law(S(x=1.0, y=2.0)))\n")
+        assert printed("import caller", tmp_path) == "1.0"
+
+
+def test_functions_of_one_name(tmp_path: Path) -> None:
+    """Two of them on one line, and one that is made twice."""
+    text = "one, other = compiled(lambda x: x + 1.0), compiled(lambda x: x + 2.0)\n"
+    text += "def make(gain):\n    @compiled\n    def law(x):\n        return gain * x\n    return law\n"
+    (tmp_path / "law.py").write_text(LAW + text)
+    program = (
+        "import law; laws = [law.one, law.other, law.make(3.0), law.make(4.0)]\n"
+        "print(*[one(2.0) for one in laws], sum(sum(one.stats.cache_hits.values()) for one in laws[2:]))"
+    )
+    assert [printed(program, tmp_path) for _ in range(2)] == ["3.0 4.0 6.0 8.0 0", "3.0 4.0 6.0 8.0 2"]
+
+
+@pytest.mark.parametrize("package", ["plants", "statistics"])
+def test_a_package_of_another_ones_name(tmp_path: Path, package: str) -> None:
+    """It is its files that make it ours, or Python's."""
+    (tmp_path / f"{package}.py").write_text(LAW + "@compiled\ndef scaled(x):\n    return 2.0 * x\n")
+    (tmp_path / "law.py").write_text(
+        LAW + f"from {package} import scaled\n@compiled\ndef law(x):\n    return scaled(x)\n"
+    )
+    run = "import sys; sys.path.insert(0, '.'); from law import law; print(law(1.0))"
+    assert printed(run, tmp_path) == "2.0"
+    file = tmp_path / f"{package}.py"
+    file.write_text(file.read_text().replace("2.0", "5.0"))
+    assert printed(run, tmp_path) == "5.0"
+
+
+@pytest.mark.parametrize("kind", ["list", "function"])
+def test_what_cannot_be_told_is_not_kept(anew: Callable[[], Any], tmp_path: Path, kind: str) -> None:
+    function, argument = (total, numba.typed.List([1.0, 2.0])) if kind == "list" else (called, compiled(scaled))
+    assert compiled(function)(argument) == 3.0
+    assert files(tmp_path, f"{function.__name__}*") == []
+
+
+def called(function: Callable[[float], float]) -> float:
+    """Return what a function makes of 1.5."""
+    return function(1.5)
+
+
+gain = 2.0
+
+
+def scaled(x: float) -> float:
+    """Return a multiple."""
+    return gain * x
+
+
+def test_a_constant_that_changes_while_it_is_compiled(
+    anew: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody knows which one is in the code."""
+
+    def load(self: Any, key: object) -> Any:
+        found = read(self, key)
+        monkeypatch.setattr(sys.modules[__name__], "gain", 5.0)
+        return found
+
+    read = Files.load
+    monkeypatch.setattr(Files, "load", load)
+    assert compiled(scaled)(1.0) == 5.0
+    assert files(tmp_path, "*") == []
+
+
+def test_bounds_are_checked_if_they_shall(tmp_path: Path) -> None:
+    """NUMBA_BOUNDSCHECK=1 finds the fault in a law that was compiled without it."""
+    (tmp_path / "law.py").write_text(LAW + "@compiled\ndef law(x):\n    return x[len(x)]\n")
+    call = "import numpy as np, law\ntry: law.law(np.ones(3)); print('unseen')\nexcept IndexError: print('seen')"
+    assert printed(call, tmp_path) == "unseen"
+    assert printed("import os; os.environ['NUMBA_BOUNDSCHECK'] = '1'\n" + call, tmp_path) == "seen"
