@@ -232,7 +232,10 @@ def test_a_class_of_one_process_alone(tmp_path: Path) -> None:
     assert [printed(program, tmp_path) for _ in range(2)] == ["1.0 2.0 0", "1.0 2.0 0"]
 
 
-def test_a_module_that_is_not_imported_as_others_are(anew: Callable[[], Any], tmp_path: Path) -> None:
+def test_a_module_that_is_not_imported_as_others_are(
+    anew: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python knows no two texts of one size in one second apart
     source = tmp_path / "apart.py"
     for gain in (2.0, 2.0, 5.0):
         source.write_text(LAW + f"GAIN = {gain}\n@compiled\ndef f(x):\n    return GAIN * x\n")
