@@ -1,4 +1,4 @@
-"""What the code of a compiled function depends on, told from the function as it is in memory.
+"""What the code of a compiled function depends on, described from the function as it is in memory.
 
 Numba freezes into the code what the function refers to: constants, arrays, other functions. It finds kept code by the
 function's own text and the time of its file, so that a change anywhere else goes unseen.
@@ -6,6 +6,7 @@ function's own text and the time of its file, so that a change anywhere else goe
 
 from __future__ import annotations
 
+import builtins
 import dis
 import enum
 import hashlib
@@ -17,17 +18,17 @@ from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
-from numba.core import dispatcher, types
-from numba.core.extending import _Intrinsic
+from numba.core import compiler, dispatcher, types
 from numba.core.typing import templates
 
 _LIBRARIES = tuple(os.path.join(package.__path__[0], "") for package in (np, numba))
 _STANDARD = tuple({os.path.join(sysconfig.get_path(name), "") for name in ("stdlib", "platstdlib")})
 
-_PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
+_PLAIN = (type(None), type(...), bool, int, str, bytes)
 _PLAIN_TYPES = (
     types.Boolean,
     types.Bytes,
@@ -44,7 +45,6 @@ _PLAIN_TYPES = (
     types.UnicodeType,
 )
 """Types of Numba whose names say all, among them that of a record with its fields."""
-
 _TEXT = (
     "co_code",
     "co_exceptiontable",
@@ -64,51 +64,80 @@ class Unknown(Exception):
     """A function depends on something that cannot be told from something else, so that its code must not be kept."""
 
 
-def of_text(function: Any, own: frozenset[str]) -> str:
-    """Return a checksum of what the code of a function depends on, but for its closure and the types of its arguments.
+def of_function(function: Any, own: frozenset[str]) -> str:
+    """Return a checksum of what the code of a function depends on, but for the types of its arguments.
 
-    These are its text and all that this refers to, one through the other, and the extensions of Numba that are in use.
-    Python, NumPy and Numba are known by names alone, and so is what the own files hold: their versions are the
-    caller's to add.
+    That is its text, its options, and all that the text refers to, one through the other. Functions of Python, NumPy
+    and Numba are known by their names, and so are those of own files: the caller adds versions. A function of an own
+    file that has no closure has an empty text in place of a checksum.
 
     Parameters
     ----------
     function
         The function, by ``numba.njit``.
     own
-        Paths of sources that the caller has a checksum of.
+        Paths of sources of which the caller has a checksum.
 
     Raises
     ------
     Unknown
-        It refers to something else than numbers, texts, arrays, tuples, enumerations, exceptions and functions.
+        It refers to something else than numbers, texts, arrays, tuples, enumerations, exceptions and functions, or to
+        what an extension of Numba compiles.
     """
-    if function.py_func.__code__.co_filename in own:
+    if function.py_func.__code__.co_filename in own and not function.py_func.__closure__:
         return ""
-    extensions = (_checksum(_Teller(own).value(extension)) for extension in _extensions(own))
-    return _checksum([*_Teller(own).compiled(function), *sorted({*extensions})])
-
-
-def of_closure(function: Any, own: frozenset[str]) -> str:
-    """Return a checksum of what a compiled function has from the function that has made it; arguments as `of_text`."""
-    return _checksum(_Teller(own).each(_cells(function.py_func)))
+    return _checksum(_Description(own).value(function))
 
 
 def of_types(arguments: tuple[Any, ...], own: frozenset[str]) -> str:
-    """Return a checksum of Numba's types of arguments, with the fields of tuples; raises as `of_text`."""
-    return _checksum(_Teller(own).each(arguments))
+    """Return a checksum of Numba's types of arguments, with the fields of tuples; raises as `of_function`."""
+    return _checksum(_Description(own).each(arguments))
+
+
+def steady(function: Any, own: frozenset[str]) -> bool:
+    """Return whether a function and those that it calls are as they were when they were first compiled or loaded.
+
+    Numba compiles a function once in a process, and calls that code also if a constant has changed since. Call this
+    whenever a function is about to be compiled; arguments and errors are those of `of_function`.
+    """
+    description = _Description(own)
+    for _ in description.value(function):
+        pass
+    called = [each for each in description.functions() if each is not function]
+    # Of all of them, not only up to the first that has changed: each state is remembered for later.
+    return all([remember(function, own), *(not _compiled_unseen(each, own) and remember(each, own) for each in called)])
+
+
+def remember(function: Any, own: frozenset[str]) -> bool:
+    """Remember what a function is, unless that was done before; return whether it is as it was then."""
+    now = of_function(function, own)
+    return _states.setdefault(function, now) == now
+
+
+def _compiled_unseen(function: Any, own: frozenset[str]) -> bool:
+    return bool(function not in _states and function.overloads and of_function(function, own))
+
+
+_states: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
+"""What each function was when it was first compiled, or loaded, in this process."""
 
 
 def _checksum(pieces: Iterable[str]) -> str:
     return hashlib.sha256("\n".join(pieces).encode("utf-8", "surrogatepass")).hexdigest()
 
 
-class _Teller:
-    """Tells values piece by piece, of which each says how many belong to it: no two values have the same pieces."""
+class _Description:
+    """Describes values piece by piece; a piece says what it is and how many belong to it."""
 
     def __init__(self, own: frozenset[str]) -> None:
         self._own = own
-        self._told: dict[tuple[int, frozenset[str]], tuple[int, Any]] = {}
+        self._seen: dict[int, tuple[int, Any]] = {}
+        self._within: list[int] = []
+        self._extended = _extended(own)
+
+    def functions(self) -> list[Any]:
+        """Return the compiled functions that were described."""
+        return [value for _, value in self._seen.values() if isinstance(value, dispatcher.Dispatcher)]
 
     def each(self, values: Iterable[Any]) -> Iterator[str]:
         values = list(values)
@@ -116,11 +145,12 @@ class _Teller:
         for value in values:
             yield from self.value(value)
 
-    def value(self, value: Any, names: frozenset[str] = frozenset()) -> Iterator[str]:
-        """Tell a value; of a module, what has one of these names."""
+    def value(self, value: Any) -> Iterator[str]:
         kind = type(value)
         if kind in _PLAIN:
             yield f"{kind.__name__} {value!r}"
+        elif kind in (float, complex):
+            yield f"{kind.__name__} {np.array(value).tobytes().hex()}"
         elif isinstance(value, types.Type):
             yield from self._type(value)
         elif isinstance(value, np.generic):
@@ -135,69 +165,83 @@ class _Teller:
         elif kind is dict:
             yield "dict"
             yield from self.each(sorted(value.items(), key=repr))
-        elif kind is frozenset:
-            yield "frozenset"
+        elif kind in (set, frozenset):
+            yield "set"
             yield from self.each(sorted(value, key=repr))
         elif isinstance(value, tuple):
             yield "tuple"
             yield from self.value(kind) if kind is not tuple else ()
             yield from self.each(value)
+        elif kind is slice:
+            yield "slice"
+            yield from self.each([value.start, value.stop, value.step])
         elif _of_library(value):
+            self._refuse_extended(value.__name__)
             yield f"library {value.__module__} {value.__qualname__}"
         elif isinstance(value, enum.Enum):
             yield f"member {value.name}"
-            yield from self.value(kind)
+            yield from self.each([kind, value.value])
         else:
-            yield from self._once(value, names)
+            yield from self._once(value)
 
-    def _once(self, value: Any, names: frozenset[str]) -> Iterator[str]:
-        """Tell what may refer to itself."""
-        known = id(value), names
-        if known in self._told:
-            yield f"as number {self._told[known][0]}"
+    def _once(self, value: Any) -> Iterator[str]:
+        """Describe what may refer to itself."""
+        if id(value) in self._seen:
+            if id(value) in self._within[:-1]:
+                raise Unknown("functions that call each other in a circle, of which Numba loads none")
+            yield f"as number {self._seen[id(value)][0]}"
             return
-        self._told[known] = len(self._told), value  # the value, too, so that none gets its identity
-        if isinstance(value, ModuleType):
-            yield from self._module(value, names)
-        elif isinstance(value, dispatcher.Dispatcher):
-            yield from self.compiled(value)
-            yield from self.each(_cells(value.py_func))
-        elif isinstance(value, FunctionType):
-            yield from self._function(value)
-            yield from self.each(_cells(value))
-        elif isinstance(value, _Intrinsic):
-            yield "intrinsic"
-            yield from self.value(value._defn)
+        self._seen[id(value)] = len(self._seen), value  # kept alive, so that no other object is given its id
+        self._within.append(id(value))
+        if isinstance(value, dispatcher.Dispatcher):
+            yield from self._compiled(value)
         elif isinstance(value, type):
             yield from self._class(value)
+        elif isinstance(value, FunctionType) and value.__code__.co_filename in self._own:
+            yield f"own {value.__module__} {value.__qualname__}"
         else:
-            raise Unknown(f"a {type(value).__qualname__}")
+            raise Unknown(f"{value!r}, a {type(value).__qualname__}")
+        self._within.pop()
 
-    def compiled(self, function: Any) -> Iterator[str]:
-        """Tell a compiled function but for its closure."""
+    def _compiled(self, function: Any) -> Iterator[str]:
+        if not function._can_compile or function._compiler.pipeline_class is not compiler.Compiler:
+            raise Unknown(f"{function!r}, which is for given types alone or compiled in another way")
         yield "compiled"
-        yield from self.value(function.targetoptions)
-        yield from self._function(function.py_func)
+        yield from self.each([function.targetoptions, function.locals])
+        text = function.py_func.__code__
+        own = text.co_filename in self._own
+        if own:
+            yield f"own {function.py_func.__module__} {function.py_func.__qualname__}"
+        else:
+            self._refuse_extended("operator", *_names(text))
+            yield from self.each([text, function.py_func.__defaults__, function.py_func.__kwdefaults__])
+        cells = zip(text.co_freevars, function.py_func.__closure__ or (), strict=True)
+        known = {name: cell.cell_contents for name, cell in cells}
+        for name, *attributes in _references(text):
+            if name in known:
+                yield from self._reference(known[name], name, attributes)
+            elif not own and name in function.py_func.__globals__:
+                yield from self._reference(function.py_func.__globals__[name], name, attributes)
+            elif not own and hasattr(builtins, name):
+                yield from self._reference(getattr(builtins, name), name, attributes)
 
-    def _function(self, function: FunctionType) -> Iterator[str]:
-        code = function.__code__
-        if code.co_filename in self._own:
-            yield f"own {function.__module__} {function.__qualname__}"
-            return
-        yield "function"
-        yield from self.each([code, function.__defaults__, function.__kwdefaults__])
-        names, attributes = _names(code)
-        for name in sorted(names & function.__globals__.keys()):
-            yield f"global {name}"
-            yield from self.value(function.__globals__[name], attributes)
+    def _reference(self, value: Any, name: str, attributes: list[str]) -> Iterator[str]:
+        """Describe what a text means by a name and the attributes that it takes of that, such as np.linalg.norm."""
+        yield f"{name} {attributes}"
+        for attribute in attributes:
+            if not isinstance(value, ModuleType):
+                break
+            module, value = value, getattr(value, attribute)
+            if _library(module.__name__) and callable(value):  # also what does not know its name, as in np.random
+                self._refuse_extended(getattr(value, "__name__", attribute))
+                return
+        if isinstance(value, ModuleType):
+            raise Unknown(f"all of the module {value.__name__}")
+        yield from self.value(value)
 
-    def _module(self, module: ModuleType, names: frozenset[str]) -> Iterator[str]:
-        yield f"module {module.__name__}"
-        if _library(module.__name__) or getattr(module, "__file__", None) in self._own:
-            return
-        for name in sorted(names & set(dir(module))):
-            yield f"attribute {name}"
-            yield from self.value(getattr(module, name), names)
+    def _refuse_extended(self, *names: str) -> None:
+        for name in self._extended.intersection(names):
+            raise Unknown(f"{name}, in the place of which an extension of Numba may compile something else")
 
     def _class(self, kind: type) -> Iterator[str]:
         yield f"class {kind.__module__} {kind.__qualname__}"
@@ -232,31 +276,37 @@ class _Teller:
             raise Unknown(f"the type {kind}")
 
 
-def _cells(function: FunctionType) -> list[Any]:
-    return [cell.cell_contents for cell in function.__closure__ or ()]
-
-
 @cache
 def _text(code: CodeType) -> str:
     """Return a checksum of a function's text: all of it but for where it stands."""
-    return _checksum(_Teller(frozenset()).each(getattr(code, name, None) for name in _TEXT))
+    return _checksum(_Description(frozenset()).each(getattr(code, name, None) for name in _TEXT))
 
 
 @cache
-def _names(code: CodeType) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of the globals that a text refers to, and all names that it may take from a module."""
-    names, attributes = set[str](), {*code.co_names}
-    for instruction in dis.get_instructions(code):
-        if instruction.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-            names.add(instruction.argval)
+def _names(code: CodeType) -> frozenset[str]:
+    """Return all names in a text and in those within it."""
+    return frozenset(code.co_names).union(*(_names(one) for one in code.co_consts if isinstance(one, CodeType)))
+
+
+@cache
+def _references(code: CodeType) -> tuple[tuple[str, ...], ...]:
+    """Return the names that a text, or one within it, takes from elsewhere, each with the attributes it takes of it."""
+    found = dict[tuple[str, ...], None]()
+    chain: list[str] = []
+    for instruction in (*dis.get_instructions(code), None):
+        if instruction is not None and instruction.opname == "EXTENDED_ARG":
+            continue
+        if chain and instruction is not None and instruction.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            chain.append(instruction.argval)
+            continue
+        if chain:
+            found[tuple(chain)] = None
+        starts = instruction is not None and instruction.opname.startswith(("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF"))
+        chain = [instruction.argval] if starts and instruction is not None else []
     for constant in code.co_consts:
-        if isinstance(constant, str):  # for `getattr`
-            attributes.add(constant)
-        elif isinstance(constant, CodeType):
-            inner_names, inner_attributes = _names(constant)
-            names |= inner_names
-            attributes |= inner_attributes
-    return frozenset(names), frozenset(attributes)
+        if isinstance(constant, CodeType):
+            found.update(dict.fromkeys(_references(constant)))
+    return tuple(found)
 
 
 def _of_library(value: Any) -> bool:
@@ -273,14 +323,26 @@ def _library(module: str) -> bool:
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None:
         return module in sys.builtin_module_names
+    return _file_of_library(file)
+
+
+@cache
+def _file_of_library(file: str) -> bool:
     installed = any(part in ("site-packages", "dist-packages") for part in Path(file).parts)
     return file.startswith(_LIBRARIES) or (file.startswith(_STANDARD) and not installed)
 
 
-def _extensions(own: frozenset[str]) -> Iterator[Any]:
-    """Yield the functions of others than Numba that say what is compiled in the place of something (``overload``)."""
+def _extended(own: frozenset[str]) -> frozenset[str]:
+    """Return the names of functions and attributes for which others state what is compiled (``overload``)."""
+    found = set[str]()
     registry = templates.builtin_registry
     for template in (*registry.functions, *registry.attributes):
         function = getattr(template, "_overload_func", None)
-        if function is not None and not _library(function.__module__) and function.__code__.co_filename not in own:
-            yield function
+        file = None if function is None else function.__code__.co_filename
+        if file is None or file in own or _file_of_library(file):
+            continue
+        key = template.key
+        found.add(getattr(template, "_attr", getattr(key, "__name__", "")))
+        if getattr(key, "__module__", None) in ("_operator", "operator"):
+            found.add("operator")
+    return frozenset(found)

@@ -19,12 +19,10 @@ import numba
 import numpy as np
 from numba.core import caching
 
-from formation_controllers.dependencies import of_closure, of_text, of_types
+from formation_controllers.dependencies import of_function, of_types, remember, steady
 
 _NumbasFiles: Any = getattr(caching, "IndexDataCacheFile", object)
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
-_VERSIONS = f"{numba.__version__} {np.__version__} {numba.config.BOUNDSCHECK}"  # type: ignore[attr-defined]
-"""What all compiled code depends on; to check bounds is a wish of the user, by NUMBA_BOUNDSCHECK."""
 
 
 @cache
@@ -100,6 +98,8 @@ def kept(function: Any, own: Sources, **options: Any) -> Any:
         numbas, base = dispatcher._cache._cache_file, dispatcher._cache._impl.filename_base
         if trusted(numbas._cache_path, str(Path(function.__code__.co_filename).parent)):
             dispatcher._cache._cache_file = Files(numbas._cache_path, base, dispatcher, own)
+            # Numba's own key has a checksum of the closure, which must then be something that can be pickled.
+            dispatcher._cache._index_key = lambda types, processor: (types, processor.magic_tuple())
             return dispatcher
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         pass
@@ -112,49 +112,52 @@ class Files(_NumbasFiles):  # type: ignore[misc]
     Numba extends the index without a lock, and before it writes the file. Two processes that compile a function for
     different types at once may choose one name for both, and one that is killed in between leaves the code of older
     sources under a new entry. Numba would call either, with wrong numbers or a crash. So a file is used only if its
-    checksum is right, which covers what the code depends on, and if it holds the very types that are asked for;
-    otherwise the function is compiled once more.
+    checksum is right, which covers the versions, and if it says that it is for just the text, the constants and the
+    types that are asked for; otherwise the function is compiled once more.
     """
 
     def __init__(self, folder: str, base: str, function: Any, own: Sources) -> None:
         super().__init__(folder, base, None)
-        self._function, self._own, self._depends = function, own, ""
-        self._asked: dict[object, tuple[str, str]] = {}
+        self._function, self._own = function, own
+        self._versions = f"{numba.__version__} {np.__version__} {own.checksum}".encode()
+        self._asked: dict[object, str] = {}
 
     def load(self, key: Any) -> Any:
         """Return what was compiled for these types and this processor; None if it is not there."""
-        asked = self._tell(key)
-        if asked is None:
-            return None
-        self._asked[key] = asked
-        self._depends, entry = asked
-        kept_for, data = super().load(entry) or (None, None)
-        return data if kept_for == (entry, key[0]) else None
-
-    def save(self, key: Any, data: object) -> None:
-        """Keep what was compiled, unless the disk is full or a constant has changed while it was compiled."""
-        asked = self._asked.pop(key, None)
-        if asked is None or asked != self._tell(key):
-            return
-        self._depends, entry = asked
-        with suppress(OSError):
-            super().save(entry, ((entry, key[0]), data))
-
-    def _tell(self, key: Any) -> tuple[str, str] | None:
-        """Return what the function depends on and for what it is compiled; None if that is more than can be told."""
-        types, processor, _ = key
         own = self._own.files
         try:
-            text, made_by = of_text(self._function, own), of_closure(self._function, own)
-            return f"{_VERSIONS} {self._own.checksum} {text}", f"{of_types(types, own)} {processor} {made_by}"
-        except Exception:  # `Unknown`, or whatever an object of the user may raise when it is looked at
-            return None
+            entry = self._entry(key)
+            kept_for, data = super().load(entry) or (None, None)
+            if kept_for == (entry, key[0]):
+                remember(self._function, own)
+                return data
+            if steady(self._function, own):
+                self._asked[key] = entry
+        except Exception as error:  # `Unknown`, or whatever an object of the user may raise when it is looked at
+            caching._cache_log("[cache] %r is not kept: %s", self._function, error)  # type: ignore[no-untyped-call]
+        return None
+
+    def save(self, key: Any, data: object) -> None:
+        """Keep what was compiled, if there is room for it and no constant has changed while it was compiled."""
+        entry = self._asked.pop(key, None)
+        with suppress(Exception):  # a full disk, an object that cannot be pickled
+            if entry is not None and entry == self._entry(key):
+                super().save(entry, ((entry, key[0]), data))
+
+    def _entry(self, key: Any) -> str:
+        """Return what the code depends on; raises as `of_function`, and whatever an object of the user raises."""
+        kinds, processor = key[:2]
+        own, checks_bounds = self._own.files, numba.config.BOUNDSCHECK  # type: ignore[attr-defined]
+        return f"{of_function(self._function, own)} {of_types(kinds, own)} {checks_bounds} {processor}"
+
+    # What Numba calls for an index and for a file
 
     def _load_index(self) -> dict[str, str]:
         return self._read(self._index_name) or {}
 
     def _save_index(self, overloads: dict[str, str]) -> None:
-        self._write(self._index_name, overloads)
+        newest = list(overloads.items())[-_ENTRIES:]
+        self._write(self._index_name, dict(newest))
 
     def _load_data(self, name: str) -> Any:
         return self._read(name)
@@ -168,8 +171,8 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             content = Path(self._data_path(name)).read_bytes()
         except OSError:
             return None
-        told, pickled = content[:_LENGTH], content[_LENGTH:]
-        if told != self._checksum(pickled):
+        checksum, pickled = content[:_LENGTH], content[_LENGTH:]
+        if checksum != self._checksum(pickled):
             return None
         try:
             return pickle.loads(pickled)
@@ -182,7 +185,9 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             file.write(self._checksum(pickled) + pickled)
 
     def _checksum(self, pickled: bytes) -> bytes:
-        return hashlib.sha256(self._depends.encode() + pickled).digest()
+        return hashlib.sha256(self._versions + pickled).digest()
 
 
 _LENGTH = hashlib.sha256().digest_size
+_ENTRIES = 100
+"""Most that is kept of a function: for other types, other constants, other texts. The oldest goes first."""
