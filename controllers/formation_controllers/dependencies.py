@@ -103,23 +103,24 @@ def steady(function: Any, own: frozenset[str]) -> bool:
     description = _Description(own)
     for _ in description.value(function):
         pass
-    called = [each for each in description.functions() if each is not function]
-    # Of all of them, not only up to the first that has changed: each state is remembered for later.
-    return all([remember(function, own), *(not _compiled_unseen(each, own) and remember(each, own) for each in called)])
+    # All of them, not only up to the first that has changed: each state is remembered for later.
+    known = [remember(each, own, called=each is not function) for each in description.functions()]
+    return all(known)
 
 
-def remember(function: Any, own: frozenset[str]) -> bool:
-    """Remember what a function is, unless that was done before; return whether it is as it was then."""
-    now = of_function(function, own)
+def remember(function: Any, own: frozenset[str], *, called: bool = False) -> bool:
+    """Remember what a function is, unless that was done before; return whether it is as it was then.
+
+    Of one that is only `called`, and was compiled before that, nobody knows from what.
+    """
+    now = _checksum(_Description(own, alone=True).value(function))
+    if called and function.overloads and function not in _states and function.py_func.__code__.co_filename not in own:
+        return False
     return _states.setdefault(function, now) == now
 
 
-def _compiled_unseen(function: Any, own: frozenset[str]) -> bool:
-    return bool(function not in _states and function.overloads and of_function(function, own))
-
-
 _states: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
-"""What each function was when it was first compiled, or loaded, in this process."""
+"""What each function was, without those that it calls, when it was first compiled or loaded in this process."""
 
 
 def _checksum(pieces: Iterable[str]) -> str:
@@ -127,10 +128,13 @@ def _checksum(pieces: Iterable[str]) -> str:
 
 
 class _Description:
-    """Describes values piece by piece; a piece says what it is and how many belong to it."""
+    """Describes values piece by piece; a piece says what it is and how many belong to it.
 
-    def __init__(self, own: frozenset[str]) -> None:
-        self._own = own
+    Of a function `alone`, those that it calls are described by what they are in this process.
+    """
+
+    def __init__(self, own: frozenset[str], alone: bool = False) -> None:
+        self._own, self._alone = own, alone
         self._seen: dict[int, tuple[int, Any]] = {}
         self._within: list[int] = []
         self._extended = _extended(own)
@@ -190,6 +194,9 @@ class _Description:
             if id(value) in self._within[:-1]:
                 raise Unknown("functions that call each other in a circle, of which Numba loads none")
             yield f"as number {self._seen[id(value)][0]}"
+            return
+        if self._alone and self._seen and isinstance(value, dispatcher.Dispatcher):
+            yield f"function {id(value)}"
             return
         self._seen[id(value)] = len(self._seen), value  # kept alive, so that no other object is given its id
         self._within.append(id(value))
