@@ -192,7 +192,7 @@ class _Description:
         """Describe what may refer to itself."""
         if id(value) in self._seen:
             if id(value) in self._within[:-1]:
-                raise Unknown("functions that call each other in a circle, of which Numba loads none")
+                raise Unknown("functions that call each other in a circle, which Numba cannot load")
             yield f"as number {self._seen[id(value)][0]}"
             return
         if self._alone and self._seen and isinstance(value, dispatcher.Dispatcher):
@@ -207,12 +207,12 @@ class _Description:
         elif isinstance(value, FunctionType) and value.__code__.co_filename in self._own:
             yield f"own {value.__module__} {value.__qualname__}"
         else:
-            raise Unknown(f"{value!r}, a {type(value).__qualname__}")
+            raise Unknown(f"a {type(value).__module__}.{type(value).__qualname__}")
         self._within.pop()
 
     def _compiled(self, function: Any) -> Iterator[str]:
         if not function._can_compile or function._compiler.pipeline_class is not compiler.Compiler:
-            raise Unknown(f"{function!r}, which is for given types alone or compiled in another way")
+            raise Unknown("a function for given types alone, or compiled in another way")
         yield "compiled"
         yield from self.each([function.targetoptions, function.locals])
         text = function.py_func.__code__
@@ -244,7 +244,10 @@ class _Description:
                 return
         if isinstance(value, ModuleType):
             raise Unknown(f"all of the module {value.__name__}")
-        yield from self.value(value)
+        try:
+            yield from self.value(value)
+        except Unknown as error:
+            raise Unknown(f"{'.'.join([name, *attributes])}: {error}") from None
 
     def _refuse_extended(self, *names: str) -> None:
         for name in self._extended.intersection(names):

@@ -306,11 +306,23 @@ LAWS = {
 """How a law comes by a gain of 2, that changes to 5: what it imports, and its term."""
 
 UNKNOWN = {
-    "by name": ("from laws import helper\nfrom laws.helper import NAME", "getattr(helper, NAME) * x"),
-    "overload": ("from laws.helper import function", "function(x)"),
-    "signature": ("from laws.helper import rounded", "rounded(x)"),
+    "by name": (
+        "from laws import helper\nfrom laws.helper import NAME",
+        "getattr(helper, NAME) * x",
+        "all of the module laws.helper",
+    ),
+    "overload": (
+        "from laws.helper import function",
+        "function(x)",
+        "function, in the place of which an extension of Numba may compile something else",
+    ),
+    "signature": (
+        "from laws import helper",
+        "helper.rounded(x)",
+        "helper.rounded: a function for given types alone, or compiled in another way",
+    ),
 }
-"""Laws with such a gain, of which it cannot be told."""
+"""Laws with such a gain, of which it cannot be told; and why."""
 
 HELPER = """
 import enum, logging
@@ -405,11 +417,14 @@ def test_a_change_elsewhere_counts(project: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", UNKNOWN)
-def test_what_nobody_can_tell_is_compiled_anew(project: Path, kind: str) -> None:
-    write_law(project, *UNKNOWN[kind])
+def test_what_nobody_can_tell_is_compiled_anew(project: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    *law, reason = UNKNOWN[kind]
+    write_law(project, *law)
     assert [printed(RUN, project) for _ in range(2)] == ["3.0 0", "3.0 0"]
     edit(project)
     assert printed(RUN, project) == "6.0 0"
+    monkeypatch.setenv("NUMBA_DEBUG_CACHE", "1")
+    assert f" is not kept: {reason}\n" in printed(RUN, project)
 
 
 def test_two_states_in_turn(project: Path) -> None:
