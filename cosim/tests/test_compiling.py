@@ -1,9 +1,17 @@
 """Compilation that takes long is told, once."""
 
+import ast
+import importlib
 import math
+import pkgutil
+import sys
+from pathlib import Path
+from typing import Any
 
+import formation_controllers
 import pytest
 
+import cosim
 from cosim import compiling
 from cosim.compiled import COMPILED
 
@@ -35,3 +43,30 @@ def test_nothing_is_told_after_the_block(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(compiling, "LONG", 0.0)
     compile_two()
     assert not said
+
+
+@pytest.mark.parametrize("package", [cosim, formation_controllers])
+def test_compiled_functions_refer_to_sources_that_count(package: Any) -> None:
+    """Kept code is found by a checksum of these sources: a name from elsewhere could have another meaning since."""
+    from numba.core.dispatcher import Dispatcher
+
+    modules = [
+        importlib.import_module(one.name) for one in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
+    ]
+    found = 0
+    for module in modules:
+        imported = {}
+        for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                imported |= {alias.asname or alias.name: node.module for alias in node.names}
+        for function in vars(module).values():
+            if not isinstance(function, Dispatcher) or function.__module__ != module.__name__:
+                continue
+            found += 1
+            own = function._cache._cache_file._own.files
+            assert module.__file__ in own
+            for name in set(function.py_func.__code__.co_names) & imported.keys():
+                if imported[name].partition(".")[0] not in sys.stdlib_module_names | {"numba", "numpy"}:
+                    origin = sys.modules.get(f"{imported[name]}.{name}") or sys.modules[imported[name]]
+                    assert origin.__file__ in own, f"{function.py_func} takes {name} from {origin}"
+    assert found > 40
