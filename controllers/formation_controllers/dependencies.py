@@ -22,7 +22,7 @@ from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
-from numba.core import compiler, dispatcher, types
+from numba.core import caching, compiler, dispatcher, types
 from numba.core.typing import templates
 
 _LIBRARIES = tuple(os.path.join(package.__path__[0], "") for package in (np, numba))
@@ -45,6 +45,7 @@ _PLAIN_TYPES = (
     types.UnicodeType,
 )
 """Types of Numba whose names say all, among them that of a record with its fields."""
+
 _TEXT = (
     "co_code",
     "co_exceptiontable",
@@ -58,18 +59,18 @@ _TEXT = (
     "co_cellvars",
     "co_consts",
 )
+"""All that makes the text of a function, but for where it stands."""
 
 
 class Unknown(Exception):
-    """A function depends on something that cannot be told from something else, so that its code must not be kept."""
+    """A function depends on something whose changes cannot be recognised, so that its code must not be kept."""
 
 
 def of_function(function: Any, own: frozenset[str]) -> str:
     """Return a checksum of what the code of a function depends on, but for the types of its arguments.
 
     That is its text, its options, and all that the text refers to, one through the other. Functions of Python, NumPy
-    and Numba are known by their names, and so are those of own files: the caller adds versions. A function of an own
-    file that has no closure has an empty text in place of a checksum.
+    and Numba are known by their names, and so are those of own files: the caller adds versions.
 
     Parameters
     ----------
@@ -84,57 +85,54 @@ def of_function(function: Any, own: frozenset[str]) -> str:
         It refers to something else than numbers, texts, arrays, tuples, enumerations, exceptions and functions, or to
         what an extension of Numba compiles.
     """
-    if function.py_func.__code__.co_filename in own and not function.py_func.__closure__:
-        return ""
-    return _checksum(_Description(own).value(function))
+    return checksum(_Description(own).value(function))
 
 
 def of_types(arguments: tuple[Any, ...], own: frozenset[str]) -> str:
     """Return a checksum of Numba's types of arguments, with the fields of tuples; raises as `of_function`."""
-    return _checksum(_Description(own).each(arguments))
+    return checksum(_Description(own).each(arguments))
 
 
 def steady(function: Any, own: frozenset[str]) -> bool:
-    """Return whether a function and those that it calls are as they were when they were first compiled or loaded.
+    """Return whether all that a function calls is as it was when it was compiled, if that was before.
 
-    Numba compiles a function once in a process, and calls that code also if a constant has changed since. Call this
-    whenever a function is about to be compiled; arguments and errors are those of `of_function`.
+    Numba compiles a function once in a process, and calls that code also if a constant has changed since. Of a callee
+    that was compiled without `remember`, nobody knows from what. Arguments and errors are those of `of_function`.
     """
     description = _Description(own)
     for _ in description.value(function):
         pass
-    # All of them, not only up to the first that has changed: each state is remembered for later.
-    known = [remember(each, own, called=each is not function) for each in description.functions()]
+    compiled = [each for each in description.functions() if each is not function and each.overloads]
+    known = [each in _states and remember(each, own) for each in compiled]
     return all(known)
 
 
-def remember(function: Any, own: frozenset[str], *, called: bool = False) -> bool:
-    """Remember what a function is, unless that was done before; return whether it is as it was then.
-
-    Of one that is only `called`, and was compiled before that, nobody knows from what.
-    """
-    now = _checksum(_Description(own, alone=True).value(function))
-    if called and function.overloads and function not in _states and function.py_func.__code__.co_filename not in own:
-        return False
-    return _states.setdefault(function, now) == now
+def remember(function: Any, own: frozenset[str]) -> bool:
+    """Return whether a function is as it has always been; call this each time before it is compiled or loaded."""
+    now = checksum(_Description(own, shallow=True).value(function))
+    if _states.setdefault(function, now) == now:
+        return True
+    _states[function] = "changed"
+    return False
 
 
 _states: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
-"""What each function was, without those that it calls, when it was first compiled or loaded in this process."""
+"""What each function was: which functions it calls counts, what they are does not."""
 
 
-def _checksum(pieces: Iterable[str]) -> str:
+def checksum(pieces: Iterable[str]) -> str:
+    """Return a checksum of texts, each of which has one line."""
     return hashlib.sha256("\n".join(pieces).encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class _Description:
     """Describes values piece by piece; a piece says what it is and how many belong to it.
 
-    Of a function `alone`, those that it calls are described by what they are in this process.
+    A `shallow` description of a function only says which functions it calls, as this process knows them.
     """
 
-    def __init__(self, own: frozenset[str], alone: bool = False) -> None:
-        self._own, self._alone = own, alone
+    def __init__(self, own: frozenset[str], shallow: bool = False) -> None:
+        self._own, self._shallow = own, shallow
         self._seen: dict[int, tuple[int, Any]] = {}
         self._within: list[int] = []
         self._extended = _extended(own)
@@ -181,7 +179,7 @@ class _Description:
             yield from self.each([value.start, value.stop, value.step])
         elif _of_library(value):
             self._refuse_extended(value.__name__)
-            yield f"library {value.__module__} {value.__qualname__}"
+            yield f"library {value.__module__} {value.__name__}"
         elif isinstance(value, enum.Enum):
             yield f"member {value.name}"
             yield from self.each([kind, value.value])
@@ -195,13 +193,13 @@ class _Description:
                 raise Unknown("functions that call each other in a circle, which Numba cannot load")
             yield f"as number {self._seen[id(value)][0]}"
             return
-        if self._alone and self._seen and isinstance(value, dispatcher.Dispatcher):
+        if self._shallow and self._seen and isinstance(value, dispatcher.Dispatcher):
             yield f"function {id(value)}"
             return
         self._seen[id(value)] = len(self._seen), value  # kept alive, so that no other object is given its id
         self._within.append(id(value))
         if isinstance(value, dispatcher.Dispatcher):
-            yield from self._compiled(value)
+            yield from self._dispatcher(value)
         elif isinstance(value, type):
             yield from self._class(value)
         elif isinstance(value, FunctionType) and value.__code__.co_filename in self._own:
@@ -210,25 +208,29 @@ class _Description:
             raise Unknown(f"a {type(value).__module__}.{type(value).__qualname__}")
         self._within.pop()
 
-    def _compiled(self, function: Any) -> Iterator[str]:
+    def _dispatcher(self, function: Any) -> Iterator[str]:
         if not function._can_compile or function._compiler.pipeline_class is not compiler.Compiler:
             raise Unknown("a function for given types alone, or compiled in another way")
+        if type(getattr(function._cache, "_cache_file", None)) is caching.IndexDataCacheFile:
+            raise Unknown("a function that Numba keeps by the time of its file")
         yield "compiled"
         yield from self.each([function.targetoptions, function.locals])
-        text = function.py_func.__code__
+        python, text = function.py_func, function.py_func.__code__
         own = text.co_filename in self._own
         if own:
-            yield f"own {function.py_func.__module__} {function.py_func.__qualname__}"
+            yield f"own {python.__module__} {python.__qualname__}"
         else:
             self._refuse_extended("operator", *_names(text))
-            yield from self.each([text, function.py_func.__defaults__, function.py_func.__kwdefaults__])
-        cells = zip(text.co_freevars, function.py_func.__closure__ or (), strict=True)
+            yield from self.each([text, python.__defaults__, python.__kwdefaults__])
+        if own and not python.__closure__:
+            return
+        cells = zip(text.co_freevars, python.__closure__ or (), strict=True)
         known = {name: cell.cell_contents for name, cell in cells}
         for name, *attributes in _references(text):
             if name in known:
                 yield from self._reference(known[name], name, attributes)
-            elif not own and name in function.py_func.__globals__:
-                yield from self._reference(function.py_func.__globals__[name], name, attributes)
+            elif not own and name in python.__globals__:
+                yield from self._reference(python.__globals__[name], name, attributes)
             elif not own and hasattr(builtins, name):
                 yield from self._reference(getattr(builtins, name), name, attributes)
 
@@ -239,8 +241,10 @@ class _Description:
             if not isinstance(value, ModuleType):
                 break
             module, value = value, getattr(value, attribute)
-            if _library(module.__name__) and callable(value):  # also what does not know its name, as in np.random
+            if _library(module) and callable(value) and not isinstance(value, dispatcher.Dispatcher):
+                # also methods of an object, such as np.random.normal, which do not know this name
                 self._refuse_extended(getattr(value, "__name__", attribute))
+                yield f"library {module.__name__}"
                 return
         if isinstance(value, ModuleType):
             raise Unknown(f"all of the module {value.__name__}")
@@ -255,6 +259,7 @@ class _Description:
 
     def _class(self, kind: type) -> Iterator[str]:
         yield f"class {kind.__module__} {kind.__qualname__}"
+        yield from self.each(base.__qualname__ for base in kind.__mro__)
         if issubclass(kind, tuple) and hasattr(kind, "_fields"):
             yield from self.value(kind._fields)
         elif issubclass(kind, enum.Enum):
@@ -288,8 +293,8 @@ class _Description:
 
 @cache
 def _text(code: CodeType) -> str:
-    """Return a checksum of a function's text: all of it but for where it stands."""
-    return _checksum(_Description(frozenset()).each(getattr(code, name, None) for name in _TEXT))
+    """Return a checksum of a function's text."""
+    return checksum(_Description(frozenset()).each(getattr(code, name, None) for name in _TEXT))
 
 
 @cache
@@ -299,40 +304,44 @@ def _names(code: CodeType) -> frozenset[str]:
 
 
 @cache
-def _references(code: CodeType) -> tuple[tuple[str, ...], ...]:
-    """Return the names that a text, or one within it, takes from elsewhere, each with the attributes it takes of it."""
+def _references(code: CodeType, local: frozenset[str] = frozenset()) -> tuple[tuple[str, ...], ...]:
+    """Return the names that a text, or one within it, takes from elsewhere, each with the attributes it takes of it.
+
+    Local names of the text around it are from nowhere else.
+    """
+    local = local.union(code.co_cellvars)
     found = dict[tuple[str, ...], None]()
     chain: list[str] = []
-    for instruction in (*dis.get_instructions(code), None):
-        if instruction is not None and instruction.opname == "EXTENDED_ARG":
+    for instruction in dis.get_instructions(code):
+        name = instruction.opname
+        if name == "EXTENDED_ARG":
             continue
-        if chain and instruction is not None and instruction.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+        if chain and name in ("LOAD_ATTR", "LOAD_METHOD"):
             chain.append(instruction.argval)
             continue
         if chain:
             found[tuple(chain)] = None
-        starts = instruction is not None and instruction.opname.startswith(("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF"))
-        chain = [instruction.argval] if starts and instruction is not None else []
+        starts = name in ("LOAD_GLOBAL", "LOAD_NAME") or (name == "LOAD_DEREF" and instruction.argval not in local)
+        chain = [instruction.argval] if starts else []
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            found.update(dict.fromkeys(_references(constant)))
+            found.update(dict.fromkeys(_references(constant, local)))
     return tuple(found)
 
 
 def _of_library(value: Any) -> bool:
     """Return whether a function or a class is what a library calls by its name."""
-    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
-    if not isinstance(module, str) or not isinstance(name, str) or not _library(module):
-        return False
-    return getattr(sys.modules.get(module), name, None) is value
+    module, name = sys.modules.get(getattr(value, "__module__", None) or ""), getattr(value, "__name__", None)
+    if isinstance(value, np.ufunc) and module is None:  # of older versions
+        module = np
+    return module is not None and isinstance(name, str) and _library(module) and getattr(module, name, None) is value
 
 
-@cache
-def _library(module: str) -> bool:
+def _library(module: ModuleType) -> bool:
     """Return whether a module belongs to Python, NumPy or Numba."""
-    file = getattr(sys.modules.get(module), "__file__", None)
+    file = getattr(module, "__file__", None)
     if file is None:
-        return module in sys.builtin_module_names
+        return module.__name__ in sys.builtin_module_names and sys.modules.get(module.__name__) is module
     return _file_of_library(file)
 
 

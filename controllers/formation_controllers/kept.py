@@ -8,18 +8,19 @@ import pickle
 import stat
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
 import numpy as np
 from numba.core import caching
 
-from formation_controllers.dependencies import of_function, of_types, remember, steady
+from formation_controllers.dependencies import checksum, of_function, of_types, remember, steady
 
 _NumbasFiles: Any = getattr(caching, "IndexDataCacheFile", object)
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -60,7 +61,7 @@ def trusted(folder: str, sources: str) -> bool:
 
 @dataclass(frozen=True)
 class Sources:
-    """Sources of a package's own: the code of their functions depends on all of them, and on no others by name.
+    """Sources of a package's own: the code of their functions depends on them, and on nothing else that may change.
 
     Attributes
     ----------
@@ -76,7 +77,7 @@ class Sources:
 
 def sources(files: Iterable[Path]) -> Sources:
     """Read sources; raises OSError."""
-    paths = sorted(files)
+    paths = sorted(file for file in files if file.is_file())  # an editor may have links to nowhere beside them
     content = b"\0".join(file.read_bytes() for file in paths)
     return Sources(frozenset(map(str, paths)), hashlib.sha256(content).hexdigest())
 
@@ -100,10 +101,22 @@ def kept(function: Any, own: Sources, **options: Any) -> Any:
             dispatcher._cache._cache_file = Files(numbas._cache_path, base, dispatcher, own)
             # Numba's own key has a checksum of the closure, which must then be something that can be pickled.
             dispatcher._cache._index_key = lambda types, processor: (types, processor.magic_tuple())
+            dispatcher._cache._impl.check_cachable = _quietly(dispatcher._cache._impl.check_cachable)
             return dispatcher
     except (RuntimeError, AttributeError, OSError):  # nowhere to keep it, or a Numba that keeps it otherwise
         pass
     return numba.njit(**options)(function)
+
+
+def _quietly(check: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    """Return a check that does not warn of code that must not be kept: it is compiled, and that is all."""
+
+    def checked(code: Any) -> bool:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return check(code)
+
+    return checked
 
 
 class Files(_NumbasFiles):  # type: ignore[misc]
@@ -119,22 +132,27 @@ class Files(_NumbasFiles):  # type: ignore[misc]
     def __init__(self, folder: str, base: str, function: Any, own: Sources) -> None:
         super().__init__(folder, base, None)
         self._function, self._own = function, own
-        self._versions = f"{numba.__version__} {np.__version__} {own.checksum}".encode()
+        self._versions = f"{numba.__version__} {llvmlite.__version__} {np.__version__} {_HERE} {own.checksum}".encode()
         self._asked: dict[object, str] = {}
 
     def load(self, key: Any) -> Any:
         """Return what was compiled for these types and this processor; None if it is not there."""
-        own = self._own.files
+        types, own = key[0], self._own.files
+        self._asked.pop(key, None)
         try:
+            known = remember(self._function, own)
             entry = self._entry(key)
             kept_for, data = super().load(entry) or (None, None)
-            if kept_for == (entry, key[0]):
-                remember(self._function, own)
+            if kept_for == (entry, types):
                 return data
-            if steady(self._function, own):
+            if kept_for is not None:
+                self._log("kept for classes that other processes do not have")
+            if known and steady(self._function, own):
                 self._asked[key] = entry
+            else:
+                self._log("a constant has changed, or a function that it calls was compiled before")
         except Exception as error:  # `Unknown`, or whatever an object of the user may raise when it is looked at
-            caching._cache_log("[cache] %r is not kept: %s", self._function, error)  # type: ignore[no-untyped-call]
+            self._log(error)
         return None
 
     def save(self, key: Any, data: object) -> None:
@@ -144,11 +162,23 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             if entry is not None and entry == self._entry(key):
                 super().save(entry, ((entry, key[0]), data))
 
+    def flush(self) -> None:
+        """Forget what is kept, for `recompile`."""
+        with suppress(OSError):
+            super().flush()
+
     def _entry(self, key: Any) -> str:
         """Return what the code depends on; raises as `of_function`, and whatever an object of the user raises."""
-        kinds, processor = key[:2]
+        types, processor = key[:2]
         own, checks_bounds = self._own.files, numba.config.BOUNDSCHECK  # type: ignore[attr-defined]
-        return f"{of_function(self._function, own)} {of_types(kinds, own)} {checks_bounds} {processor}"
+        signature = (getattr(types, "return_type", None), *getattr(types, "args", types))
+        parts = of_function(self._function, own), of_types(signature, own), str(checks_bounds), str(processor)
+        return checksum(parts)
+
+    def _log(self, reason: object) -> None:
+        """Say why a function is not kept, where Numba says what it keeps."""
+        if log := getattr(caching, "_cache_log", None):
+            log("[cache] %r is not kept: %s", self._function, reason)
 
     # What Numba calls for an index and for a file
 
@@ -189,5 +219,7 @@ class Files(_NumbasFiles):  # type: ignore[misc]
 
 
 _LENGTH = hashlib.sha256().digest_size
-_ENTRIES = 100
+_ENTRIES = 1000
 """Most that is kept of a function: for other types, other constants, other texts. The oldest goes first."""
+_HERE = sources([Path(__file__), Path(__file__).with_name("dependencies.py")]).checksum
+"""What describes that on which code depends: with another description, nothing that was kept is found."""

@@ -301,6 +301,12 @@ LAWS = {
     "member": ("from laws.helper import Gain", "Gain.K.value * x"),
     "made": ("from laws.helper import made", "made(x)"),
     "lazy": ("import laws", "laws.lazy * x"),
+    "from numpy": ("from numpy import cos\nfrom laws import helper", "helper.GAIN * cos(0.0 * x)"),
+    "local name": (
+        "from laws import helper\ndef made():\n    return 0.0\nname = [made]",
+        "helper.GAIN * outer(x)\n@compiled\ndef outer(name):\n    def inner(y):\n"
+        "        return y * name\n    return inner(1.0)",
+    ),
     "names": ("import numpy as np\nfrom laws import helper", "np.log(np.exp(0.0)) + helper.GAIN * x"),
 }
 """How a law comes by a gain of 2, that changes to 5: what it imports, and its term."""
@@ -315,6 +321,11 @@ UNKNOWN = {
         "from laws.helper import function",
         "function(x)",
         "function, in the place of which an extension of Numba may compile something else",
+    ),
+    "kept": (
+        "from laws import helper",
+        "helper.by_gain_kept(x)",
+        "helper.by_gain_kept: a function that Numba keeps by the time of its file",
     ),
     "signature": (
         "from laws import helper",
@@ -360,11 +371,19 @@ def rounded(x):
     return 2.0 * x
 
 @compiled
+def gain_for(x):
+    return 2.0
+
+@compiled
 def by_gain(x):
     return GAIN * x
 
 @numba.njit
 def by_gain_too(x):
+    return GAIN * x
+
+@numba.njit(cache=True)
+def by_gain_kept(x):
     return GAIN * x
 
 def make(gain):
@@ -438,6 +457,27 @@ def test_why_a_function_is_not_kept(project: Path, monkeypatch: pytest.MonkeyPat
     assert f" is not kept: {reason}\n" in printed(RUN, project)
 
 
+def test_another_library_of_the_same_name(tmp_path: Path) -> None:
+    """One of them has the very functions of the other."""
+    law = tmp_path / "law.py"
+    for library, result in (("math", float(-(2**63) // 4)), ("numpy", 2.5e18)):
+        law.write_text(LAW + f"import {library} as m\n@compiled\ndef law(x):\n    return m.floor(x) / 4\n")
+        assert printed("from law import law; print(law(1e19))", tmp_path) == str(result)
+
+
+def test_a_module_that_has_the_name_of_a_library(tmp_path: Path) -> None:
+    file = tmp_path / "plugin.py"
+    (tmp_path / "law.py").write_text(LAW + "@compiled\ndef law(x):\n    return m.scaled(x)\n")
+    program = (
+        "import statistics, law\nfrom importlib.util import *\n"
+        "spec = spec_from_file_location('statistics', 'plugin.py')\n"
+        "law.m = module_from_spec(spec); spec.loader.exec_module(law.m); print(law.law(1.0))"
+    )
+    for gain in (2.0, 5.0):
+        file.write_text(LAW + f"@compiled\ndef scaled(x):\n    return {gain} * x\n")
+        assert printed(program, tmp_path) == str(gain)
+
+
 def test_two_states_in_turn(project: Path) -> None:
     """Each finds what was kept for it."""
     write_law(project, *LAWS["file"])
@@ -448,14 +488,25 @@ def test_two_states_in_turn(project: Path) -> None:
             assert printed(RUN, project) == f"{1.0 + gain} {hits}"
 
 
+@pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize("name", ["by_gain", "by_gain_too"])
-def test_a_constant_that_changes_after_a_part_is_compiled(project: Path, name: str) -> None:
+def test_a_constant_that_changes_after_a_part_is_compiled(project: Path, name: str, back: bool) -> None:
     """Numba does not see the change, and what it makes of that must not be found where it is the constant."""
     write_law(project, "from laws import helper", f"helper.{name}(x)")
-    change = f"from laws import helper; assert helper.{name}(1.0) == 2.0; helper.GAIN = 5.0; "
-    assert printed(change + RUN, project) == "3.0 0"
+    if back:
+        change = f"from laws import helper as h; h.{name}(1); h.GAIN = 5.0; h.{name}(1.0); h.GAIN = 2.0; "
+    else:
+        change = f"from laws import helper as h; h.{name}(1.0); h.GAIN = 5.0; "
+    assert printed(change + RUN, project) == ("6.0 0" if back else "3.0 0")
+    assert printed(RUN, project) == "3.0 0"
     edit(project)
     assert [printed(RUN, project) for _ in range(2)] == ["6.0 0", "6.0 1"]
+
+
+def test_a_call_that_is_not_kept_does_not_spoil_others(project: Path) -> None:
+    write_law(project, "from laws import helper", "helper.gain_for(x)")
+    program = "import numba; from laws import helper; helper.gain_for(numba.typed.List([1.0])); "
+    assert [printed(program + RUN, project) for _ in range(2)] == ["3.0 0", "3.0 1"]
 
 
 def test_what_does_not_change_the_code_does_not_count(project: Path) -> None:
