@@ -177,9 +177,9 @@ class _Description:
         elif kind is slice:
             yield "slice"
             yield from self.each([value.start, value.stop, value.step])
-        elif _of_library(value):
+        elif library := _library_of(value):
             self._refuse_extended(value.__name__)
-            yield f"library {value.__module__} {value.__name__}"
+            yield f"library {library} {value.__name__}"
         elif isinstance(value, enum.Enum):
             yield f"member {value.name}"
             yield from self.each([kind, value.value])
@@ -329,12 +329,14 @@ def _references(code: CodeType, local: frozenset[str] = frozenset()) -> tuple[tu
     return tuple(found)
 
 
-def _of_library(value: Any) -> bool:
-    """Return whether a function or a class is what a library calls by its name."""
-    module, name = sys.modules.get(getattr(value, "__module__", None) or ""), getattr(value, "__name__", None)
-    if isinstance(value, np.ufunc) and module is None:  # of older versions
-        module = np
-    return module is not None and isinstance(name, str) and _library(module) and getattr(module, name, None) is value
+def _library_of(value: Any) -> str | None:
+    """Return the name of the library's module that calls a function or a class by its name, if there is one."""
+    # Older versions of NumPy do not say of their functions where they belong.
+    module = sys.modules.get(getattr(value, "__module__", None) or ("numpy" if isinstance(value, np.ufunc) else ""))
+    name = getattr(value, "__name__", None)
+    if module is None or not isinstance(name, str) or not _library(module) or getattr(module, name, None) is not value:
+        return None
+    return module.__name__
 
 
 def _library(module: ModuleType) -> bool:
