@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
@@ -482,7 +483,7 @@ def test_bags_with_faults(run: Result, line: Scenario, tmp_path: Path) -> None:
 def test_a_small_file_that_unpacks_to_more_than_is_allowed(
     line: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bags, "MOST_MEMORY", 1 << 27)
+    monkeypatch.setattr(bags, "MOST_MEMORY", 1 << 26)
     before = resource.getrlimit(resource.RLIMIT_AS)
     path = tmp_path / "bomb.mcap"
     with path.open("wb") as file:
@@ -493,7 +494,8 @@ def test_a_small_file_that_unpacks_to_more_than_is_allowed(
         writer.add_message(channel, log_time=0, publish_time=0, data=b"\0\1\0\0" + bytes(1 << 27))
         writer.finish()
     assert path.stat().st_size < 1 << 20
-    with pytest.raises(InputError, match=r"unpacked it needs more than 0\.125 GiB"):
+    gc.collect()  # what other tests have left would be room for it
+    with pytest.raises(InputError, match=r"unpacked it needs more than 0\.0625 GiB"):
         judge_drive(path, line)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
