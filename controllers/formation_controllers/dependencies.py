@@ -13,8 +13,9 @@ import hashlib
 import os
 import sys
 import sysconfig
+from collections import ChainMap
 from collections.abc import Iterable, Iterator
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -135,7 +136,10 @@ class _Description:
         self._own, self._shallow = own, shallow
         self._seen: dict[int, tuple[int, Any]] = {}
         self._within: list[int] = []
-        self._extended = _extended(own)
+
+    @cached_property
+    def _extended(self) -> frozenset[str]:
+        return _extended(self._own)
 
     def functions(self) -> list[Any]:
         """Return the compiled functions that were described."""
@@ -222,17 +226,13 @@ class _Description:
         else:
             self._refuse_extended("operator", *_names(text))
             yield from self.each([text, python.__defaults__, python.__kwdefaults__])
-        if own and not python.__closure__:
-            return
         cells = zip(text.co_freevars, python.__closure__ or (), strict=True)
-        known = {name: cell.cell_contents for name, cell in cells}
-        for name, *attributes in _references(text):
-            if name in known:
-                yield from self._reference(known[name], name, attributes)
-            elif not own and name in python.__globals__:
-                yield from self._reference(python.__globals__[name], name, attributes)
-            elif not own and hasattr(builtins, name):
-                yield from self._reference(getattr(builtins, name), name, attributes)
+        meanings: ChainMap[str, Any] = ChainMap({name: cell.cell_contents for name, cell in cells})
+        if not own:
+            meanings.maps += [python.__globals__, vars(builtins)]
+        for name, *attributes in _references(text) if meanings else ():
+            if name in meanings:
+                yield from self._reference(meanings[name], name, attributes)
 
     def _reference(self, value: Any, name: str, attributes: list[str]) -> Iterator[str]:
         """Describe what a text means by a name and the attributes that it takes of that, such as np.linalg.norm."""

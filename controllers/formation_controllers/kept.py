@@ -169,7 +169,7 @@ class Files(_NumbasFiles):  # type: ignore[misc]
 
     def _entry(self, key: Any) -> str:
         """Return what the code depends on; raises as `of_function`, and whatever an object of the user raises."""
-        types, processor = key[:2]
+        types, processor = key
         own, checks_bounds = self._own.files, numba.config.BOUNDSCHECK  # type: ignore[attr-defined]
         signature = (getattr(types, "return_type", None), *getattr(types, "args", types))
         parts = of_function(self._function, own), of_types(signature, own), str(checks_bounds), str(processor)
@@ -201,8 +201,8 @@ class Files(_NumbasFiles):  # type: ignore[misc]
             content = Path(self._data_path(name)).read_bytes()
         except OSError:
             return None
-        checksum, pickled = content[:_LENGTH], content[_LENGTH:]
-        if checksum != self._checksum(pickled):
+        stored, pickled = content[:_LENGTH], content[_LENGTH:]
+        if stored != self._checksum(pickled):
             return None
         try:
             return pickle.loads(pickled)

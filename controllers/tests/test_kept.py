@@ -423,6 +423,11 @@ def edit(project: Path) -> None:
         file.write_text(text.replace("2.0", "5.0"))
 
 
+def write_edited(project: Path) -> None:
+    """Write `edited.py`, with a gain of 5, for a program that puts it in the place of the helper."""
+    (project / "edited.py").write_text((project / "laws" / "helper.py").read_text().replace("2.0", "5.0"))
+
+
 RUN = "from laws.law import law; print(law(1.0), sum(law.stats.cache_hits.values()))"
 
 
@@ -522,7 +527,7 @@ def test_what_does_not_change_the_code_does_not_count(project: Path) -> None:
 def test_an_edit_while_the_program_is_open(project: Path) -> None:
     """The program has the old text, and calls the function for the first time when the file has the new one."""
     write_law(project, *LAWS["module"])
-    (project / "edited.py").write_text((project / "laws" / "helper.py").read_text().replace("2.0", "5.0"))
+    write_edited(project)
     moved = "import laws.law, os; os.replace('edited.py', 'laws/helper.py'); "
     assert printed(moved + RUN, project) == "3.0 0"
     assert [printed(RUN, project) for _ in range(2)] == ["6.0 0", "6.0 1"]
@@ -530,7 +535,7 @@ def test_an_edit_while_the_program_is_open(project: Path) -> None:
 
 def test_modules_that_are_loaded_again(project: Path) -> None:
     write_law(project, *LAWS["module"])
-    (project / "edited.py").write_text((project / "laws" / "helper.py").read_text().replace("2.0", "5.0"))
+    write_edited(project)
     again = (
         "import importlib, os\n"
         "import laws.law as own, laws.helper as helper\n"
