@@ -16,7 +16,7 @@ RESERVED = ("time", "robot", "range", "bearing", "range_error", "bearing_error")
 
 
 def result_variables_of(
-    columns: RunColumns, n: int, leader_measured: bool, laws: Iterable[Law]
+    columns: RunColumns, followers: Sequence[tuple[str, Law]], leader_measured: bool, laws: Iterable[Law]
 ) -> tuple[ResultVariable, ...]:
     """Return the variables that a run records.
 
@@ -24,8 +24,8 @@ def result_variables_of(
     ----------
     columns
         The columns of the arrays, by the robots' kinds of vehicle.
-    n
-        Number of followers.
+    followers
+        The followers' ids, each with its control law.
     leader_measured
         Whether the followers receive a measured pose of the leader instead of the true one.
     laws
@@ -37,6 +37,7 @@ def result_variables_of(
         A law's signal has a name that is taken.
     """
     pose, velocity, command, called = columns.pose, columns.velocity, columns.command, columns.commands
+    n = len(followers)
     poses, velocities, commands = (len(of.labels) for of in (pose, velocity, command))
     pose_units, velocity_units, command_units = (", ".join(of.units) for of in (pose, velocity, command))
     along = f"{called}_component"
@@ -82,7 +83,8 @@ def result_variables_of(
                     law.source.where,
                 )
             about = (signal.unit, signal.description, signal.singular_at_zero, float(signal.singular_below))
-            telemetry[signal.name] = (signal, ResultVariable(signal.name, dims, shape, *about))
+            having = tuple(follower for follower, its in followers if signal in its.signals)
+            telemetry[signal.name] = (signal, ResultVariable(signal.name, dims, shape, *about, having))
     return (*variables.values(), *(variable for _, variable in telemetry.values()))
 
 
@@ -101,9 +103,7 @@ def recorded_signals(
         The followers' ids, each with its control law.
     """
     names = dict(columns.labels)
-    owners: dict[str, list[str]] = {}
-    for follower, law in followers:
+    for _, law in followers:
         for signal in law.signals:
             names |= {f"{signal.name}_component": tuple(signal.components)} if signal.components else {}
-            owners.setdefault(signal.name, []).append(follower)
-    return recorded(variables, names, [follower for follower, _ in followers], owners)
+    return recorded(variables, names, [follower for follower, _ in followers])

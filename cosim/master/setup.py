@@ -135,8 +135,9 @@ def set_up(
         controlling = {follower.controller for follower in scenario.followers}
         laws = {name: law for name, law in found.items() if name in controlling}
     columns = run_columns([fmus[name].binding.kind for name in _plants_of(scenario)])
-    measured, number = bool(scenario.leader.sensor), len(scenario.followers)
-    variables = known.of("", result_variables_of, columns, number, measured, tuple(laws.values()))
+    controlled = tuple((follower.id, laws[follower.controller]) for follower in scenario.followers)
+    measured = bool(scenario.leader.sensor)
+    variables = known.of("", result_variables_of, columns, controlled, measured, tuple(laws.values()))
     _check_size(scenario, size_of_result(scenario, variables))  # before any array of that size is made
     with timed(timing, "signals"):
         leader = leader_of(scenario, fmus, storage, None if before is None else before.leader, known)
@@ -153,7 +154,6 @@ def set_up(
     _check_views(leader, followers)
     check_velocities(scenario, leader, followers, laws)
     used = set(_plants_of(scenario))
-    controlled = tuple((follower.id, laws[follower.controller]) for follower in scenario.followers)
     signals = known.of("", recorded_signals, variables, columns, controlled)
     others: dict[Path, tuple[Scenario, Setup]] = {} if before is None else dict(before.others)
 

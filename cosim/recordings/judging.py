@@ -28,14 +28,14 @@ def judged(scenario: Scenario, setup: Setup, result: Result, run_other: RunOther
     """
     return tuple(
         verdict
-        for written in scenario.expectations
-        for verdict in _verdicts(understood(written), setup, result, run_other)
+        for kind in map(understood, scenario.expectations)
+        for verdict in list(_verdicts(kind, setup, result, run_other)) or [kind.nothing_to_judge]
     )
 
 
 def _verdicts(kind: Kind, setup: Setup, result: Result, run_other: RunOther) -> Iterator[Verdict]:
     lacking = {robot: why for robot in _concerned(kind, setup, result) if (why := _lacking(kind, setup, result, robot))}
-    if any(name not in result for name in kind.signals(setup.signals)):
+    if not kind.by_any and any(name not in result for name in kind.signals(setup.signals)):
         yield from (kind.not_judged(robot, why) for robot, why in lacking.items())
         return
     for verdict in kind.judge(result, run_other):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.results.metrics import MEASURES, settling_times
 from cosim.results.result import Result
 from cosim.storage import blocks
@@ -49,7 +50,7 @@ class FollowerFigures:
 def follower_figures(horizon: float, step: float, result: Result) -> tuple[FollowerFigures, ...]:
     """Return the figures of all followers in a run, complete or not, of a scenario with this horizon and step [s]."""
     time, rms = result["time"].values, MEASURES["rms"]
-    last_chance = time[-1] - SETTLED_PART * horizon if len(time) else 0.0
+    last_chance = time[-1] - SETTLED_PART * horizon + ROUNDING if len(time) else 0.0
     steady = slice(int(time.searchsorted((1 - STEADY_PART) * horizon - 0.5 * step)), None)
     within = settling_times(result, RANGE_BAND, BEARING_BAND)
     peaks = _peaks(result.of_robots("torque")) if "torque" in result else [math.nan] * len(within)

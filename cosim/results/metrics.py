@@ -192,6 +192,6 @@ def smallest_distance(result: Result, robots: Collection[str] = ()) -> Nearest |
         both = position[:, i : j + 1 : j - i]
         nearest = passes.smallest(both, distances)  # one that is not a number, if there is any
         distance = float(distances(both[nearest : nearest + 1])[0])
-        if smallest is None or not distance >= smallest.distance:
+        if smallest is None or (not distance >= smallest.distance and not math.isnan(smallest.distance)):
             smallest = Nearest(distance, (names[i], names[j]), float(time[nearest]))
     return smallest

@@ -146,7 +146,8 @@ def _coordinates(result: Result) -> tuple[dict[str, str], str]:
 def _upper_limit(result: Result) -> int:
     """Return how many bytes the file of a result has at most, but for texts that are mostly of other alphabets."""
     variables = (*result.data_vars.values(), *result.coords.values())
-    texts = sum(len(value) for value in result.attrs.values() if isinstance(value, str))
+    attributes = [result.attrs, *(variable.attrs for variable in variables)]
+    texts = sum(len(value) for group in attributes for value in group.values() if isinstance(value, str))
     return _ROOM + 2 * texts + sum(2**13 + variable.values.nbytes for variable in variables)
 
 

@@ -22,6 +22,8 @@ class ResultVariable:
         Description of the singularity where it is zero, if there is one.
     singular_below : float
         Magnitude below which it is near the singularity; zero if only changes of sign count.
+    robots : tuple of str
+        Of a controllers' signal: the followers that have it.
     """
 
     name: str
@@ -31,6 +33,7 @@ class ResultVariable:
     long_name: str
     singular_at_zero: str = ""
     singular_below: float = 0.0
+    robots: tuple[str, ...] = ()
 
     @property
     def attributes(self) -> dict[str, str | float]:
@@ -38,6 +41,8 @@ class ResultVariable:
         attributes: dict[str, str | float] = {"units": self.units, "long_name": self.long_name}
         if self.singular_at_zero:
             attributes |= {"singular_at_zero": self.singular_at_zero, "singular_below": self.singular_below}
+        if self.robots:
+            attributes["robots"] = " ".join(self.robots)
         return attributes
 
     @property

@@ -249,6 +249,46 @@ def test_what_is_not_a_number_does_not_hold(verdicts: Judged) -> None:
     assert verdicts(expecting("rms", "2", signal="norm", start=50.02), made_up(norm=norm))["a"].passed
 
 
+def test_a_signal_without_any_number_is_still_of_those_who_have_it(verdicts: Judged) -> None:
+    """A law that computes NaN throughout has the signal; a follower with another law does not."""
+    nowhere = np.stack([ZERO + 1, ZERO * math.nan, ZERO * math.nan], axis=1)
+    result = singular(made_up(det=nowhere, one=ZERO + 1), det=0.1)
+    result["det"].attrs["robots"] = "a b"
+    expected = {"a": True, "b": False}
+    for expectation in (
+        expecting("peak", "2", signal="det"),
+        expecting("least", "0.5", signal="det"),
+        expecting("regular"),
+    ):
+        assert {robot: one.passed for robot, one in verdicts(expectation, result).items()} == expected
+    assert verdicts(expecting("regular"), result)["b"].detail == "det is not a number at t = 0.00 s"
+    assert {robot: one.passed for robot, one in verdicts(expecting("regular", robots=("b",)), result).items()} == {
+        "b": False
+    }
+    for difference in ({"signal": "one", "minus": "det"}, {"signal": "det", "minus": "one"}):
+        assert {
+            robot: one.passed for robot, one in verdicts(expecting("peak", "2", **difference), result).items()
+        } == expected
+
+
+def test_an_expectation_about_nobody_does_not_hold() -> None:
+    """Such as the distance of a follower from itself, which no check lets through."""
+    itself = expecting("peak", "1 m", signal="pose", component="x", minus_robot="a", robots=("a",))
+    [verdict] = judge((itself,), made_up(), run_other=None)
+    assert (verdict.robot, verdict.passed, verdict.judged) == ("", False, False)
+    assert verdict.detail == "no follower has what it is about"
+
+
+@pytest.mark.parametrize("without", [0, 1, 2])
+def test_no_distance_is_the_smallest_where_one_is_not_a_number(without: int) -> None:
+    result = made_up()
+    result["pose"][7, without, 0] = math.nan
+    nearest = smallest_distance(Result.of(result))
+    assert nearest is not None
+    assert math.isnan(nearest.distance)
+    assert "abc"[without] in nearest.between
+
+
 @pytest.mark.parametrize(
     ("last_outside", "by", "passed", "margin"),
     [(499, "10 s", True, 0.0), (500, "10 s", False, -0.02), (499, "1 min", True, 50 / 60), (5000, "99 s", False, None)],
@@ -402,6 +442,14 @@ KNOWN = {
             {"signal": "range_error", "minus_robot": "follower_1", "robots": ("follower_1",)},
             "'range_error minus range_error of follower_1' of follower_1 is always zero: name another",
         ),
+        (
+            "peak",
+            "1",
+            {"signal": "weight_norm", "minus_robot": "follower_1"},
+            "of follower_1 is always zero: no other follower has that signal",
+        ),
+        ("final", "1 m", {"signal": "range_error", "stop": 100.02}, "is not within the run of 100 s"),
+        ("final", "1 m", {"signal": "range_error", "start": 3.0, "stop": 2.0}, "from 3 s to 2 s is not within the run"),
         ("rms", "1 m", {"signal": "leader_pose", "component": "x", "minus": "pose"}, "say whose by minus_robot=..."),
         (
             "rms",
@@ -474,11 +522,11 @@ def test_what_is_recorded_by_component_and_robot() -> None:
     variables = [
         ResultVariable("pose", ("robot", "pose_component"), (2, 2), "m, rad", ""),
         ResultVariable("leader_torque", ("torque_component",), (2,), "N.m, N.m", ""),
-        ResultVariable("weights", ("robot", "weights_component"), (2, 2), "1", ""),
-        ResultVariable("det_R", ("robot",), (2,), "1", "", "the model is singular"),
+        ResultVariable("weights", ("robot", "weights_component"), (2, 2), "1", "", robots=("b",)),
+        ResultVariable("det_R", ("robot",), (2,), "1", "", "the model is singular", robots=("a",)),
     ]
     labels = {"pose_component": "xp", "torque_component": "ds", "weights_component": "vw"}
-    known = recorded(variables, labels, ["a", "b"], {"weights": ["b"], "det_R": ["a"]})
+    known = recorded(variables, labels, ["a", "b"])
     assert known["pose"] == Recorded({"x": "m", "p": "rad"}, ("a", "b"))
     assert known["leader_torque"] == Recorded({"d": "N.m", "s": "N.m"}, ("leader",))
     assert known["weights"] == Recorded({"v": "1", "w": "1"}, ("b",))

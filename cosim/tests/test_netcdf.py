@@ -148,6 +148,16 @@ def test_attributes_are_added_and_replaced(tmp_path: Path) -> None:
     assert attributes_of(path).items() >= {"verdicts": "[1]", "title": "Fünf"}.items()
 
 
+def test_a_signal_names_any_number_of_robots(tmp_path: Path) -> None:
+    """By an attribute that is longer than what the library keeps beside a variable (64 KiB)."""
+    robots = [f"follower_{number}" for number in range(20_000)]
+    course = variable("time robot", np.zeros((1, len(robots))), units="1", robots=" ".join(robots))
+    names = {"time": variable("time", np.zeros(1)), "robot": variable("robot", robots)}
+    result = Result({f"signal_{number}": course for number in range(2)}, names, {"status": "completed"})
+    save(result, path := tmp_path / "result.nc")
+    assert load(path)["signal_1"].attrs["robots"].split() == robots
+
+
 def test_values_that_a_file_cannot_hold_are_refused(tmp_path: Path) -> None:
     result = Result({"odd": variable("time", np.array([1.0 + 2.0j]))}, {}, {})
     with pytest.raises(TypeError, match=r"'odd' .* complex128: .* numbers or texts"):

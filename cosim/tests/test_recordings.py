@@ -11,6 +11,8 @@ import resource
 import shutil
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -28,8 +30,10 @@ from rosbags.typesys import Stores, get_typestore
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.master.setup import set_up
 from cosim.recordings import bag as bags
 from cosim.recordings.judge import judge_drive
+from cosim.recordings.judging import judged
 from cosim.recordings.series import ClockGoesBack, sampled
 from cosim.results.files import save
 from cosim.results.result import Result
@@ -296,6 +300,49 @@ def test_a_gap_is_bridged_or_missing(run: Result, line: Scenario, tmp_path: Path
     assert not rms.passed
     assert rms.outcome == "not judged"
     assert rms.detail == "the recording has no range_error of follower_1 at 5 of 26 ticks, 0.62 to 0.7 s"
+
+
+@pytest.mark.parametrize("of", ["reference_points", "bodies"])
+def test_a_gap_of_a_robot_that_is_not_named_leaves_its_distance_open(
+    run: Result, line: Scenario, tmp_path: Path, of: str
+) -> None:
+    """The nearest to a robot may be the one whose poses are missing."""
+    other, named = run.robots[:2]
+    text = line.text.replace("<expect>", f'<expect><distance of="{of}" above="1 mm" robots="{named}"/>')
+    (tmp_path / "named.xml").write_text(text, encoding="utf-8")
+    expecting = read_scenario(tmp_path / "named.xml")
+    cosim.export_result(run, tmp_path / "a.csv")
+    assert judge_drive(tmp_path / "a.csv", expecting).summary.verdicts[0].passed
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    column = lines[0].split(",").index(f"{other}.pose.x [m]")
+    for at in range(10, 52):
+        cells = lines[at].split(",")
+        lines[at] = ",".join([*cells[:column], "nan", *cells[column + 1 :]])
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    found = judge_drive(tmp_path / "a.csv", expecting).summary.verdicts[0]
+    assert not found.judged
+    assert found.detail.startswith(f"the recording has no x of the pose of {other} at ")
+
+
+def test_a_singularity_is_judged_by_what_is_recorded_of_those_who_are_named(
+    run: Result, line: Scenario, tmp_path: Path
+) -> None:
+    """That the signals of another robot's law are not recorded says nothing about these robots."""
+    with ExitStack() as ending:
+        setup = set_up(line, ending, {})
+        [regular] = [one for one in line.expectations if one.kind == "regular"]
+        named, other = run.robots[:2]
+        other_law = replace(setup.signals["cos_bearing"], robots=(other,))
+        team = replace(setup, signals={**setup.signals, "cos_bearing": other_law})
+        rest = Result({name: one for name, one in run.data_vars.items() if name != "cos_bearing"}, run.coords, {})
+        found = judged(replace(line, expectations=(regular,)), team, rest, no_other)
+        assert {one.robot: one.judged for one in found} == {robot: robot != other for robot in run.robots}
+        only = judged(replace(line, expectations=(replace(regular, robots=(named,)),)), team, rest, no_other)
+        assert [(one.robot, one.judged, one.passed) for one in only] == [(named, True, True)]
+
+
+def no_other(path: Path) -> Result:
+    raise AssertionError(f"{path} is not to be run")
 
 
 def test_what_is_not_judged_never_counts_as_known_to_fail(run: Result, line: Scenario, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ import xarray as xr
 
 from cosim.errors import OutputError
 from cosim.results.files import load, save, writable_folder
+from cosim.results.follower_figures import follower_figures
+from cosim.results.result import Result
 from cosim.results.summary import summarise
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
@@ -66,6 +68,15 @@ def test_inside_for_less_than_a_twentieth_of_the_run_is_not_settled(
     errors = np.zeros(5001)
     errors[last_outside] = 1.0
     assert summarise(scenario, made_up(errors, errors)).followers[0].settling_time == pytest.approx(settled)
+
+
+@pytest.mark.parametrize(("last_outside", "settled"), [(94, 1.9), (95, None)])
+def test_inside_for_exactly_a_twentieth_is_settled(last_outside: int, settled: float | None) -> None:
+    """Where the twentieth of the horizon, 0.1 s of 2 s, is no number that a computer has."""
+    errors = np.zeros(101)
+    errors[last_outside] = 1.0
+    [first, _] = follower_figures(2.0, 0.02, Result.of(made_up(errors, errors)))
+    assert first.settling_time == (None if settled is None else pytest.approx(settled))
 
 
 def test_steady_state_is_the_last_fifth(scenario: Scenario) -> None:

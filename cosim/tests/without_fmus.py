@@ -35,7 +35,8 @@ def mock_setup(scenario: Scenario) -> Setup:
     followers = tuple(_robot(scenario, follower.id, follower) for follower in scenario.followers)
     storage = Storage()
     columns = run_columns([robot.kind for robot in (leader, *followers)])
-    variables = result_variables_of(columns, len(followers), False, laws.values())
+    controlled = [(one.id, laws[one.controller]) for one in scenario.followers]
+    variables = result_variables_of(columns, controlled, False, laws.values())
     return Setup(
         leader=leader,
         followers=followers,
@@ -46,7 +47,7 @@ def mock_setup(scenario: Scenario) -> Setup:
         laws=laws,
         gains=tuple(laws[follower.controller].gains for follower in scenario.followers),
         result_variables=variables,
-        signals=recorded_signals(variables, columns, [(one.id, laws[one.controller]) for one in scenario.followers]),
+        signals=recorded_signals(variables, columns, controlled),
         others={},
         storage=storage,
     )

@@ -97,7 +97,7 @@ def judge(
 ) -> tuple[Verdict, ...]:
     """Return the verdict on each expectation and follower; on an expectation about the team, one.
 
-    A follower whose controller has no such signal is left out.
+    A follower whose controller has no such signal is left out. An expectation that is then about nobody does not hold.
 
     Parameters
     ----------
@@ -114,4 +114,5 @@ def judge(
         The user pressed Ctrl-C while another scenario ran.
     """
     arrays = Result.of(result)
-    return tuple(verdict for written in expectations for verdict in understood(written).judge(arrays, run_other))
+    kinds = map(understood, expectations)
+    return tuple(verdict for kind in kinds for verdict in kind.judge(arrays, run_other) or [kind.nothing_to_judge])

@@ -58,6 +58,10 @@ class Distance(Kind):
         """Return the poses."""
         return {"pose"}
 
+    def followers(self, result: Result) -> list[str]:
+        """Return all: the nearest to one of whom it is expected may be any."""
+        return list(result.robots)
+
     def judge(self, result: Result, run_other: RunOther | None) -> list[Verdict]:
         """Judge the two followers that came nearest to each other."""
         found = self._nearest(result)

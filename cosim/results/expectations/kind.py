@@ -58,7 +58,7 @@ class Kind(ABC):
     fewest : int
         Samples that its window must hold.
     lasts : bool
-        Whether its window must be longer than an instant, and end within the run.
+        Whether its window must be longer than an instant.
     bound, unit : float, str
         The number that a figure is held against, in the unit in which it is written.
     others : tuple of Path
@@ -69,6 +69,8 @@ class Kind(ABC):
         Whether x and y are all that it needs of a pose.
     holds_with_gaps : bool
         Whether it holds for sure if it does although samples are missing.
+    by_any : bool
+        Whether a follower that has some of its signals is judged by these.
     """
 
     element: ClassVar[str] = ""
@@ -80,6 +82,7 @@ class Kind(ABC):
     of_bodies: bool = False
     of_places: bool = False
     holds_with_gaps: ClassVar[bool] = False
+    by_any: ClassVar[bool] = False
 
     def __init__(self, written: Expectation) -> None:
         self.written = written
@@ -142,7 +145,7 @@ class Kind(ABC):
     def check_within(self, horizon: float) -> None:
         """Check that the window is within the run."""
         start, stop = self.written.start, self.written.stop
-        if self.lasts and not start < stop <= horizon:
+        if stop > horizon or start > stop or (self.lasts and start == stop):
             raise AfterTheEnd(
                 f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s", self.written.where
             )
@@ -161,6 +164,11 @@ class Kind(ABC):
     def not_judged(self, robot: str, why: str) -> Verdict:
         """Return the verdict where nothing can be said; it holds in no way, not even as a known failure."""
         return replace(self.verdict(math.nan, math.nan, False, robot, why, known_failure=""), judged=False)
+
+    @property
+    def nothing_to_judge(self) -> Verdict:
+        """The verdict where no follower has what it is about."""
+        return self.not_judged("", "no follower has what it is about")
 
     @property
     def span(self) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from cosim.results.passes import missing
+from cosim.results.result import Variable, by_robot
 from cosim.results.result_variable import ResultVariable
 from cosim.scenario.scenario import LEADER
 
@@ -43,7 +45,6 @@ def recorded(
     variables: Iterable[ResultVariable],
     labels: Mapping[str, Sequence[str]],
     followers: Sequence[str],
-    owners: Mapping[str, Sequence[str]],
 ) -> dict[str, Recorded]:
     """Return the signals that expectations can be about, by name.
 
@@ -55,18 +56,26 @@ def recorded(
         The components' names by the dimension, such as ``pose_component``.
     followers
         The followers' ids.
-    owners
-        For each signal that not every follower has, who has it.
     """
     known = {name: Recorded({"": unit}, tuple(followers)) for name, (unit, _) in DERIVED.items()}
     for variable in variables:
         components = next((labels[dim] for dim in variable.dims if dim != "robot"), ("",))
         known[variable.name] = Recorded(
             units=units_by_component(components, variable.units),
-            robots=tuple(owners.get(variable.name, followers)) if "robot" in variable.dims else (LEADER,),
+            robots=variable.robots or tuple(followers) if "robot" in variable.dims else (LEADER,),
             tells_singularity=bool(variable.singular_at_zero),
         )
     return known
+
+
+def absent(signal: Variable, robots: Sequence[str]) -> list[bool]:
+    """Return which followers of a result do not have a signal, or its component.
+
+    A controllers' signal names those that have it. Any other is not a number where the kind of vehicle lacks it.
+    """
+    if named := str(signal.attrs.get("robots", "")).split():
+        return [robot not in named for robot in robots]
+    return missing(by_robot(signal))
 
 
 def units_by_component(components: Sequence[str], text: str) -> dict[str, str]:

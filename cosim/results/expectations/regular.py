@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
-from cosim.results.expectations.recorded import Recorded
+from cosim.results.expectations.recorded import Recorded, absent
 from cosim.results.expectations.shown import Band
-from cosim.results.passes import extremes_of_each, missing, sign_changes, smallest
+from cosim.results.passes import extremes_of_each, sign_changes, smallest
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 
@@ -23,6 +23,7 @@ class Regular(Kind):
     """``<regular>``."""
 
     element = "regular"
+    by_any = True
 
     @property
     def text(self) -> str:
@@ -82,8 +83,8 @@ class Regular(Kind):
         time = result["time"].values[samples]
         for name, threshold in _thresholds(result).items():
             courses = result.of_robots(name)
-            absent = missing(courses)  # another robot's controller has it
-            rows = {robot: row for robot in self.followers(result) if not absent[row := result.row(robot)]}
+            lacking = absent(result[name], result.robots)  # another robot's controller has it
+            rows = {robot: row for robot in self.followers(result) if not lacking[row := result.row(robot)]}
             found = _nearness_of_each(courses[samples], list(rows.values()))
             for robot, (least, at, jumps) in zip(rows, found, strict=True):
                 rank = (least - threshold > 0, least / threshold if threshold else math.inf)
@@ -104,7 +105,8 @@ class _Nearest(NamedTuple):
 
     def __str__(self) -> str:
         """Return signal and time, in words."""
-        return f"{self.signal} {'changes sign' if self.jumps else 'nearest to zero'} at t = {self.time:.2f} s"
+        how = "changes sign" if self.jumps else "is not a number" if math.isnan(self.least) else "nearest to zero"
+        return f"{self.signal} {how} at t = {self.time:.2f} s"
 
 
 def _thresholds(result: Result) -> dict[str, float]:

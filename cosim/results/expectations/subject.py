@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self, TypeAlias
 
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import nearest
 from cosim.results.expectations.kind import Kind
-from cosim.results.expectations.recorded import Recorded, units_by_component
+from cosim.results.expectations.recorded import Recorded, absent, units_by_component
 from cosim.results.expectations.shown import Band
-from cosim.results.passes import missing
 from cosim.results.result import Result, Variable, by_robot
 from cosim.scenario.scenario import LEADER, Expectation
 from plants import UnitError, units
@@ -128,8 +127,13 @@ class Subject:
             raise error(f"the signal {self.signal!r} is each follower's: say whose by minus_robot=...")
         if not self.robot:
             kind.check_robots(having, f"signal {self.signal!r}")
-        elif self.is_own(own, kind.written.robots[0] if len(kind.written.robots) == 1 else ""):
-            raise error(f"{str(own)!r} of {self.robot} is always zero: name another follower by robots=...")
+        elif all(self.is_own(own, robot) for robot in kind.written.robots or known[own.signal].robots):
+            raise error(f"{str(own)!r} of {self.robot} is always zero: {self._another(own, known)}")
+
+    def _another(self, own: Subject, known: Mapping[str, Recorded]) -> str:
+        if len(known[own.signal].robots) == 1:
+            return "no other follower has that signal"
+        return "name another follower by robots=..."
 
     def is_own(self, own: Subject, robot: str) -> bool:
         """Return whether it is the very signal of a follower that it is subtracted from."""
@@ -146,19 +150,23 @@ class Subject:
         """Return its course over the window of an expectation, by the followers that have it."""
         samples, signal = kind.samples(result), self._one(result)
         time = result["time"].values[samples]
+        robots = kind.followers(result)
+        chosen = robots if kind.written.robots else self._having(robots, result) or robots
         if self.minus is not None:
-            whole = self.minus._subtracted(self, self._by_robot(kind.followers(result), result), result)
-            found = {robot: course for robot, course in whole.items() if not missing(course[:, np.newaxis])[0]}
-            differences = whole if kind.written.robots or not found else found
+            differences = self.minus._subtracted(self, self._by_robot(chosen, result), result)
             return {robot: (time, course[samples]) for robot, course in differences.items()}
         if "robot" not in signal.dims:
             return {LEADER: (time, signal.values[samples])}
         courses = by_robot(signal)
-        absent = missing(courses)
-        rows = {robot: result.row(robot) for robot in kind.followers(result)}
-        having = {robot: row for robot, row in rows.items() if not absent[row]}
-        chosen = rows if kind.written.robots or not having else having
-        return {robot: (time, courses[samples, row]) for robot, row in chosen.items()}
+        return {robot: (time, courses[samples, result.row(robot)]) for robot in chosen}
+
+    def _having(self, robots: Sequence[str], result: Result) -> Sequence[str]:
+        """Return which of some followers have it, and what is subtracted from it."""
+        signal = self._one(result)
+        if "robot" in signal.dims and not self.robot:
+            lacking = absent(signal, result.robots)
+            robots = [robot for robot in robots if not lacking[result.row(robot)]]
+        return self.minus._having(robots, result) if self.minus else robots
 
     def _subtracted(
         self, own: Subject, courses: Mapping[str, NDArray[np.float64]], result: Result
