@@ -71,11 +71,13 @@ def recorded(
 def absent(signal: Variable, robots: Sequence[str]) -> list[bool]:
     """Return which followers of a result do not have a signal, or its component.
 
-    A controllers' signal names those that have it. Any other is not a number where the kind of vehicle lacks it.
+    A controllers' signal names those that have it. Any other is not a number where the kind of vehicle lacks it. Without a
+    sample nobody has any.
     """
-    if named := str(signal.attrs.get("robots", "")).split():
+    courses = by_robot(signal)
+    if len(courses) and (named := str(signal.attrs.get("robots", "")).split()):
         return [robot not in named for robot in robots]
-    return missing(by_robot(signal))
+    return missing(courses)
 
 
 def units_by_component(components: Sequence[str], text: str) -> dict[str, str]:
