@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -212,11 +212,41 @@ def _set_value(root: etree._Element, setting: str) -> None:
 def _set_horizon(root: etree._Element, horizon: str) -> None:
     _set_value(root, f"simulation/@horizon={horizon}")
     end = _seconds(horizon)
-    for element in root.xpath("//*[@at or @from][not(self::waypoint or ancestor::expect)]"):
-        if _seconds(element.get("at", element.get("from"))) > end:
-            take_out(element)
+    begin = "//*[@at or @from][not(self::waypoint or ancestor::expect)]"
+    later = {element for element in root.xpath(begin) if _seconds(element.get("at", element.get("from"))) > end}
+    _keep_streams(root, later)
+    for element in later:
+        take_out(element)
     for given in root.xpath("//input[not(@value or *)]"):
         take_out(given)
+
+
+def _keep_streams(root: etree._Element, gone: Collection[etree._Element]) -> None:
+    """Let signals and dropouts state their streams of random numbers that their places no longer tell."""
+    for sensor in root.iter("sensor"):
+        _number(sensor.findall("dropout"), gone)
+    shared = _signals(root)
+    for waves in shared.values():
+        _number(waves, gone)
+    for robot in root.iterchildren("leader", "follower"):
+        for name, waves in _signals(robot).items():
+            _number([*(shared.get(name, ()) if robot.tag == "follower" else ()), *waves], gone)
+
+
+def _signals(parent: etree._Element) -> dict[str, list[etree._Element]]:
+    """Return the signals of each input of the scenario or of a robot, by the input's name; a value is one."""
+    found: dict[str, list[etree._Element]] = {}
+    for given in parent.findall("input"):
+        found.setdefault(given.get("name", ""), []).extend(given.findall("*") or [given])
+    return found
+
+
+def _number(elements: Sequence[etree._Element], gone: Collection[etree._Element]) -> None:
+    moved = False
+    for place, element in enumerate(elements):
+        if moved and element.tag in ("random", "dropout") and "stream" not in element.attrib:
+            element.set("stream", str(place))
+        moved = moved or element in gone
 
 
 def _seconds(time: str) -> float:

@@ -48,6 +48,34 @@ def test_a_shortened_run_is_the_beginning_of_the_run(eventful: Path) -> None:
     assert float(abs(longer["velocity"]).max()) > 0
 
 
+BEHIND = """
+  <input name="tau_d_y"><step value="2 N" at="0.6 s"/><random value="1 N" cutoff="2 Hz"/></input>
+  <input name="tau_d_x"><pulse value="2 N" from="0.5 s" to="0.6 s"/></input>
+  <input name="tau_d_x" value="1 N"/>
+"""
+OWN = """
+    <sensor><dropout probability="0.5" from="0.6 s"/><!-- --><dropout probability="0.3" channels="x"/></sensor>
+    <input name="tau_d_x"><random value="1 N" cutoff="2 Hz"/></input>
+"""
+
+
+def test_noise_behind_what_is_left_out_stays_the_same(tmp_path: Path) -> None:
+    """Its stream follows from its place, which is another one then."""
+    text = EXAMPLE.read_text("utf-8").replace("  <leader", BEHIND + "  <leader")
+    text = text.replace('bearing="15 deg"/>', f'bearing="15 deg"/>{OWN}')
+    (path := tmp_path / "noisy.xml").write_text(text, "utf-8")
+    longer = read_scenario(path).edited(horizon=0.8, expectations=False)
+    shorter = longer.edited(horizon=0.4)
+    assert [wave.get("stream") for wave in shorter.inputs[0].waves] == ["1"]
+    assert [wave.get("stream") for wave in shorter.followers[2].inputs[0].waves] == ["2"]
+    assert [effect.get("stream") for effect in shorter.followers[2].sensor] == ["1"]
+    short, long = cosim.run(shorter), cosim.run(longer)
+    xr.testing.assert_equal(short.isel(time=slice(20)), long.isel(time=slice(20)))
+    assert float(abs(long["pose"] - long["measured_pose"]).max()) > 0
+    other = cosim.run(shorter.edited(["//random/@stream=7"]))
+    assert not short["pose"].equals(other["pose"])
+
+
 def test_what_begins_later_is_left_out(eventful: Path) -> None:
     scenario = read_scenario(eventful, ["//rms[2]/@from=0.2 s"]).edited(horizon=0.4)
     assert (scenario.horizon, scenario.ticks) == (0.4, 20)

@@ -71,8 +71,8 @@ def recorded(
 def absent(signal: Variable, robots: Sequence[str]) -> list[bool]:
     """Return which followers of a result do not have a signal, or its component.
 
-    A controllers' signal names those that have it. Any other is not a number where the kind of vehicle lacks it. Without a
-    sample nobody has any.
+    A controllers' signal names those that have it. Any other is not a number where the kind of vehicle lacks it. Nobody
+    has one without a sample.
     """
     courses = by_robot(signal)
     if len(courses) and (named := str(signal.attrs.get("robots", "")).split()):

@@ -69,7 +69,7 @@ class Dropout(Part):
             for index, effect in enumerate(effect for effect in effects if effect.kind == self.element):
                 columns = [names.index(channel) for channel in effect.channels or names]
                 start, stop = tick_at(effect.start, rows.step), tick_at(effect.stop, rows.step)
-                yield row, f"pose.dropout.{index}", effect.amount, columns, start, stop
+                yield row, f"pose.dropout.{int(effect.stream or index)}", effect.amount, columns, start, stop
 
     def amounts(self, first: int, out: Floats) -> None:
         """Write one where a measurement is lost; each effect draws a number a tick for all of its channels.

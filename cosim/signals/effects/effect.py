@@ -35,6 +35,8 @@ class Effect:
         The window [s], the second excluded.
     unit : str
         Empty for a pure number.
+    stream : str
+        The number of its stream of random numbers, where one is stated.
     """
 
     kind: str
@@ -44,6 +46,7 @@ class Effect:
     stop: float
     where: Location
     unit: str = ""
+    stream: str = ""
 
     @property
     def text(self) -> str:
@@ -211,7 +214,8 @@ class Part(EffectKind):
         text = written.get(cls.attribute)
         if not 0 <= (part := float(text)) <= 1:
             raise written.error(f'{cls.attribute}="{text}" of <{cls.element}> is not from 0 to 1')
-        yield Effect(cls.element, part, written.channels, written.start, written.stop, written.where)
+        window = written.start, written.stop
+        yield Effect(cls.element, part, written.channels, *window, written.where, stream=written.get("stream"))
 
 
 class Limit(EffectKind):

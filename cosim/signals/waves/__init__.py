@@ -51,17 +51,19 @@ def add_samples(
     clock
         The communication points.
     seed, robot
-        With the input's name and the wave's position in it they name the stream of random numbers: a random wave is
-        the same whatever other robots and inputs there are, and however long the run is.
+        With the input's name and the wave's place in it, or the number that the wave states, they name the stream of
+        random numbers: a random wave is the same whatever other robots and inputs there are, and however long the run
+        is.
 
     Raises
     ------
     InputError
         A value's unit does not fit, a table cannot be used, a cutoff is out of range, or the sum is too large a number.
     """
+    places = (int(written.get("stream", str(place))) for place, written in enumerate(source.waves))
     waves = [
-        (understood(written), random_stream(seed, robot, f"input.{source.name}.{index}"))
-        for index, written in enumerate(source.waves)
+        (understood(written), random_stream(seed, robot, f"input.{source.name}.{place}"))
+        for written, place in zip(source.waves, places, strict=True)
     ]
     finite = True
     for block in blocks(len(total)):
