@@ -151,6 +151,15 @@ def test_velocities_that_are_not_offered_are_not_compared(tmp_path: Path) -> Non
     assert comparison.to_dict()["not_offered"] == ["v", "omega"]
 
 
+@pytest.mark.parametrize("within", ["v=1 mm/s", "1 mm/s"])
+def test_a_tolerance_of_what_a_plant_does_not_offer_is_refused(compare, tmp_path: Path, within: str) -> None:
+    """It would hold whatever the plants do. One that limits something else besides is a limit of that."""
+    silent = make_fmu(tmp_path, name="silent", velocities=False)
+    _, warned = compare("car_like", silent, "--within", within, status=2)
+    assert f"within {within}: plant B (silent.fmu) offers no v, so it would hold whatever they do" in warned
+    compare("car_like", silent, "--within", "0", status=1)
+
+
 def test_what_an_fmu_logs_is_kept(tmp_path: Path) -> None:
     comparison = compare_plants("car_like", make_fmu(tmp_path, behaviour="warning"), **SHORT)
     assert comparison.messages
