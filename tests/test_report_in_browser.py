@@ -328,3 +328,29 @@ def test_differences_of_runs(line: tuple[Result, Path], opened: Any, tmp_path: P
     worst = [max(one.range_rms for one in cosim.summary_of(run).followers) for run in (result, moved)]
     assert float(rms[1].split()[0]) == pytest.approx(worst[0], rel=1e-3)
     assert rms[2].endswith("better" if worst[1] < worst[0] else "worse")
+
+
+def test_a_figure_that_a_run_has_not_is_told_as_none(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    """One that was cut short has no last fifth, and one has a follower that the other has not."""
+    result, _ = line
+    scenario = cosim.read_scenario(SCENARIOS[0].with_name("clmr_line.xml")).edited(
+        ["follower[@id='follower_4']/@id=another"], expectations=False
+    )
+    with cosim.Simulation(scenario) as simulation:
+        simulation.step()
+        save_report([result, simulation.result()], tmp_path / "both.html")
+    page = opened(tmp_path / "both.html")
+    rms = page.locator("#compared tr", has_text="range RMS").locator("td").all_inner_texts()
+    assert rms[2].strip() == "none"
+    settled = page.locator("#compared tr", has_text="settled within 0.1 m and 2 deg after").locator("td")
+    assert settled.all_inner_texts()[2].split("\n")[0] == "not"
+    rows = [row.locator("td").all_inner_texts() for row in page.locator("#followers tbody tr").all()]
+    assert [row[:2] for row in rows[-4:]] == [
+        ["follower_4", "1"],
+        ["follower_4", "2"],
+        ["another", "1"],
+        ["another", "2"],
+    ]
+    assert rows[-3][2:] == rows[-2][2:] == ["–"] * 4
+    assert rows[-1][2:5] == ["not", "–", "–"]
+    assert rows[-1][5].endswith("N.m")
