@@ -187,6 +187,21 @@ def test_several_runs_are_compared(line: tuple[Result, Path], opened: Any, tmp_p
     assert all(value is None for value in last[101:])
 
 
+def test_a_panel_shows_a_signal_in_one_unit(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    """Two versions of a law may give a signal of one name in other units, or another signal that name."""
+    result, _ = line
+    dataset = result.dataset
+    versions = [dataset.assign(telling=dataset["range_error"].assign_attrs(units=unit)) for unit in ("rad", "deg", "m")]
+    save_report(versions, tmp_path / "versions.html")
+    page = opened(tmp_path / "versions.html")
+    page.evaluate("formation.panels.show('telling')")
+    data = page.evaluate("formation.panels.open.get('telling').plot.data.map((x) => Array.from(x))")
+    errors = result["range_error"].values[:, 0]
+    assert len(data) == 1 + 4 + 4, "metres are none of its units"
+    np.testing.assert_allclose(data[1], np.degrees(errors), rtol=2.0**-16)
+    np.testing.assert_allclose(data[5], errors, rtol=2.0**-16)
+
+
 def test_texts_of_strangers_stay_texts(opened: Any, tmp_path: Path) -> None:
     scenario = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
     hostile = "&lt;/title&gt;&lt;script&gt;window.taken = 1&lt;/script&gt;&lt;img src=x onerror=&quot;taken=1&quot;&gt;"
