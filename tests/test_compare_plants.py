@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from cosim import PlantFile, compare_plants
 from cosim.cli import main
 from cosim.cli.comparing import _print
 from cosim.compare.comparison import TOLERANCE
+from cosim.compare.figure import draw_comparison
 from cosim.vehicle.car_like import CAR_LIKE
 
 from .commands import command
@@ -151,6 +153,15 @@ def test_velocities_that_are_not_offered_are_not_compared(tmp_path: Path) -> Non
     assert comparison.to_dict()["not_offered"] == ["v", "omega"]
 
 
+@pytest.mark.parametrize("within", ["v=1 mm/s", "1 mm/s"])
+def test_a_tolerance_of_what_a_plant_does_not_offer_is_refused(compare, tmp_path: Path, within: str) -> None:
+    """It would hold whatever the plants do. One that limits something else besides is a limit of that."""
+    silent = make_fmu(tmp_path, name="silent", velocities=False)
+    _, warned = compare("car_like", silent, "--within", within, status=2)
+    assert f"within {within}: plant B (silent.fmu) offers no v, so it would hold whatever they do" in warned
+    compare("car_like", silent, "--within", "0", status=1)
+
+
 def test_what_an_fmu_logs_is_kept(tmp_path: Path) -> None:
     comparison = compare_plants("car_like", make_fmu(tmp_path, behaviour="warning"), **SHORT)
     assert comparison.messages
@@ -243,6 +254,17 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert report["differences"]["psi"]["tolerance"] == TOLERANCE
     assert not report["within"]
     assert report["reached"] == 2.0
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_figure_has_all_commands(number: int) -> None:
+    """As many as the kind of vehicle takes."""
+    comparison = compare_plants("car_like", "car_like", duration=0.2)
+    roles = tuple(replace(CAR_LIKE.command[0], name=f"command {k}") for k in range(number))
+    torque = np.zeros((10, number))
+    figure = draw_comparison(replace(comparison, kind=replace(CAR_LIKE, command=roles), torque=torque))
+    drawn = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel().startswith("command")]
+    assert drawn == [f"command {k} [N.m]" for k in range(number)]
 
 
 def test_within(compare) -> None:

@@ -187,6 +187,21 @@ def test_several_runs_are_compared(line: tuple[Result, Path], opened: Any, tmp_p
     assert all(value is None for value in last[101:])
 
 
+def test_a_panel_shows_a_signal_in_one_unit(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    """Two versions of a law may give a signal of one name in other units, or another signal that name."""
+    result, _ = line
+    dataset = result.dataset
+    versions = [dataset.assign(telling=dataset["range_error"].assign_attrs(units=unit)) for unit in ("rad", "deg", "m")]
+    save_report(versions, tmp_path / "versions.html")
+    page = opened(tmp_path / "versions.html")
+    page.evaluate("formation.panels.show('telling')")
+    data = page.evaluate("formation.panels.open.get('telling').plot.data.map((x) => Array.from(x))")
+    errors = result["range_error"].values[:, 0]
+    assert len(data) == 1 + 4 + 4, "metres are none of its units"
+    np.testing.assert_allclose(data[1], np.degrees(errors), rtol=2.0**-16)
+    np.testing.assert_allclose(data[5], errors, rtol=2.0**-16)
+
+
 def test_texts_of_strangers_stay_texts(opened: Any, tmp_path: Path) -> None:
     scenario = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
     hostile = "&lt;/title&gt;&lt;script&gt;window.taken = 1&lt;/script&gt;&lt;img src=x onerror=&quot;taken=1&quot;&gt;"
@@ -328,3 +343,29 @@ def test_differences_of_runs(line: tuple[Result, Path], opened: Any, tmp_path: P
     worst = [max(one.range_rms for one in cosim.summary_of(run).followers) for run in (result, moved)]
     assert float(rms[1].split()[0]) == pytest.approx(worst[0], rel=1e-3)
     assert rms[2].endswith("better" if worst[1] < worst[0] else "worse")
+
+
+def test_a_figure_that_a_run_has_not_is_told_as_none(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    """One that was cut short has no last fifth, and one has a follower that the other has not."""
+    result, _ = line
+    scenario = cosim.read_scenario(SCENARIOS[0].with_name("clmr_line.xml")).edited(
+        ["follower[@id='follower_4']/@id=another"], expectations=False
+    )
+    with cosim.Simulation(scenario) as simulation:
+        simulation.step()
+        save_report([result, simulation.result()], tmp_path / "both.html")
+    page = opened(tmp_path / "both.html")
+    rms = page.locator("#compared tr", has_text="range RMS").locator("td").all_inner_texts()
+    assert rms[2].strip() == "none"
+    settled = page.locator("#compared tr", has_text="settled within 0.1 m and 2 deg after").locator("td")
+    assert settled.all_inner_texts()[2].split("\n")[0] == "not"
+    rows = [row.locator("td").all_inner_texts() for row in page.locator("#followers tbody tr").all()]
+    assert [row[:2] for row in rows[-4:]] == [
+        ["follower_4", "1"],
+        ["follower_4", "2"],
+        ["another", "1"],
+        ["another", "2"],
+    ]
+    assert rows[-3][2:] == rows[-2][2:] == ["–"] * 4
+    assert rows[-1][2:5] == ["not", "–", "–"]
+    assert rows[-1][5].endswith("N.m")

@@ -226,6 +226,28 @@ def test_results_of_another_file_of_the_same_name_are_kept(line: str, ran: Path,
     assert (tmp_path / "clmr_line+mine+seed=3").is_dir()
 
 
+def test_results_of_files_in_other_folders_are_kept(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of its own, also where their names are the same."""
+    monkeypatch.chdir(tmp_path)
+    for folder in "abc":
+        Path(folder).mkdir()
+        shutil.copy(line, folder)
+    run(capsys, "a/clmr_line.xml")
+    with Path("a/clmr_line.xml").open("a") as edited:
+        edited.write("<!-- edited -->")
+    assert "kept" not in run(capsys, f"{tmp_path}/a/../a/clmr_line.xml"), "an edited file is the same file"
+    run(capsys, "b/clmr_line.xml")
+    run(capsys, "c/clmr_line.xml")
+    files = {path.parent.name: load(path).attrs["scenario_file"] for path in Path("runs").glob("*/result.nc")}
+    (another,) = files.keys() - {"clmr_line", "clmr_line+unchanged"}
+    assert another.startswith("clmr_line+b_clmr_line+unchanged-")
+    assert files["clmr_line"] == "c/clmr_line.xml"
+    assert files["clmr_line+unchanged"].endswith("a/clmr_line.xml")
+    assert files[another] == "b/clmr_line.xml"
+
+
 def test_what_is_no_result_is_overwritten(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "clmr_line"
     folder.mkdir()

@@ -76,8 +76,8 @@ def set_aside(
     result = _provenance(folder / RESULT)
     checkpoints = checkpoints and (folder / FOLDER).is_dir()
     earlier = result or (_of_checkpoints(folder / FOLDER) if checkpoints else None)
-    if earlier is not None and earlier.variant != (file.name, changes):
-        place = folder.with_name(f"{folder.name}+{label(earlier, folder.name)}")
+    if earlier is not None and earlier.variant != Provenance(str(file), changes).variant:
+        place = _place(folder, earlier)
         try:
             place.mkdir(exist_ok=True)
             for name in FILES:
@@ -96,6 +96,15 @@ def set_aside(
     if checkpoints:
         set_checkpoints_aside(folder)
     return None
+
+
+def _place(folder: Path, earlier: Provenance) -> Path:
+    """Return the folder beside that of a run which an earlier run goes to: one without a run of another file."""
+    place = folder.with_name(f"{folder.name}+{label(earlier, folder.name)}")
+    there = _provenance(place / RESULT)
+    if there is None or there.variant == earlier.variant:
+        return place
+    return folder.with_name(f"{folder.name}+{label(earlier, folder.name, str(Path(earlier.file).with_suffix('')))}")
 
 
 def replaced(folder: Path) -> None:
@@ -147,9 +156,9 @@ def _provenance(path: Path) -> Provenance | None:
         return None
 
 
-def label(provenance: Provenance, name: str) -> str:
-    """Return a short name of a file and changes, another one for others."""
-    stem = Path(provenance.file).stem
+def label(provenance: Provenance, name: str, file: str = "") -> str:
+    """Return a short name of a file and changes, another one for others; the file is its stem, unless one is given."""
+    stem = file or Path(provenance.file).stem
     parts = [(stem, stem)] if stem != name else []
     parts += [(change, _readable(change)) for change in provenance.changes] or [("unchanged", "unchanged")]
     short = "+".join(re.sub(r"[^\w.=-]+", "_", readable).strip("_") for _, readable in parts)

@@ -247,14 +247,14 @@ def compare_plants(
         Of the phases of the sines.
     within
         Largest differences allowed, such as ``1 mm`` (of all lengths) or ``psi=0.1 deg``, each at most once. Without
-        any, `TOLERANCE` of all.
+        any, `TOLERANCE` of all. Each must be of a role that both plants offer.
     isolated
         Whether FMU files run in processes of their own. Built-in models do not.
 
     Raises
     ------
     InputError
-        A file is wrong, or the plants are different kinds of vehicles.
+        A file is wrong, the plants are different kinds of vehicles, or one lacks the role of a tolerance.
     SimulationError
         A plant gives no outputs at the start.
     """
@@ -275,6 +275,7 @@ def compare_plants(
                 f"{runs[0].fmu.path.name} is a {kind.name} vehicle, but {runs[1].fmu.path.name} is a "
                 f"{runs[1].kind.name}: only vehicles of a kind can be compared"
             )
+        tolerances = _tolerances(kind, within, runs)
         start = _pose(kind, pose or {})
         if torque is None:
             torques, said = excitation(kind, lambda torques: runs[0](start, torques).completed, step, ticks, seed)
@@ -294,7 +295,7 @@ def compare_plants(
             torque=torques,
             states=(results[0].states, results[1].states),
             difference=difference,
-            roles=_differences(kind, difference, results[0].states, step, _tolerances(kind, within)),
+            roles=_differences(kind, difference, results[0].states, step, tolerances),
             failures=tuple(result.failure for result in results if result.failure is not None),
             messages=tuple(message for result in results for message in result.messages),
         )
@@ -406,9 +407,13 @@ def _pose(kind: Kind, entries: Mapping[str, float]) -> tuple[float, ...]:
 # The differences --------------------------------------------------------------------------------------------
 
 
-def _tolerances(kind: Kind, within: Iterable[str]) -> dict[str, float]:
-    """Return the tolerance of each role; if any is given, roles without one are not limited."""
+def _tolerances(kind: Kind, within: Iterable[str], runs: Sequence[_Run]) -> dict[str, float]:
+    """Return the tolerance of each role; if any is given, roles without one are not limited.
+
+    A tolerance of nothing that both plants offer is refused.
+    """
     roles = {role.name: role for role in kind.states}
+    offered = set(roles).intersection(*(run.fmu.binding.bound for run in runs))
     general: dict[str, float] = {}
     own: dict[str, float] = {}
     for text in within:
@@ -421,6 +426,13 @@ def _tolerances(kind: Kind, within: Iterable[str]) -> dict[str, float]:
         fitting = _fitting(text, value, [roles[name]] if equals else list(roles.values()))
         if fitting.keys() & given.keys():
             raise InputError(f"within {text}: a tolerance of {', '.join(fitting)} is given already: give it once")
+        if offered.isdisjoint(fitting):
+            lacking = " and ".join(
+                f"plant {run.name} ({run.fmu.path.name}) offers no {', '.join(names)}"
+                for run in runs
+                if (names := [name for name in fitting if name not in run.fmu.binding.bound])
+            )
+            raise InputError(f"within {text}: {lacking}, so it would hold whatever they do: leave it out")
         given |= fitting
     found = general | own
     return dict.fromkeys(roles, math.inf) | found if found else dict.fromkeys(roles, TOLERANCE)

@@ -100,7 +100,8 @@ def _draw_paths(axes: Axes, comparison: PlantComparison, names: tuple[str, str])
 
 
 def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantComparison) -> None:
-    grid = place.subgridspec(2, 1)
+    last = len(comparison.kind.command) - 1
+    grid = place.subgridspec(1 + last, 1)
     for row, role in enumerate(comparison.kind.command):
         axes = figure.add_subplot(grid[row, 0])
         held = np.append(comparison.torque[:, row], comparison.torque[-1:, row])
@@ -109,9 +110,8 @@ def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantCompariso
         axes.grid(alpha=0.3)
         if row == 0:
             axes.set_title(f"torques: {printable(comparison.torque_from)}", parse_math=False)
-            axes.tick_params(labelbottom=False)
-        else:
-            axes.set_xlabel("time [s]")
+        axes.tick_params(labelbottom=row == last)
+    axes.set_xlabel("time [s]")
 
 
 def _draw_role(axes: Axes, comparison: PlantComparison, found: RoleDifference) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -93,8 +94,8 @@ class Provenance:
 
     @property
     def variant(self) -> tuple[str, tuple[str, ...]]:
-        """File name and changes, which runs of one scenario with the same changes share."""
-        return Path(self.file).name, self.changes
+        """File and changes, which runs of one scenario with the same changes share, however they name the file."""
+        return os.path.realpath(self.file), self.changes
 
     @property
     def changed(self) -> str:

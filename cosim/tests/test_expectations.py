@@ -23,7 +23,7 @@ from cosim.master.other_runs import run_other
 from cosim.master.segment import Segment
 from cosim.master.simulation import Simulation
 from cosim.results import expectations
-from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded
+from cosim.results.expectations import KINDS, Recorded, Recording, check, judge, recorded, understood
 from cosim.results.files import load
 from cosim.results.metrics import MEASURES, smallest_distance
 from cosim.results.result import Result
@@ -328,6 +328,21 @@ def singular(result: xr.Dataset, **below: float) -> xr.Dataset:
     for name, threshold in below.items():
         result[name].attrs |= {"singular_at_zero": "the law is singular", "singular_below": threshold}
     return result
+
+
+@pytest.mark.parametrize(
+    "expectation",
+    [
+        partial(expecting, "distance", "1 m"),
+        partial(expecting, "distance", "1 m", of="bodies"),
+        partial(expecting, "compare", "2", measure="rms", signal="range_error", scenario="other.xml"),
+    ],
+)
+def test_what_is_about_the_team_is_told_apart_by_its_robots(expectation: Callable[..., Expectation]) -> None:
+    """A verdict on the team has no robot of its own, and readers of JUnit XML know a case by its name alone."""
+    texts = {understood(expectation(robots=robots)).text for robots in ((), ("a",), ("a", "b"))}
+    assert len(texts) == 3
+    assert sum("a, b" in text for text in texts) == 1
 
 
 def test_regular_is_told_by_the_signal_that_is_nearest_to_its_zero(verdicts: Judged) -> None:

@@ -91,7 +91,7 @@ class Panels {
       else {
         panel.courses = courses;
         this.zooming = true; // each panel sees to itself
-        panel.plot.setData(aligned(courses, panel.factor), all);
+        panel.plot.setData(aligned(courses), all);
         this.zooming = false;
         if (all) this.zoomed = null;
         else panel.plot.redraw();
@@ -110,9 +110,11 @@ class Panels {
       const signal = run.signals.list.find((one) => one.name === panel.name);
       const k = signal ? signal.components.findIndex((one) => one.name === panel.component) : -1;
       if (k < 0) return;
+      const [unit, factor] = shownUnit(signal.components[k].unit);
+      if (unit !== panel.unit) return; // another version of a law may have another signal of that name
       signal.robots.forEach((robot, row) => {
         if (this.state.hidden.has(robot) || signal.columns[row][k] === null) return;
-        courses.push({ run, number, robot, values: column(run, signal.columns[row][k], run.times.length) });
+        courses.push({ run, number, robot, factor, values: column(run, signal.columns[row][k], run.times.length) });
       });
     });
     return courses;
@@ -150,7 +152,7 @@ class Panels {
           setScale: [(plot, scale) => scale === "x" && this._zoom(panel, plot)],
         },
       },
-      aligned(courses, panel.factor),
+      aligned(courses),
       panel.figure,
     );
     if (range) panel.plot.setScale("x", range);
@@ -186,8 +188,8 @@ class Panels {
     panel.now.style.left = `${left}px`;
     panel.now.style.display = left >= 0 && left <= plot.over.clientWidth ? "" : "none";
     panel.shown?.forEach((text, i) => {
-      const { run, values } = panel.courses[i];
-      const value = figure(values[indexAt(run.times, this.state.time)] * panel.factor);
+      const { run, values, factor } = panel.courses[i];
+      const value = figure(values[indexAt(run.times, this.state.time)] * factor);
       text.data = panel.unit && value !== "–" ? `${value} ${panel.unit}` : value;
     });
   }
@@ -253,9 +255,9 @@ function colourFor(run, robot, leader) {
 }
 
 /** Return the courses over common times, as uPlot takes them: null where there is no number. */
-function aligned(courses, factor) {
+function aligned(courses) {
   if (!courses.length) return [[0, 1]];
-  const values = courses.map((course) => Array.from(course.values, (value) => (Number.isFinite(value) ? value * factor : null)));
+  const values = courses.map((course) => Array.from(course.values, (value) => (Number.isFinite(value) ? value * course.factor : null)));
   const [first] = courses;
   const same = courses.every(({ run }) => {
     const times = run.times;

@@ -41,7 +41,8 @@ class Compare(Kind):
     @property
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
-        return f"{self.name} {self.subject} at most {self.bound:g} times that of {self.path.name}, {self.span}"
+        over = f" over {', '.join(self.written.robots)}" if self.written.robots else ""
+        return f"{self.name} {self.subject}{over} at most {self.bound:g} times that of {self.path.name}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check factor, signal and window, and that the other scenario can be run and has the same signal."""

@@ -33,8 +33,12 @@ class Distance(Kind):
     @property
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
-        between = "bodies of followers" if self.of_bodies else "followers"
-        return f"distance between {between} above {self.bound_text}, {self.span}"
+        robots = ", ".join(self.written.robots)
+        if self.of_bodies:
+            of = f"of the bodies of {robots} from those of other" if robots else "between bodies of"
+        else:
+            of = f"of {robots} from other" if robots else "between"
+        return f"distance {of} followers above {self.bound_text}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check that there are two followers, bound and window, and that followers have bodies if these count."""
