@@ -28,7 +28,7 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
-from cosim.studies.table import as_result
+from cosim.studies.table import as_csv, as_result
 from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study, write_study
 
 from .crashing_study import crashing_study
@@ -149,6 +149,13 @@ def test_values_that_change_the_structure_are_prepared_anew(tmp_path: Path) -> N
 
 
 # What must hold ---------------------------------------------------------------------------------------------
+
+
+def test_a_seed_keeps_all_of_its_digits_in_the_table(tmp_path: Path) -> None:
+    seeds = SEEDS.replace('"7"', f'"{2**53 + 1}"')
+    outcome = here(tmp_path, seeds, '<sample method="random" runs="2"/>')
+    assert [line.split(",")[2] for line in as_csv(outcome).splitlines()[1:]] == ["9007199254740993", "9007199254740994"]
+    assert as_result(outcome).dataset["seed"].values.tolist() == [2**53 + 1, 2**53 + 2]
 
 
 def rows_of(statuses: Sequence[str], figures: Sequence[float] = (), **about: object) -> list[Row]:

@@ -120,9 +120,17 @@ def _of_value(name: str, texts: Sequence[str | None]) -> Column:
     else:
         if unit is not None:
             if unit == "1" and all(number.is_integer() for number in found):
-                return Column(name, "value", "", [int(number) for number in found])
+                return Column(name, "value", "", [_whole(str(text)) for text in texts])
             return Column(name, "value", "" if unit == "1" else unit, found)
     return Column(name, "value", "", ["" if text is None else text for text in texts])
+
+
+def _whole(text: str) -> int:
+    """Return a whole number: as it is written, as a seed may have more digits than a float holds, or such as "1e3"."""
+    try:
+        return int(text)
+    except ValueError:
+        return int(split(text)[0])
 
 
 def _expectations(study: Study) -> list[str]:
