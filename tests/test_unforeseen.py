@@ -19,9 +19,12 @@ import cosim.cli.check
 import cosim.cli.listing
 import cosim.cli.run
 import cosim.cli.studying
+import cosim.studies.conduct
+import cosim.studies.task
 from cosim.cli import main
 from cosim.errors import InputError, OutputError
 from cosim.results.result import Result
+from cosim.studies.crews import crew_of
 from cosim.tests.driving import SHORT
 from cosim.tests.studies import write_study
 from cosim.unforeseen import Fault, Lack, foreseen, lack_of, status_of
@@ -181,6 +184,48 @@ def test_the_folder_of_a_study_is_removed_while_it_runs(
     out = tmp_path / "studies"
     command(capsys, "study", str(study), "--out", str(out), "--no-figure", "--no-report", "--workers", "1")
     assert {"runs.csv", "runs.nc", "summary.json"} <= {path.name for path in out.glob("*/*")}
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_run_for_which_the_disk_has_no_room_has_no_row_of_its_study(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, first: bool
+) -> None:
+    def full(*_: object, **__: object) -> object:
+        try:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        except OSError as error:
+            raise OutputError("no room for the run") from error
+
+    study = write_study(tmp_path)
+    arguments = ("study", str(study), "--out", str(tmp_path), "--no-figure", "--no-report", "--workers", "1")
+    with monkeypatch.context() as patch:
+        patch.setattr(cosim.studies.task, "whole_run" if first else "Prepared", full)  # the first is made by itself
+        patch.setattr(cosim.studies.conduct, "crew_of", lambda *_: crew_of(workers=0))
+        printed = failed(capsys, 71, *arguments)
+    assert "the disk is full: the runs so far are kept in" in printed
+    assert "error: no room for the run" in printed
+    assert (tmp_path / "small" / "rows.jsonl").read_text().count('"key"') == (not first)
+    printed, _ = command(capsys, *arguments)
+    assert printed.count("6 runs; ") == printed.count("6 passed, 0 failed, 0 broken") == 1
+
+
+def test_a_process_that_makes_runs_runs_out_of_memory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\n"
+        "if 'cosim.studies.worker' in sys.orig_argv:\n"
+        "    import cosim.master.recorder\n"
+        "    def lacking(*_, **__):\n"
+        "        raise MemoryError\n"
+        "    cosim.master.recorder.Recorder.__init__ = lacking\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    arguments = ("study", str(write_study(tmp_path)), "--out", str(tmp_path), "--no-figure", "--no-report")
+    printed = failed(capsys, 71, *arguments, "--workers", "1")
+    assert "error: the memory has run out (" in printed
+    assert "; the runs so far are kept, and the same command goes on" in printed
+    assert (tmp_path / "small" / "rows.jsonl").read_text().count('"key"') == 1
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits")

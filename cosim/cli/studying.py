@@ -39,6 +39,7 @@ from cosim.studies.table import as_csv, as_result
 from cosim.studies.trial import mean_cost
 from cosim.studies.tuned_files import best_values, trials_csv, tuned_variant
 from cosim.studies.tuning import Tuned
+from cosim.unforeseen import lack_of
 
 _MOST_CASES = 40
 """Rows of cases that are printed."""
@@ -119,11 +120,13 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
 
 @contextmanager
 def _going_on(rows: Path) -> Iterator[None]:
-    """Say, if the user interrupts what is done here, that nothing is lost."""
+    """Say, if the user interrupts what is done here, or the machine lacks something, that nothing is lost."""
     try:
         yield
-    except KeyboardInterrupt:
-        warn(f"interrupted: the runs so far are kept in {rows}; the same command goes on")
+    except BaseException as error:
+        why = "interrupted" if isinstance(error, KeyboardInterrupt) else lack_of(error)
+        if why:
+            warn(f"{why}: the runs so far are kept in {rows}; the same command goes on")
         raise
 
 
@@ -175,7 +178,7 @@ def _print(console: Console, outcome: StudyOutcome, cases: Sequence[CaseRow]) ->
     if outcome.early:
         why = "the verdict is certain enough" if of.search is None else "a run fails"
         parts.append(f"ended early, of {outcome.planned}: {why}")
-    elif len(outcome.rows) < outcome.planned:
+    elif len(outcome.rows) < outcome.planned and not outcome.verdicts:
         parts.append(f"a first look at {outcome.planned}, so without a verdict")
     parts.append(", ".join(f"{ends[status]} {status}" for status in ends))
     say(console, "; ".join(parts))

@@ -34,6 +34,7 @@ from cosim.scenario.edits import Change
 from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import Scenario
 from cosim.undisturbed import Ending
+from cosim.unforeseen import lack_of
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -117,6 +118,8 @@ class Prepared(Closing):
         InputError
             A change does not apply, a value makes no sense or is refused by an FMU; or the structure differs,
             `OtherStructure`.
+        SimulationError
+            The machine lacks what the run needs, such as memory: that is no outcome.
         RunInterrupted
             The user pressed Ctrl-C.
         """
@@ -157,6 +160,8 @@ class Prepared(Closing):
             try:
                 result = simulation.run_to_end()
             except SimulationError as error:
+                if lack_of(error):  # which says nothing about the scenario
+                    raise
                 failure, result = error.failure, error.recorded
             if failure is None:
                 verdicts = judge(scenario.expectations, result, partial(run_other, setup))

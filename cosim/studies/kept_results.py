@@ -17,6 +17,7 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, Row
 from cosim.studies.study import Keep, Study
 from cosim.studies.worker_process import Ended, Processes
+from cosim.unforeseen import lack_of
 
 FOLDER = "kept"
 _WORTHWHILE = 5.0
@@ -64,10 +65,10 @@ def keep_results(outcome: StudyOutcome, folder: Path, workers: int | None = None
         began = time.perf_counter()
         try:
             _prepared(outcome.study, missing[0], place, len(missing), usual).make()
-        except OutputError:
-            raise
-        except FormationError:  # its row says why it could not begin
-            pass
+        except FormationError as error:
+            if isinstance(error, OutputError) or lack_of(error):
+                raise
+            # its row says why it could not begin
         usual = max(usual, time.perf_counter() - began)
         del missing[0]
     return [_of(place, row) for row in rows if (_of(place, row) / RESULT).exists()]

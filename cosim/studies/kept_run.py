@@ -20,6 +20,7 @@ from cosim.results.summary import summarise
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.storage import Storage
+from cosim.unforeseen import lack_of
 
 SCENARIO, SUMMARY, RESULT = "scenario.xml", "summary.json", "result.nc"
 _KEY = "study_run"
@@ -73,13 +74,19 @@ class KeptRun:
             save(replace(result, attrs={**result.attrs, **told, _KEY: self.key}), self.folder / RESULT)
 
     def answers(self) -> Iterator[str]:
-        """Make the run, and return why its results cannot be written; empty if they are, or if it cannot begin."""
+        """Make the run, and return why its results cannot be written; empty if they are, or if it cannot begin.
+
+        Raises
+        ------
+        FormationError
+            The machine lacks what it needs.
+        """
         try:
             self.make()
-        except OutputError as error:
-            yield str(error)
-        except FormationError:  # its row says why it cannot begin
-            yield ""
+        except FormationError as error:
+            if lack_of(error):
+                raise
+            yield str(error) if isinstance(error, OutputError) else ""  # its row says why it cannot begin
         else:
             yield ""
 

@@ -24,6 +24,7 @@ from cosim.studies.measuring import figure_over
 from cosim.studies.plan import Run
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.study import Measured
+from cosim.unforeseen import lack_of
 
 _KEPT = 16
 """How many scenarios a process keeps prepared."""
@@ -109,6 +110,11 @@ def rows_of(task: Task) -> Iterator[Row]:
 
     What is prepared is kept for the next one; one thread at a time may do this. A run of which a process was killed is
     made once more, as that need not be its own doing.
+
+    Raises
+    ------
+    FormationError
+        The machine lacks what a run needs, which says nothing about the run: it has no row.
     """
     for run, key in zip(task.runs, task.keys, strict=True):
         base = _base(task, run.cases)
@@ -138,7 +144,7 @@ def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
         scenario = base.variations.edited(run.changes)
         outcome = base.run(scenario)
     except FormationError as error:
-        return broken_row(task, run, key, str(error))
+        return _broken_by(task, run, key, error)
     if outcome.failure is not None:
         return broken_row(task, run, key, outcome.message)
     return _judged(task, run, key, outcome.verdicts, _courses(base, outcome.result))
@@ -152,7 +158,7 @@ def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
             result = whole.run_to_end()
             verdicts = judge(scenario.expectations, result, lambda path: run_other(whole.setup, path))
     except FormationError as error:
-        return broken_row(task, run, key, str(error))
+        return _broken_by(task, run, key, error)
     return _judged(task, run, key, verdicts, _courses(base, result))
 
 
@@ -202,6 +208,13 @@ def _over_bound(verdict: Verdict) -> float:
     bound = abs(verdict.bound) if math.isfinite(verdict.bound) and verdict.bound else 1.0
     margin = _margin(verdict) / bound
     return max(margin, 0.0) if verdict.passed else min(margin, -1e-12)
+
+
+def _broken_by(task: Task, run: Run, key: str, error: FormationError) -> Row:
+    """Return the row of a run that an error has ended, unless the machine lacks something: then raise the error."""
+    if lack_of(error):
+        raise error
+    return broken_row(task, run, key, str(error))
 
 
 def broken_row(task: Task, run: Run, key: str, message: str) -> Row:

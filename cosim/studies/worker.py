@@ -22,6 +22,7 @@ from typing import TypeVar
 from cosim import process_tree
 from cosim.plant.protocol import exactly, out_of_reach, send
 from cosim.undisturbed import stay_deaf
+from cosim.unforeseen import foreseen, lack_of
 
 LENGTH = 8
 """Bytes of the length of a task, before it."""
@@ -35,7 +36,10 @@ _T = TypeVar("_T")
 
 
 class Told(IntEnum):
-    """Kinds of frames: a task has begun, an answer, it is done with the time that it took, or nobody foresaw it."""
+    """Kinds of frames: a task has begun, an answer, it is done with the time that it took, or an error has ended it.
+
+    Such an error is a lack of the machine, or nobody foresaw it.
+    """
 
     BEGUN, ANSWER, DONE, UNFORESEEN = range(4)
 
@@ -63,7 +67,9 @@ def main() -> None:
             send(answers, Told.DONE, json.dumps(time.perf_counter() - began).encode())
         close_all()
     except BaseException as error:
-        told = {"message": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc()}
+        lacks = bool(lack_of(error))
+        message = str(foreseen(error)) if lacks else f"{type(error).__name__}: {error}"
+        told = {"lacks": lacks, "message": message, "traceback": traceback.format_exc()}
         send(answers, Told.UNFORESEEN, json.dumps(told).encode())
     os._exit(0)  # without the FMUs' exit handlers
 

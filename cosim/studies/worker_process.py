@@ -23,6 +23,7 @@ from cosim.studies.kept_run import KeptRun
 from cosim.studies.row import Row
 from cosim.studies.task import Task, broken_row
 from cosim.studies.worker import LENGTH, Told
+from cosim.unforeseen import Lack
 
 _LAST_MOMENT = 5.0
 """Time [s] for a process that has closed its pipe to end."""
@@ -67,18 +68,20 @@ class WorkerProcess:
         ------
         NotBegun, Ended
             The process has ended before the task, or in it; it remains to be closed.
+        Lack
+            The machine lacks what the task needs.
         """
         with suppress(BrokenPipeError):
             data = memoryview(len(task).to_bytes(LENGTH, "little") + task)
             while data:
                 data = data[os.write(self._tasks, data) :]
         try:
-            begun, _ = self._answer()
+            first = self._answer()
         except Ended as how:
             raise NotBegun(str(how)) from None
         self.has_begun = True
         while True:
-            kind, body = self._answer() if begun == Told.BEGUN else (-1, b"")
+            kind, body = self._answer() if first[0] == Told.BEGUN else first
             try:
                 if kind == Told.ANSWER:
                     yield read(body.decode())
@@ -87,11 +90,12 @@ class WorkerProcess:
                     return
                 else:
                     told = json.loads(body)
-                    message, where = str(told["message"]), str(told["traceback"])
+                    lacks, message, where = bool(told["lacks"]), str(told["message"]), str(told["traceback"])
             except (ValueError, TypeError, LookupError, RecursionError):
                 raise Ended(": its process answers with bytes that are no reply") from None
             if kind not in (Told.ANSWER, Told.DONE):
-                error = RuntimeError(message)
+                kept = "; the runs so far are kept, and the same command goes on"
+                error = Lack(message + kept) if lacks else RuntimeError(message)
                 error.add_note(where)
                 raise error
 

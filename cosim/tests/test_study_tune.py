@@ -129,6 +129,10 @@ def test_pruning_saves_runs_and_finds_the_same(tmp_path: Path, monkeypatch: pyte
     assert {len(trial.rows) for trial in short.tuned[0].trials} == {6, 20}
     assert short.tuned[0].best.score == pytest.approx(whole.tuned[0].best.score, rel=1e-3)
     assert not short.tuned[0].best.pruned
+    studying._print(console := Console(file=io.StringIO(), width=120), short, [])
+    assert isinstance(console.file, io.StringIO)
+    assert "better than the scenario's own" in console.file.getvalue()
+    assert "first look" not in console.file.getvalue()
 
 
 def test_cases_are_tuned_alike_and_compared_on_the_same_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,7 +140,7 @@ function showStudy(study, runs) {
 function headlineOfStudy(study) {
   const { passed, failed, broken } = study.counts;
   const less = study.runs < study.planned
-    ? study.early ? `ended early, of ${study.planned.toLocaleString("en")}` : `a first look at ${study.planned.toLocaleString("en")}, so without a verdict` : "";
+    ? study.early ? `ended early, of ${study.planned.toLocaleString("en")}` : study.verdicts.length ? "" : `a first look at ${study.planned.toLocaleString("en")}, so without a verdict` : "";
   const fails = study.verdicts.filter((verdict) => !verdict.passed).length;
   const verdict = !study.verdicts.length ? [] : fails
     ? [element("strong", { class: "bad" }, fails === study.verdicts.length && fails === 1 ? "✗ does not hold" : `✗ ${fails} of ${study.verdicts.length} do not hold`)]
