@@ -182,6 +182,22 @@ def test_values_that_change_the_structure_are_prepared_anew(tmp_path: Path) -> N
     assert outcome.rows[0].measures != outcome.rows[1].measures
 
 
+def test_rows_from_before_name_the_places_of_now(tmp_path: Path) -> None:
+    masses = UNIFORM.replace('<uniform from="25 kg" to="40000 g"/>', '<list values="30 kg, -1 kg"/>')
+    path = write_study(tmp_path, masses, '<sample method="grid"/>')
+    base = tmp_path / "base.xml"
+    base.write_text(base.read_text().replace('"99 m"', '"1 mm"'))
+    (tmp_path / "out").mkdir()
+    first = conduct(read_study(path), tmp_path / "out", workers=0)
+    assert [row.status for row in first.rows] == [FAILED, BROKEN]
+    base.write_text(base.read_text().replace("<title>", "<!-- a remark\n\n -->\n<title>"))
+    again = conduct(read_study(path), tmp_path / "out", workers=0)
+    assert again.made == 0
+    for row, before in zip(again.rows, first.rows, strict=True):
+        file, line, rest = before.message.split(":", 2)
+        assert row.message == f"{file}:{int(line) + 3}:{rest}"
+
+
 # What must hold ---------------------------------------------------------------------------------------------
 
 

@@ -53,6 +53,7 @@ class Maker:
 
     def __init__(self, study: Study, keys: RunKeys, store: Store, crew: Crew) -> None:
         self._keys = keys
+        self._bases = study.bases
         self._measures = study.measures
         self._store = store
         self._workers = Workers(study, crew)
@@ -96,6 +97,7 @@ class Maker:
                         most -= 1
                         yield run, key
                     else:
+                        row = row.placed(self._bases[run.cases].places)
                         kept.append(replace(row, number=run.number, draw=run.draw, values=run.values))
                 if kept:
                     goes_on = give(kept)
