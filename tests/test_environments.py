@@ -33,7 +33,8 @@ from cosim.errors import InputError, OutputError, SimulationError
 from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
-from cosim.studies.conduct import conduct
+from cosim.studies.conduct import check_study, conduct
+from cosim.studies.keys import RunKeys
 from cosim.studies.reader import read_study
 from cosim.tests.studies import write_study
 from cosim.unforeseen import status_of
@@ -819,6 +820,27 @@ def test_a_study_of_a_law_in_an_environment_has_the_same_rows(own: Path, tmp_pat
     assert len(beside) == 6
     assert others == [beside, beside]
     assert nothing_left(own)
+
+
+def test_another_version_in_an_environment_that_a_value_names_makes_its_runs_anew(
+    own: Path, laws: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "laws").mkdir()
+    other = environment(tmp_path / "other", CONTROLLERS, tmp_path / "laws")
+    vary = f'<vary name="env" select="controller/@environment"><list values="{own}, {other}"/></vary>'
+    path = write_study(tmp_path, vary, '<sample method="grid"/>')
+    about = f'<controller id="pid" name="faulty" package="faulty-laws" version="&gt;=1" environment="{own}"/>'
+    written(tmp_path / "base.xml", about, of=tmp_path / "base.xml")
+    keys = []
+    for version in ("1.2", "1.3", "1.2"):
+        shutil.rmtree(tmp_path / "laws")
+        distribution(tmp_path / "laws", "faulty-laws", version, ["faulty = faulty_laws:Faulty"], FAULTY)
+        study = read_study(path)
+        plan, scenarios, _ = check_study(study)
+        keys.append([RunKeys(study, scenarios).of(run) for run in plan])
+    assert keys[0] == keys[2]
+    assert keys[0][0] == keys[1][0]
+    assert len({key for found in keys for key in found}) == 3
 
 
 @pytest.mark.parametrize(("fault", "broken"), [(11, 0), (12, 2)])

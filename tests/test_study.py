@@ -121,6 +121,40 @@ def test_what_changes_a_run_makes_it_anew_and_nothing_else_does(tmp_path: Path) 
     assert conduct(read_study(study.document.path), tmp_path / "out", workers=0).made == 9
 
 
+COMPARED = '<compare measure="rms" signal="range_error" factor="1" scenario="one.xml"/>'
+PUSHED = '<input name="tau_drive"><table file="one.csv" column="f"/></input>'
+
+
+@pytest.mark.parametrize(
+    ("written", "before", "select", "change"),
+    [
+        (PUSHED, "<leader", "input/table/@file", ("5", "6")),
+        (PUSHED, "<leader", "//table/attribute::*[name() = 'file'][1]", ("5", "6")),
+        (COMPARED, "</expect>", "//compare/@scenario", ('m_c" value="30 kg"', 'm_c" value="31 kg"')),
+    ],
+)
+def test_a_file_that_a_varied_value_names_makes_its_runs_anew(
+    tmp_path: Path, written: str, before: str, select: str, change: tuple[str, str]
+) -> None:
+    ending = ".csv" if "table" in written else ".xml"
+    vary = f'<vary name="file" select="{select}"><list values="one{ending}, other{ending}"/></vary>'
+    path = write_study(tmp_path, vary, '<sample method="grid"/>')
+    base = tmp_path / "base.xml"
+    for name in ("one", "other"):
+        text = "time [s],f [N.m]\n0,4\n0.2,5\n" if ending == ".csv" else base.read_text()
+        (tmp_path / f"{name}{ending}").write_text(text)
+    base.write_text(base.read_text().replace(before, written + before, 1))
+    (tmp_path / "out").mkdir()
+    made = []
+    for file in ("", "other", "", "other"):
+        if file:
+            changed = tmp_path / f"{file}{ending}"
+            changed.write_text(changed.read_text().replace(*change))
+            change = change[1], change[0]  # and back, to what is known
+        made.append(conduct(read_study(path), tmp_path / "out", workers=0).made)
+    assert made == [2, 1, 0, 0]
+
+
 def test_a_first_look_makes_the_first_runs_without_a_verdict(tmp_path: Path) -> None:
     rest = LAST + '<worst of="last" below="1 mm"/>'
     look = here(tmp_path, runs=2, rest=rest)
@@ -146,6 +180,22 @@ def test_values_that_change_the_structure_are_prepared_anew(tmp_path: Path) -> N
     outcome = here(tmp_path, horizons + SEEDS, '<sample method="grid"/>', LAST)
     assert [row.status for row in outcome.rows] == [PASSED, PASSED]
     assert outcome.rows[0].measures != outcome.rows[1].measures
+
+
+def test_rows_from_before_name_the_places_of_now(tmp_path: Path) -> None:
+    masses = UNIFORM.replace('<uniform from="25 kg" to="40000 g"/>', '<list values="30 kg, -1 kg"/>')
+    path = write_study(tmp_path, masses, '<sample method="grid"/>')
+    base = tmp_path / "base.xml"
+    base.write_text(base.read_text().replace('"99 m"', '"1 mm"'))
+    (tmp_path / "out").mkdir()
+    first = conduct(read_study(path), tmp_path / "out", workers=0)
+    assert [row.status for row in first.rows] == [FAILED, BROKEN]
+    base.write_text(base.read_text().replace("<title>", "<!-- a remark\n\n -->\n<title>"))
+    again = conduct(read_study(path), tmp_path / "out", workers=0)
+    assert again.made == 0
+    for row, before in zip(again.rows, first.rows, strict=True):
+        file, line, rest = before.message.split(":", 2)
+        assert row.message == f"{file}:{int(line) + 3}:{rest}"
 
 
 # What must hold ---------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from cosim.studies.crews import crew_of
 from cosim.studies.duration import keep_pace
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.horizons import timed_scenarios, told_for
-from cosim.studies.keys import key_of_measures, key_of_scenario, key_with_envelopes
+from cosim.studies.keys import RunKeys, key_of_measures, key_of_scenario, key_with_envelopes
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.possible import check_possible
@@ -166,7 +166,7 @@ def conduct(
     plan, keys, requirements = check_study(study)
     with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
         kept = frozenset(store.rows)
-        maker = Maker(study, keys, store, crew)
+        maker = Maker(study, RunKeys(study, keys), store, crew)
         try:
             if study.tune is not None:
                 outcome = _tune(study, study.tune, maker, requirements, runs, progress)

@@ -1,7 +1,7 @@
 """The runs of a draw: they share its values and its noise, so that in what must hold a draw counts once.
 
 Two laws that are run on the same twenty draws make forty runs, and twenty independent ones. If every value is crossed,
-nothing is drawn, and each run counts.
+each run counts by itself. Of a grid, the seeds alone are draws.
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ from cosim.errors import nearest
 from cosim.scenario.written_element import Written
 from cosim.studies.bounds import Sequential
 from cosim.studies.row import Row
-from cosim.studies.study import Study
+from cosim.studies.study import Study, Vary
 from cosim.studies.values import Finite
+
+AT_RANDOM = ("random", "latin_hypercube", "sobol")
+"""Methods whose runs show, with a confidence, what others would be like."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,11 @@ def draws_of(study: Study, given: Sequence[Written]) -> Draws:
     others = tuple(index for index in crossed if index not in dict(fixed))
     sizes = [len(values) for values in (study.vary[index].values for index in others) if isinstance(values, Finite)]
     return Draws(tuple(fixed), others, 1 if single else math.prod(sizes), single)
+
+
+def is_seed(vary: Vary) -> bool:
+    """Return whether a value is the seed of the noise alone, each value of which is a draw of its own."""
+    return bool(vary.targets) and all(target.select.rpartition("/@")[2] == "seed" for target in vary.targets)
 
 
 def value_named(study: Study, written: Written, name: str) -> int:

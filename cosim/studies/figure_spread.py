@@ -13,12 +13,11 @@ from cosim.errors import printable
 from cosim.quantity import quantity
 from cosim.studies import bounds
 from cosim.studies.conduct import StudyOutcome
+from cosim.studies.draws import AT_RANDOM
 from cosim.studies.figure_style import BOUND, COLOURS, few_ticks, label, note
 from cosim.studies.study import Measured
 
 CONFIDENCE = 0.95
-_AT_RANDOM = ("random", "latin_hypercube", "sobol")
-"""Methods whose runs show, with a confidence, what others would be like."""
 
 
 def draw_spread(
@@ -35,7 +34,7 @@ def draw_spread(
     panel.set_ylabel("share of the runs up to it")
     panel.yaxis.set_major_formatter(PercentFormatter(1.0))
     panel.set_ylim(0.0, 1.03)
-    at_random = outcome.study.sample.method in _AT_RANDOM
+    at_random = outcome.study.sample.method in AT_RANDOM
     draws = len({row.draw for row in outcome.rows})
     for (name, figures), colour in zip(cases.items(), COLOURS, strict=False):
         named = printable(name) if len(cases) > 1 else None

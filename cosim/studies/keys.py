@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 
 from lxml import etree
 
-from cosim.master.setup import Setup
+from cosim.errors import InputError
+from cosim.master.setup import Setup, set_up
+from cosim.scenario.edits import split_setting
 from cosim.scenario.grammar import local_name, paths_in
 from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.compared_cases import COMPARED
 from cosim.studies.elsewhere import LIBRARIES
-from cosim.studies.study import Measured
+from cosim.studies.plan import Run
+from cosim.studies.study import Measured, Study
 
 _FOR_PEOPLE = ("title", "description")
+_OF_MANY_PARTS = ("compare", "controller")
+"""Elements that name a scenario or an environment: one file does not tell what lies behind."""
 
 
 def key_of_scenario(scenario: Scenario, setup: Setup) -> str:
@@ -42,9 +48,57 @@ def key_of_measures(scenario: str, measures: Iterable[Measured]) -> str:
     return _digest([scenario, *others]) if others else scenario
 
 
-def key_of_run(scenario: str, changes: Sequence[str]) -> str:
-    """Return the checksum of a run: of its scenario and its changes."""
-    return _digest([scenario, *changes])
+class RunKeys:
+    """The checksums of the runs of a study: of the scenario, the changes, and what lies behind a path that varies.
+
+    Whatever a path leads to is looked at once, however many runs have it.
+
+    Parameters
+    ----------
+    study
+        The study.
+    scenarios
+        The checksum of each scenario, with what is measured; by the indices of cases.
+    """
+
+    def __init__(self, study: Study, scenarios: Mapping[tuple[int, ...], str]) -> None:
+        self._study, self._scenarios = study, scenarios
+        self._contents: dict[Path, str] = {}
+        self._edited: dict[tuple[tuple[int, ...], tuple[str, ...]], str] = {}
+
+    def of(self, run: Run) -> str:
+        """Return the checksum of a run."""
+        return _digest([self._scenarios[run.cases], *run.changes, *self._behind(run)])
+
+    def _behind(self, run: Run) -> Iterator[str]:
+        if not self._study.naming:
+            return
+        edits = []
+        for change in run.changes:
+            select, value = split_setting(change)
+            tag = self._study.naming.get(select)
+            if tag in _OF_MANY_PARTS:
+                edits.append(change)
+            elif tag is not None:
+                yield f"file {self._content(self._study.bases[run.cases].folder / value)}"
+        if edits:
+            yield f"edited {self._of_edited(run.cases, tuple(edits))}"
+
+    def _content(self, file: Path) -> str:
+        if file not in self._contents:
+            self._contents[file] = _content(file)
+        return self._contents[file]
+
+    def _of_edited(self, cases: tuple[int, ...], edits: tuple[str, ...]) -> str:
+        if (cases, edits) not in self._edited:
+            try:
+                with ExitStack() as cleanup:
+                    scenario = self._study.bases[cases].edited(edits)
+                    key = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
+            except InputError as error:  # which breaks its runs, until it is mended
+                key = str(error)
+            self._edited[cases, edits] = key
+        return self._edited[cases, edits]
 
 
 def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:

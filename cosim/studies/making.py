@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from statistics import median
@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from cosim.studies.crew import Crew
 from cosim.studies.engine import Pending, Workers
-from cosim.studies.keys import key_of_run
+from cosim.studies.keys import RunKeys
 from cosim.studies.measuring import with_sums
 from cosim.studies.plan import Run
 from cosim.studies.row import Row
@@ -39,7 +39,7 @@ class Maker:
     study
         The study.
     keys
-        Of each scenario; see `cosim.studies.keys.key_of_scenario`.
+        Those of its runs.
     store
         Where rows are kept, and added.
     crew
@@ -51,8 +51,9 @@ class Maker:
         How many runs were made; the others were kept.
     """
 
-    def __init__(self, study: Study, keys: Mapping[tuple[int, ...], str], store: Store, crew: Crew) -> None:
+    def __init__(self, study: Study, keys: RunKeys, store: Store, crew: Crew) -> None:
         self._keys = keys
+        self._bases = study.bases
         self._measures = study.measures
         self._store = store
         self._workers = Workers(study, crew)
@@ -91,11 +92,12 @@ class Maker:
             while goes_on and most > 0 and (asked := ask(most)):
                 kept = []
                 for run in asked:
-                    key = key_of_run(self._keys[run.cases], run.changes)
+                    key = self._keys.of(run)
                     if (row := self._store.rows.get(key)) is None:
                         most -= 1
                         yield run, key
                     else:
+                        row = row.placed(self._bases[run.cases].places)
                         kept.append(replace(row, number=run.number, draw=run.draw, values=run.values))
                 if kept:
                     goes_on = give(kept)

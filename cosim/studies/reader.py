@@ -18,7 +18,7 @@ from cosim.errors import AfterTheEnd, InputError, Location, nearest, printable, 
 from cosim.quantity import split
 from cosim.scenario.document import Document, read_study_document, read_variant_of
 from cosim.scenario.edits import Change, as_changes, in_words
-from cosim.scenario.grammar import NAMESPACE
+from cosim.scenario.grammar import NAMESPACE, attributes_of
 from cosim.scenario.reader import scenario_in
 from cosim.scenario.reader.element import Element
 from cosim.scenario.scenario import Expectation, Scenario
@@ -85,7 +85,7 @@ def read_study(path: str | Path, changes: Iterable[str | Change] = ()) -> Study:
         envelopes=tuple(map(_envelope, root.children("envelope"))),
     )
     _check_names(study)
-    return replace(study, own=_selected(study))
+    return _with_places(study)
 
 
 def _check_names(study: Study) -> None:
@@ -245,22 +245,23 @@ def _add_expectations(root: etree._Element, elements: Sequence[etree._Element]) 
         put(expect := root.find("expect"), expect[-1] if len(expect) else None, [element])
 
 
-def _selected(study: Study) -> Mapping[tuple[int, ...], Mapping[str, str]]:
-    """Return what each scenario has where values go; check that each has one place there, and no two the same one."""
+def _with_places(study: Study) -> Study:
+    """Return a study with what is where values go; check that each has one place there, and no two the same one."""
     found: dict[tuple[int, ...], dict[str, str]] = {}
+    naming: dict[str, str] = {}
     having = [vary for vary in study.vary if vary.cases]
     for cases, scenario in study.bases.items():
         named = [_texts(vary)[index] for vary, index in zip(having, cases, strict=True)]
         vary = [one for one in study.vary if not one.case or one.case in named]
-        scenario.edited([partial(_select, vary=vary, found=found.setdefault(cases, {}))])
-    return found
+        scenario.edited([partial(_select, vary=vary, found=found.setdefault(cases, {}), naming=naming)])
+    return replace(study, own=found, naming=naming)
 
 
 def _texts(vary: Vary) -> Sequence[str]:
     return vary.values.texts if isinstance(vary.values, Finite) else ()
 
 
-def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -> None:
+def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str], naming: dict[str, str]) -> None:
     taken: dict[tuple[object, str], dict[int, Vary]] = {}
     written = set(root.iter())
     for one in vary:
@@ -274,7 +275,10 @@ def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str]) -
                 _check_entry(target, own)
             except ValueError as error:
                 raise InputError(str(error), target.where) from None
-            entries = taken.setdefault((element, getattr(nodes[0], "attrname", "")), {})
+            name = getattr(nodes[0], "attrname", "")
+            if attributes_of(element.tag).get(name) == "path" or (element.tag, name) == ("controller", "package"):
+                naming[target.select] = element.tag
+            entries = taken.setdefault((element, name), {})
             other = next((entries[at] for at in entries if at == target.entry or not at or not target.entry), None)
             if other is not None:
                 raise InputError(f"{target.select!r} selects what the value {other.name!r} has already", target.where)

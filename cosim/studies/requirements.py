@@ -13,9 +13,10 @@ from cosim.results.verdict import Verdict
 from cosim.scenario.written_element import Written
 from cosim.studies import bounds
 from cosim.studies.designs import METHODS
-from cosim.studies.draws import Draws, EarlyTest, check_two_cases, draws_of, value_named
+from cosim.studies.draws import AT_RANDOM, Draws, EarlyTest, check_two_cases, draws_of, is_seed, value_named
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.studies.study import Measured, Requirement, Study
+from cosim.studies.values import Finite
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,34 @@ def requirements_of(study: Study) -> list[Judged]:
 def _judged(study: Study, requirement: Requirement) -> Judged:
     given = [Written("given", own.attributes, own.where, Path()) for own in requirement.given]
     written = Written(requirement.kind, requirement.attributes, requirement.where, Path())
-    return _KINDS[requirement.kind](study, written, draws_of(study, given))
+    draws = draws_of(study, given)
+    judged = _KINDS[requirement.kind](study, written, draws)
+    if requirement.kind != "worst":
+        _check_drawn(study, written, draws)
+    return judged
+
+
+def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
+    """Refuse a confidence if what counts as a draw differs from others in more than its seed, and not by chance."""
+    method = study.sample.method
+    if not draws.single and method in AT_RANDOM:
+        return
+    if draws.single and (study.sample.runs or 1) > 1:
+        raise InputError(
+            'every value is crossed, so that all draws are the same: give method="grid"', study.sample.where
+        )
+    chosen = {index for index, _ in draws.given}
+    for index, vary in enumerate(study.vary):
+        if index in chosen or vary.name == written.get("vary") or (vary.crossed and not draws.single):
+            continue
+        if is_seed(vary) or (isinstance(vary.values, Finite) and len(vary.values) == 1):
+            continue
+        crossed = "vary the seed besides, not crossed" if draws.single else 'add cross="yes" to it, and vary the seed'
+        raise written.error(
+            f"the values of {vary.name!r} are not drawn by chance, so that <{written.kind}> can say nothing of them "
+            f'with confidence: {crossed}; or name one of them by <given>, give a method that draws, such as "random", '
+            "or ask <worst>"
+        )
 
 
 def _probability(study: Study, written: Written, draws: Draws) -> Judged:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Self
+
+from cosim.errors import Location
 
 PASSED, FAILED, BROKEN = "passed", "failed", "broken"
 """How a run ends: all expectations hold; one does not; or it did not reach its end, or could not begin."""
@@ -37,6 +39,10 @@ class Row:
         infinite if one has no figure, infinite if nothing is expected.
     courses : tuple of str
         Of each envelope, see `cosim.studies.courses`; none of a broken run, and none in memory once the row is kept.
+    where : str
+        The place in a file that the message begins with; empty if it begins with none of an element.
+    element : int
+        The number of that element in the text of the scenario.
     """
 
     key: str
@@ -49,6 +55,15 @@ class Row:
     message: str
     least: float = math.inf
     courses: tuple[str, ...] = ()
+    where: str = ""
+    element: int = 0
+
+    def placed(self, places: Sequence[Location]) -> Row:
+        """Return it with a message that begins with the place as it is now, by the places of all elements."""
+        if not self.where or not 0 <= self.element < len(places):  # the file may be damaged
+            return self
+        where = str(places[self.element])
+        return replace(self, where=where, message=where + self.message.removeprefix(self.where))
 
     def to_json(self) -> str:
         """Return it in a line."""
@@ -56,6 +71,8 @@ class Row:
         data |= {name: list(map(_told, data[name])) for name in ("measures", "margins")}
         if not self.courses:
             del data["courses"]
+        if not self.where:
+            del data["where"], data["element"]
         return json.dumps(data, allow_nan=False)
 
     @classmethod
@@ -74,6 +91,8 @@ class Row:
             message=str(data["message"]),
             least=float(data["least"]),
             courses=tuple(map(str, data.get("courses", ()))),
+            where=str(data.get("where", "")),
+            element=int(data.get("element", 0)),
         )
 
 

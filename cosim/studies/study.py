@@ -247,6 +247,8 @@ class Study:
         How draws are chosen; of a search, those of what is not searched.
     own : dict
         What each scenario has where a value goes, by the XPath; by the indices of cases as `bases`.
+    naming : dict
+        The XPaths of values that name a file, an environment or a package; each with the name of its element.
     tune : Tune or None
         What is tuned.
     search : Search or None
@@ -268,6 +270,7 @@ class Study:
     requirements: tuple[Requirement, ...]
     bases: Mapping[tuple[int, ...], Scenario]
     own: Mapping[tuple[int, ...], Mapping[str, str]] = field(default_factory=dict)
+    naming: Mapping[str, str] = field(default_factory=dict)
     tune: Tune | None = None
     search: Search | None = None
     changes: tuple[Change, ...] = ()

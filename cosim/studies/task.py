@@ -6,9 +6,10 @@ import math
 import pickle
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-from cosim.errors import FormationError, Location, OtherStructure
+from cosim.errors import FormationError, InputError, Location, OtherStructure
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
@@ -96,6 +97,15 @@ class _Base:
         self.prepared = Prepared(scenario, self._record, isolate=False)
         return self.prepared.run(scenario)
 
+    def placed(self, row: Row, where: Location | None) -> Row:
+        """Return a row whose message begins with a place; with its element, if it is one of the scenario's."""
+        element = None if where is None else self._elements.get(where)
+        return row if element is None else replace(row, where=str(where), element=element)
+
+    @cached_property
+    def _elements(self) -> Mapping[Location, int]:
+        return {where: element for element, where in enumerate(self.scenario.places)}
+
     def close(self) -> None:
         prepared, self.prepared = self.prepared, None
         if prepared is not None:
@@ -144,10 +154,10 @@ def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
         scenario = base.variations.edited(run.changes)
         outcome = base.run(scenario)
     except FormationError as error:
-        return _broken_by(task, run, key, error)
+        return _broken_by(task, base, run, key, error)
     if outcome.failure is not None:
         return broken_row(task, run, key, outcome.message)
-    return _judged(task, run, key, outcome.verdicts, _courses(base, outcome.result))
+    return _judged(task, base, run, key, outcome.verdicts, outcome.result)
 
 
 def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
@@ -158,21 +168,21 @@ def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
             result = whole.run_to_end()
             verdicts = judge(scenario.expectations, result, lambda path: run_other(whole.setup, path))
     except FormationError as error:
-        return _broken_by(task, run, key, error)
-    return _judged(task, run, key, verdicts, _courses(base, result))
+        return _broken_by(task, base, run, key, error)
+    return _judged(task, base, run, key, verdicts, result)
 
 
 def _courses(base: _Base, result: Result | None) -> tuple[str, ...]:
     return () if result is None else tuple(envelope.course(result) for envelope in base.envelopes)
 
 
-def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict], courses: tuple[str, ...]) -> Row:
+def _judged(task: Task, base: _Base, run: Run, key: str, verdicts: Sequence[Verdict], result: Result | None) -> Row:
     places: dict[Location, list[Verdict]] = {measured.where: [] for measured in task.measures}
     own: list[Verdict] = []
     for verdict in verdicts:
         places.get(verdict.where, own).append(verdict)
     failed = [verdict for verdict in own if not verdict.passed]
-    return Row(
+    row = Row(
         key=key,
         number=run.number,
         draw=run.draw,
@@ -182,8 +192,9 @@ def _judged(task: Task, run: Run, key: str, verdicts: Sequence[Verdict], courses
         margins=_margins(own),
         message=f"{failed[0].where}: {failed[0]}" if failed else "",
         least=min(map(_over_bound, own), default=math.inf),
-        courses=courses,
+        courses=_courses(base, result),
     )
+    return base.placed(row, failed[0].where) if failed else row
 
 
 def _margins(verdicts: Iterable[Verdict]) -> tuple[float, ...]:
@@ -210,11 +221,12 @@ def _over_bound(verdict: Verdict) -> float:
     return max(margin, 0.0) if verdict.passed else min(margin, -1e-12)
 
 
-def _broken_by(task: Task, run: Run, key: str, error: FormationError) -> Row:
+def _broken_by(task: Task, base: _Base, run: Run, key: str, error: FormationError) -> Row:
     """Return the row of a run that an error has ended, unless the machine lacks something: then raise the error."""
     if lack_of(error):
         raise error
-    return broken_row(task, run, key, str(error))
+    row = broken_row(task, run, key, str(error))
+    return base.placed(row, error.where) if isinstance(error, InputError) else row
 
 
 def broken_row(task: Task, run: Run, key: str, message: str) -> Row:

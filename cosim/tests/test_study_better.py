@@ -216,6 +216,46 @@ def test_each_run_counts_if_nothing_is_drawn() -> None:
     assert judged.judge(runs).detail == "in 9 of 9 pairs"
 
 
+SEED = '<vary name="seed" select="simulation/@seed"><range from="1" to="9"/></vary>'
+LOAD = '<vary name="load" select="follower[@id=\'follower_1\']/pose/@y"><grid from="1 m" to="5 m" points="5"/></vary>'
+ONE_END = '<vary name="end" select="simulation/@horizon"><list values="0.2 s"/></vary>'
+CONFIDENT = (
+    '<probability of="passed" above="0.5" confidence="0.9" stop="early"/>',
+    '<quantile of="last" at="0.5" below="1 m" confidence="0.9"/>',
+    '<mean of="last" below="1 m" confidence="0.9"/>',
+)
+BETTER = '<better of="last" vary="law" case="one" than="other" confidence="0.9"/>'
+
+
+def crossed(vary: str) -> str:
+    return vary.replace(" select", ' cross="yes" select')
+
+
+@pytest.mark.parametrize("method", ["grid", "one_at_a_time"])
+@pytest.mark.parametrize("text", [*CONFIDENT, BETTER])
+def test_values_that_are_not_drawn_are_refused_a_confidence(tmp_path: Path, text: str, method: str) -> None:
+    for vary in (LAWS + LOAD, LAWS + LOAD + SEED, LAWS + crossed(LOAD), LAWS + crossed(LOAD) + crossed(SEED)):
+        study = small_study(tmp_path, vary, f'<sample method="{method}"/>', LAST + text)
+        with pytest.raises(InputError, match=r"the values of '(law|load)' are not drawn by chance") as caught:
+            requirements_of(study)
+        assert caught.value.where == study.requirements[0].where
+    same = small_study(tmp_path, LAWS, '<sample method="random" runs="9"/>', LAST + text)
+    with pytest.raises(InputError, match='all draws are the same: give method="grid"'):
+        requirements_of(same)
+
+
+@pytest.mark.parametrize("text", [*CONFIDENT, BETTER])
+def test_seeds_are_draws_of_a_grid_and_so_are_runs_with_a_given_value(tmp_path: Path, text: str) -> None:
+    grid = '<sample method="grid"/>'
+    requirements_of(small_study(tmp_path, LAWS + crossed(LOAD) + SEED + ONE_END, grid, LAST + text))
+    tag = text[1:].partition(" ")[0]
+    given = text.replace("/>", f'><given vary="load" is="2 m"/></{tag}>')
+    requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, grid, LAST + given))
+    random = '<sample method="random" runs="9"/>'
+    requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, random, LAST + text))
+    requirements_of(small_study(tmp_path, LAWS + LOAD, grid, LAST + '<worst of="last" below="1 m"/>'))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -19,6 +19,7 @@ from cosim.studies.conduct import check_study
 from cosim.studies.crew import Crew
 from cosim.studies.crews import crew_of
 from cosim.studies.engine import Workers
+from cosim.studies.keys import RunKeys
 from cosim.studies.making import Maker
 from cosim.studies.plan import Plan, Run
 from cosim.studies.row import Row
@@ -153,7 +154,7 @@ def test_a_search_asks_for_runs_when_it_has_the_rows_before(tmp_path: Path) -> N
         asked: list[Run] = []
         told.clear()
         with Store(tmp_path, "small") as store, crew_of(workers=0) as crew:
-            maker = Maker(study, keys, store, crew)
+            maker = Maker(study, RunKeys(study, keys), store, crew)
             maker.make(ask, take)
         assert (told, maker.made) == ([1, 2, 3, 4, 5, 6, 7], made)
 
