@@ -40,21 +40,22 @@ function comparedFigures(runs, lead) {
     const [worst] = worstFirst(run.verdicts.filter((verdict) => verdict.expectation === expectation));
     return worst && { value: worst.figure, unit: worst.unit, good: worst.margin, passed: worst.passed, choose: worst.moment === null ? null : () => lead(run, worst) };
   })));
-  const worstOf = (name, unit, factor = 1, smaller = true) => runs.map((run) => {
-    const values = run.followers.map((one) => (one[name] === null ? Infinity : one[name] * factor));
+  // Null is no figure: a run that was cut short has no last fifth. Only a vehicle without torques is of no account.
+  const worstOf = (name, unit, { factor = 1, smaller = true, lacking = null } = {}) => runs.map((run) => {
+    const values = run.followers.map((one) => one[name]).filter((value) => smaller || value !== null);
     if (!values.length) return undefined;
-    const value = Math.max(...values);
-    return { value, unit, good: smaller ? -value : null };
+    const value = values.includes(null) ? lacking : Math.max(...values) * factor;
+    return { value, unit, good: smaller && value !== null ? -value : null };
   });
   const nearest = (of) => runs.map((run) => {
     const found = run.distance.find((one) => one.of === of);
     return found && { value: found.distance, unit: "m", good: found.distance };
   });
   const figures = [
-    ["settled within 0.1 m and 2 deg after", worstOf("settling_time", "s")],
+    ["settled within 0.1 m and 2 deg after", worstOf("settling_time", "s", { lacking: Infinity })],
     ["range RMS over the last fifth", worstOf("range_rms", "m")],
-    ["bearing RMS over the last fifth", worstOf("bearing_rms", "deg", 180 / Math.PI)],
-    ["peak torque", worstOf("peak_torque", "N.m", 1, false)],
+    ["bearing RMS over the last fifth", worstOf("bearing_rms", "deg", { factor: 180 / Math.PI })],
+    ["peak torque", worstOf("peak_torque", "N.m", { smaller: false })],
     ["smallest distance of bodies", nearest("bodies")],
   ];
   return [...judged, ...figures.filter(([, found]) => found.some(Boolean)).map(([name, found]) => comparedRow(name, found))];
@@ -64,7 +65,7 @@ function comparedFigures(runs, lead) {
 function comparedRow(name, found) {
   const cells = found.map((one, number) => {
     if (!one) return element("td", { class: "number dim" }, "none");
-    const value = one.value === Infinity ? "never" : inUnit(one.value, one.unit) || "none";
+    const value = one.value === Infinity ? "not" : inUnit(one.value, one.unit) || "none";
     const look = one.passed === undefined ? "" : one.passed ? "good" : "bad";
     const mark = one.passed === undefined ? "" : one.passed ? "✓ " : "✗ ";
     const text = one.choose ? element("button", { class: `one ${look}` }, mark + value) : element("span", { class: look }, mark + value);
@@ -76,9 +77,10 @@ function comparedRow(name, found) {
 }
 
 function againstFirst(one, first) {
+  if (one.value === null || first.value === null) return "";
   if (one.value === first.value) return "the same";
   const difference = one.value - first.value;
-  const by = Number.isFinite(difference) && one.value !== null && first.value !== null ? `${difference > 0 ? "+" : ""}${figure(difference)}` : "";
+  const by = Number.isFinite(difference) ? `${difference > 0 ? "+" : ""}${figure(difference)}` : "";
   const better = one.good === null || first.good === null || one.good === first.good ? "" : one.good > first.good ? "better" : "worse";
   return [by, better].filter(Boolean).join(", ");
 }

@@ -91,19 +91,21 @@ function showFollowers(place, runs) {
   }
   const several = runs.length > 1;
   const rows = [];
-  runs[0].followers.forEach(({ robot }, row) => runs.forEach((run, number) => {
+  for (const robot of new Set(runs.flatMap((run) => run.followers.map((one) => one.robot)))) runs.forEach((run, number) => {
     const figures = run.followers.find((one) => one.robot === robot);
-    if (!figures) return;
-    const settled = figures.settling_time === null ? "not" : `${figures.settling_time.toFixed(2)} s`;
+    const own = figures ? run : runs.find((other) => other.followers.some((one) => one.robot === robot));
+    const told = !figures ? Array(4).fill("") : [
+      figures.settling_time === null ? "not" : `${figures.settling_time.toFixed(2)} s`,
+      inUnit(figures.range_rms, "m"),
+      figures.bearing_rms === null ? "" : inUnit((figures.bearing_rms * 180) / Math.PI, "deg"),
+      inUnit(figures.peak_torque, "N.m"),
+    ];
     rows.push(element("tr", {}, [
-      element("td", {}, [swatch(colourOf(row)), robot]),
+      element("td", {}, [swatch(colourFor(own, robot)), robot]),
       ...(several ? [element("td", {}, String(number + 1))] : []),
-      element("td", { class: "number" }, settled),
-      element("td", { class: "number" }, inUnit(figures.range_rms, "m")),
-      element("td", { class: "number" }, figures.bearing_rms === null ? "" : inUnit((figures.bearing_rms * 180) / Math.PI, "deg")),
-      element("td", { class: "number" }, inUnit(figures.peak_torque, "N.m")),
+      ...told.map((text) => element("td", { class: "number" }, text || "–")),
     ]));
-  }));
+  });
   const headings = [["follower"], ...(several ? [["run"]] : []), ["settled after", "number"], ["range RMS", "number"],
     ["bearing RMS", "number"], ["peak torque", "number"]];
   place.append(table(headings, rows));
