@@ -15,6 +15,12 @@ NEVER = 2**62
 """The tick of an infinite time."""
 
 
+def in_seconds(time: float) -> str:
+    """Return a time [s] as sentences show it: with two decimals, or more where it has more."""
+    text = f"{time:.2f}"
+    return f"{text if abs(float(text) - time) <= ROUNDING else f'{time:.9f}'.rstrip('0')} s"
+
+
 @dataclass(frozen=True)
 class Clock:
     """Communication points from 0 to the horizon, one a tick.

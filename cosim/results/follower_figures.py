@@ -32,7 +32,7 @@ class FollowerFigures:
         From when on [s] the range error stays within 0.1 m and the bearing error within 2 degrees; None if they do not
         for at least the last twentieth of the horizon.
     range_rms, bearing_rms : float
-        Root mean square of the errors [m], [rad] over the last fifth of the horizon.
+        Root mean square of the errors [m], [rad] over the last fifth of the horizon; NaN of a run cut short.
     peak_torque : float
         Largest magnitude of a torque as applied [N.m]; NaN where the vehicle takes other commands.
     within_from : float or None
@@ -51,7 +51,8 @@ def follower_figures(horizon: float, step: float, result: Result) -> tuple[Follo
     """Return the figures of all followers in a run, complete or not, of a scenario with this horizon and step [s]."""
     time, rms = result["time"].values, MEASURES["rms"]
     last_chance = time[-1] - SETTLED_PART * horizon + ROUNDING if len(time) else 0.0
-    steady = slice(int(time.searchsorted((1 - STEADY_PART) * horizon - 0.5 * step)), None)
+    whole = len(time) and time[-1] > horizon - 0.5 * step
+    steady = slice(int(time.searchsorted((1 - STEADY_PART) * horizon - 0.5 * step)) if whole else len(time), None)
     within = settling_times(result, RANGE_BAND, BEARING_BAND)
     peaks = _peaks(result.of_robots("torque")) if "torque" in result else [math.nan] * len(within)
     errors = [result.of_robots(name)[steady] for name in ("range_error", "bearing_error")]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import in_seconds
 from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
@@ -159,11 +160,11 @@ def _singularities(result: Result) -> tuple[str, ...]:
             said = []
             if changes:
                 times = f"{changes} times, first" if changes > 1 else "once,"
-                said.append(f"changes sign {times} at t = {time[change]:.2f} s")
+                said.append(f"changes sign {times} at t = {in_seconds(time[change])}")
             if near is not None:
                 said.append(
-                    f"is within {below:g} of zero first at t = {time[near]:.2f} s, "
-                    f"nearest with {values[least][np.abs(values[least]).argmin()]:.2g} at t = {time[least]:.2f} s"
+                    f"is within {below:g} of zero first at t = {in_seconds(time[near])}, "
+                    f"nearest with {values[least][np.abs(values[least]).argmin()]:.2g} at t = {in_seconds(time[least])}"
                 )
             if said:
                 notes.append(f"{robot}: {name} {', and '.join(said)}; where it is zero, {meaning}")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.clock import NEVER, Clock, acting, tick_at, whole
+from cosim.clock import NEVER, Clock, acting, in_seconds, tick_at, whole
 from cosim.errors import InputError
 from cosim.results.expectations import KINDS, Recording
 from cosim.scenario.reader import read_scenario
@@ -33,6 +33,14 @@ def test_a_time_between_two_ticks_is_told_both() -> None:
     assert Clock(0.02, 100).off_tick(1.011) == problem
     assert tick_at(1.011, 0.02) == 51
     assert tick_at(float("inf"), 0.02) == NEVER
+
+
+@pytest.mark.parametrize(
+    ("time", "text"),
+    [(0.0, "0.00 s"), (95 * 0.02, "1.90 s"), (40.5, "40.50 s"), (4 * 0.001, "0.004 s"), (0.1 / 3, "0.033333333 s")],
+)
+def test_times_in_sentences_have_the_decimals_that_they_need(time: float, text: str) -> None:
+    assert in_seconds(time) == text
 
 
 def test_whole_numbers() -> None:

@@ -1,6 +1,7 @@
 /* What differs between runs that are compared: figures, scenarios, versions, and the paths of the robots. */
 
 const MOST_DIFFERENCES = 60;
+const MOST_LETTERS = 120;
 const KEYS = ["id", "name", "select"];
 
 /** Show the differences of runs from the first one; `lead(run, verdict)` and `seek(robot, time)` are called for what a reader chooses. */
@@ -11,7 +12,7 @@ function showDifferences(place, runs, lead, seek) {
   place.append(element("h3", {}, "What differs in what was run"));
   if (differing.length) {
     const rows = differing.slice(0, MOST_DIFFERENCES).map(({ what, values }) => element("tr", {}, [
-      element("td", {}, element("code", {}, what)), ...values.map((value) => element("td", { class: value === undefined ? "dim" : "" }, value ?? "none"))]));
+      element("td", {}, element("code", {}, what)), ...values.map((value) => element("td", { class: value === undefined ? "dim" : "" }, cut(value ?? "none")))]));
     place.append(table([[""], ...runs.map((_, number) => [String(number + 1), "value"])], rows));
     if (differing.length > MOST_DIFFERENCES) place.append(element("p", { class: "dim" }, `and ${differing.length - MOST_DIFFERENCES} more`));
   } else place.append(element("p", { class: "dim" }, "Nothing: the scenarios, their changes, the plants and the versions are the same."));
@@ -20,7 +21,7 @@ function showDifferences(place, runs, lead, seek) {
   if (!apart.length) place.append(element("p", { class: "dim" }, "The runs have no robot in common."));
   else {
     const rows = apart.map(({ robot, number, distance, time, end }) => {
-      const button = element("button", { class: "outcome", title: `show ${robot} at ${time.toFixed(2)} s` }, `${time.toFixed(2)} s`);
+      const button = element("button", { class: "outcome", title: `show ${robot} at ${inSeconds(time)}` }, inSeconds(time));
       button.addEventListener("click", () => seek(robot, time));
       return element("tr", {}, [
         element("td", {}, robot), ...(runs.length > 2 ? [element("td", {}, `${number} against 1`)] : []),
@@ -105,9 +106,16 @@ function inputsOf(run) {
     found.set(`FMU of plant ${id}`, String(plant.file));
     found.set(`SHA-256 of plant ${id}`, String(plant.sha256).slice(0, 16));
   }
-  for (const law of controllers || []) for (const robot of law.robots) found.set(`controller of ${robot}`, `${law.name} of ${law.package} ${law.version}`);
+  for (const law of controllers || []) for (const robot of law.robots) {
+    found.set(`controller of ${robot}`, `${law.name} of ${law.package} ${law.version}`);
+    if (law.environment) found.set(`environment of the controller of ${robot}`, law.environment);
+  }
   for (const [name, version] of Object.entries(versions || {})) found.set(`version of ${name}`, String(version));
   return found;
+}
+
+function cut(text) {
+  return text.length > MOST_LETTERS ? `${text.slice(0, MOST_LETTERS)}…` : text;
 }
 
 /** Add all attributes and texts of an element by their XPaths, as `--set` takes them. */
@@ -118,7 +126,7 @@ function flatten(node, path, found) {
   }
   const children = [...node.children];
   const text = node.textContent.trim();
-  if (!children.length && text) found.set(path, text.length > 120 ? `${text.slice(0, 120)}…` : text);
+  if (!children.length && text) found.set(path, text);
   for (const child of children) flatten(child, under(stepTo(child, children)), found);
 }
 

@@ -313,7 +313,7 @@ function marks(place, runs, end, seek) {
     ...(run.failure && run.failure.time !== null ? [[run.failure.time, "bad", run.failure.text]] : []),
   ]);
   for (const [time, kind, text] of found.slice(0, MOST_MARKS)) {
-    const title = `${time.toFixed(2)} s, ${text}`;
+    const title = `${inSeconds(time)}, ${text}`;
     const button = element("button", { class: kind, title, "aria-label": title });
     button.style.left = `${end ? Math.min(100, (100 * time) / end) : 0}%`;
     button.addEventListener("click", () => seek(time));

@@ -25,6 +25,12 @@ function table(headings, rows) {
   return element("div", { class: rows.length > MOST_ROWS ? "long" : "scroll" }, element("table", { class: "stacked" }, [element("thead", {}, head), element("tbody", {}, rows)]));
 }
 
+/** A time as sentences show it: with two decimals, or more where it has more. */
+function inSeconds(time) {
+  const text = time.toFixed(2);
+  return `${Math.abs(text - time) <= 1e-9 ? text : Number(time.toFixed(9))} s`;
+}
+
 function inUnit(value, unit) {
   return value === null ? "" : `${figure(value)} ${unit}`.trim();
 }
@@ -56,7 +62,7 @@ function showVerdicts(place, runs, lead) {
     const [kind, word] = outcomeOf(worst);
     const choose = (verdict, text, look) => {
       if (verdict.moment === null) return element("span", { class: look }, text);
-      const button = element("button", { class: look, title: `show ${verdict.robot} at ${verdict.moment.toFixed(2)} s` }, text);
+      const button = element("button", { class: look, title: `show ${verdict.robot} at ${inSeconds(verdict.moment)}` }, text);
       button.addEventListener("click", () => lead(run, verdict));
       return button;
     };
@@ -95,7 +101,7 @@ function showFollowers(place, runs) {
     const figures = run.followers.find((one) => one.robot === robot);
     const own = figures ? run : runs.find((other) => other.followers.some((one) => one.robot === robot));
     const told = !figures ? Array(4).fill("") : [
-      figures.settling_time === null ? "not" : `${figures.settling_time.toFixed(2)} s`,
+      figures.settling_time === null ? "not" : inSeconds(figures.settling_time),
       inUnit(figures.range_rms, "m"),
       figures.bearing_rms === null ? "" : inUnit((figures.bearing_rms * 180) / Math.PI, "deg"),
       inUnit(figures.peak_torque, "N.m"),
@@ -132,7 +138,7 @@ function showNotes(place, runs, seek) {
     ].sort((one, other) => one[0] - other[0]);
     if (!moments.length) continue;
     const rows = moments.map(([time, robot, text]) => {
-      const button = element("button", { class: "outcome" }, `${time.toFixed(2)} s`);
+      const button = element("button", { class: "outcome" }, inSeconds(time));
       button.addEventListener("click", () => seek(time));
       return element("tr", {}, [element("td", {}, button), element("td", {}, robot), element("td", {}, text)]);
     });

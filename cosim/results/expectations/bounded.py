@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import in_seconds
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.shown import Band
@@ -92,4 +93,4 @@ class Bounded(Kind):
     def detail(self, time: NDArray[np.float64], course: NDArray[np.float64]) -> str:
         """Return when the figure came about, where that is one time."""
         at = self.measure.at(course)
-        return "" if at is None else f"at t = {time[at]:.2f} s"
+        return "" if at is None else f"at t = {in_seconds(time[at])}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
+from cosim.clock import in_seconds
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
@@ -73,7 +74,7 @@ class Distance(Kind):
             return [self.above(math.nan, "", self._why_none(self.window(result)))]
         one, other = found.between
         how = f"{one} and {other} overlap first" if self.of_bodies and found.distance == 0 else f"{one} and {other}"
-        detail = f"{how} at t = {found.time:.2f} s"
+        detail = f"{how} at t = {in_seconds(found.time)}"
         return [self.above(units.convert(found.distance, "m", self.unit), "", detail)]
 
     def bands(self, result: Result) -> tuple[Band, ...]:

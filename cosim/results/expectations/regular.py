@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import in_seconds
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded, absent
 from cosim.results.expectations.shown import Band
@@ -106,7 +107,7 @@ class _Nearest(NamedTuple):
     def __str__(self) -> str:
         """Return signal and time, in words."""
         how = "changes sign" if self.jumps else "is not a number" if math.isnan(self.least) else "nearest to zero"
-        return f"{self.signal} {how} at t = {self.time:.2f} s"
+        return f"{self.signal} {how} at t = {in_seconds(self.time)}"
 
 
 def _thresholds(result: Result) -> dict[str, float]:
