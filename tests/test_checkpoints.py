@@ -1,5 +1,6 @@
 """Runs that are left and taken up again: the same bits, a note of it, and a sentence for whatever does not fit."""
 
+import copy
 import errno
 import json
 import os
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,6 +26,7 @@ from cosim.cli import main, resuming
 from cosim.cli.earlier_results import CHECKPOINTS_BEFORE
 from cosim.errors import OutputError
 from cosim.master import checkpoint_file, checkpoints
+from cosim.master.branch import check_branch
 from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
 from cosim.master.checkpoint_folder import FOLDER, HeldFolder, name_of, ticks_in
 from cosim.master.checkpoints import Checkpoints
@@ -393,6 +395,24 @@ def test_moments_that_are_near_have_names_and_commands_of_their_own() -> None:
 # Branches ---------------------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def two_teams(short_line: Scenario) -> Iterator[cosim.Simulation]:
+    """Return a run at 0.2 s whose four followers are controlled by a and b, which are the same but in name."""
+
+    def shared_out(root: Any) -> None:
+        (first,) = root.findall("controller")
+        first.addnext(second := copy.deepcopy(first))
+        for name, law in zip("ab", (first, second), strict=True):
+            law.set("id", name)
+        for name, follower in zip("aabb", root.findall("follower"), strict=True):
+            follower.set("controller", name)
+
+    with cosim.Simulation(short_line.edited([shared_out])) as simulation:
+        while simulation.tick < 10:
+            simulation.step()
+        yield simulation
+
+
 def test_a_branch_keeps_the_run_and_tells_of_both_parts(
     left: Path, whole: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -476,6 +496,58 @@ def test_changes_that_cannot_be(left: Path, change: str, said: str, capsys: pyte
         change = "//plant/parameter[@name='wheelbase']/@value=1 m"
     assert said in failed(capsys, 2, "resume", str(left), "--set", change, *LEAST)
     assert sorted(path.name for path in left.parent.iterdir()) == ["cars"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            ["follower[@id='follower_2']/@controller=b", "follower[@id='follower_3']/@controller=a"],
+            "who shares a controller with follower_1",
+        ),
+        (["follower[@id='follower_2']/@controller=b"], "who shares a controller with follower_1"),
+        (["follower[1]/pose/@x=-4 m"], "the initial pose of follower_1"),
+        (["leader/pose/@y=4 m"], "the initial pose of leader"),
+    ],
+    ids=["exchanged", "moved", "follower's pose", "leader's pose"],
+)
+def test_a_branch_refuses_what_would_have_no_effect_or_a_wrong_one(
+    two_teams: cosim.Simulation, tmp_path: Path, changes: list[str], said: str
+) -> None:
+    two_teams.save(tmp_path / "checkpoint")
+    for go_on in (two_teams.fork, partial(cosim.Simulation.load, tmp_path / "checkpoint")):
+        with pytest.raises(cosim.InputError, match=f"^{said} cannot change in the course of a run"):
+            go_on(changes)
+
+
+def test_a_branch_may_exchange_controllers_of_whole_teams(two_teams: cosim.Simulation) -> None:
+    controllers = [f"follower[{row}]/@controller={name}" for row, name in enumerate("bbaa", 1)]
+    with two_teams.fork() as same, two_teams.fork(controllers) as exchanged:
+        assert np.array_equal(same.run().pose, exchanged.run().pose)
+
+
+def test_a_branch_refuses_another_trajectory(scenarios: Path) -> None:
+    eight = cosim.read_scenario(scenarios / "figure_eight.xml").edited(expectations=False)
+    check_branch(eight, eight.edited(horizon=10.0), 200)
+    other = eight.edited(["leader/trajectory/waypoint[2]/@x=3.12 m"])
+    with pytest.raises(cosim.InputError, match="^the leader's <trajectory> cannot change in the course of a run"):
+        check_branch(eight, other, 200)
+
+
+def test_a_branch_with_other_gains_has_another_linear_quadratic_design(tmp_path: Path) -> None:
+    pytest.importorskip("control")
+    two = cosim.read_scenario(write(tmp_path / "two.xml", followers=("car", "car"), law="lqg", more=""))
+    gain = "follower[2]/gain[@name='q_max']/@value="
+    own = two.edited([f"{gain}1"])
+    with cosim.Simulation(own) as simulation:
+        while simulation.tick < 10:
+            simulation.step()
+        with simulation.fork([f"{gain}0.1"]) as other, simulation.fork([f"{gain}1.0"]) as same:
+            torques = [one.run().torque.values for one in (simulation, same, other)]
+    assert torques[0].tobytes() == torques[1].tobytes()
+    assert np.array_equal(torques[0][:, 0], torques[2][:, 0])
+    assert np.array_equal(torques[0][:10, 1], torques[2][:10, 1])
+    assert not np.array_equal(torques[0][10, 1], torques[2][10, 1])
 
 
 # Bad input --------------------------------------------------------------------------------------------------

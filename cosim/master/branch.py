@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import InputError
+from cosim.errors import InputError, Location
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.checkpoint import Start
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import check_tunable
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
-from cosim.scenario.scenario import Scenario
+from cosim.master.teams import teams_of
+from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import Storage, blocks, fill
 from cosim.undisturbed import Ending
 
@@ -34,10 +36,7 @@ def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
     InputError
         It has another structure, or ends before the tick, or later than the one before.
     """
-    there, here = _shared(before), _shared(scenario)
-    for what in dict.fromkeys((*there, *here)):
-        if there.get(what) != here.get(what):
-            raise InputError(f"{what} cannot change in the course of a run: run the scenario from its start")
+    _check_equal(_shared(before), _shared(scenario))
     if scenario.ticks > before.ticks:
         raise InputError(
             f"the end of a run cannot be put off from {before.horizon:g} s to {scenario.horizon:g} s in its course, "
@@ -73,6 +72,7 @@ def branched(setup: Setup, scenario: Scenario, start: Start) -> Setup:
     check_branch(start.scenario, scenario, tick)
     with Ending() as cleanup:
         before = set_up(start.scenario, cleanup, {})
+    _check_equal(_companions(start.scenario, before), _companions(scenario, setup))
     robots = [
         _changed(one, earlier, tick)
         for one, earlier in zip((setup.leader, *setup.followers), (before.leader, *before.followers), strict=True)
@@ -88,7 +88,28 @@ def _shared(scenario: Scenario) -> dict[str, object]:
     shared = structure(replace(scenario, plants=plants))
     del shared["the horizon"]
     laws = {name: (law.name, law.package) for name, law in scenario.controllers.items()}
-    return shared | {f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers}
+    leader = scenario.leader
+    path = None if leader.trajectory is None else replace(leader.trajectory, where=Location(""))
+    return {
+        **shared,
+        **{f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers},
+        f"the initial pose of {LEADER}": leader.pose.values,
+        **{f"the initial pose of {one.id}": one.pose.values for one in scenario.followers},
+        "the leader's <trajectory>": path,
+    }
+
+
+def _companions(scenario: Scenario, setup: Setup) -> dict[str, object]:
+    """Return who is in one team with each follower: the state of a law is that of its whole team."""
+    names = [robot.name for robot in setup.followers]
+    teams = [[names[row] for row in rows] for _, _, _, rows, *_ in teams_of(scenario, setup)]
+    return {f"who shares a controller with {name}": team for team in teams for name in team}
+
+
+def _check_equal(before: Mapping[str, object], now: Mapping[str, object]) -> None:
+    for what in dict.fromkeys((*before, *now)):
+        if before.get(what) != now.get(what):
+            raise InputError(f"{what} cannot change in the course of a run: run the scenario from its start")
 
 
 def _spliced(
