@@ -251,7 +251,7 @@ class Controller(ABC, Generic[G]):
         return {name: self._state[name].copy() for name in self._names()}
 
     def set_state(self, state: Mapping[str, ArrayLike]) -> None:
-        """Go on from a state that a controller with the same team and gains had.
+        """Go on from a state that a controller with the same team had, with the gains of this one.
 
         Raises
         ------

@@ -9,12 +9,13 @@ internal dynamics, as in the paper's law. Integrals of the errors make up for wh
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from formation_controllers import dynamics, kinematics, robot_view, saturation
 from formation_controllers.analysis.linearisation import linearised
@@ -24,7 +25,7 @@ from formation_controllers.compiled import borrowing
 from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
-from formation_controllers.gains import gain
+from formation_controllers.gains import gain, gain_info
 from formation_controllers.interface import Desired, Floats, Leader, Signal, Team, TickInputs
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
@@ -141,7 +142,7 @@ class Lqg(CompiledLaw[LqgGains]):
 
     tick = staticmethod(tick)
     begin = staticmethod(begin)
-    prepared: ClassVar[tuple[str, ...]] = ("Phi", "Gamma", "K", "L", "M")
+    prepared: ClassVar[tuple[str, ...]] = ("Phi", "Gamma", "K", "L", "M", "place", "designed_with")
     gains_type = LqgGains
     signals: ClassVar[tuple[Signal, ...]] = (
         Signal("range_estimate", "m", "estimated range"),
@@ -167,6 +168,8 @@ class Lqg(CompiledLaw[LqgGains]):
             "K": (2, STATES + 2),
             "L": (STATES, 2),
             "M": (2, 2),
+            "place": (2,),  # the desired range and bearing of the design
+            "designed_with": _numbers(self.robot_gains[0]).shape,
         }
 
     def own_columns(self) -> dict[str, tuple[int, ...]]:
@@ -175,14 +178,42 @@ class Lqg(CompiledLaw[LqgGains]):
 
     def on_start(self, pose: Floats, leader: Leader, desired: Desired) -> None:
         """Design for the desired range and bearing, then start the estimate."""
-        for robot, (own, gains) in enumerate(zip(self._state, self.robot_gains, strict=True)):
-            try:
-                design = _design(self.team.vehicle, gains, self.team.period, *map(float, desired.q[robot]))
-            except ControllerError as error:
-                raise ControllerError(error.message, robot=robot) from None
-            for name, matrix in zip(self.prepared, design, strict=True):
-                own[name] = matrix
+        for robot in range(self.team.size):
+            self._design_of(robot, desired.q[robot])
         super().on_start(pose, leader, desired)
+
+    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Go on from a state, see `Controller.set_state`; a robot that had other gains is designed for anew.
+
+        Raises
+        ------
+        ControllerError
+            Also if no design exists for the gains.
+        """
+        before = self._state.copy(), self._telemetry.copy(), self._started
+        super().set_state(state)
+        try:
+            for robot, (own, gains) in enumerate(zip(self._state, self.robot_gains, strict=True)):
+                if not np.array_equal(own["designed_with"], _numbers(gains)):
+                    self._design_of(robot, own["place"])
+        except BaseException:
+            self._state[...], self._telemetry[...], self._started = before
+            raise
+
+    def _design_of(self, robot: int, place: Floats) -> None:
+        """Set the prepared states of a robot for a desired range and bearing."""
+        gains = self.robot_gains[robot]
+        try:
+            design = _design(self.team.vehicle, gains, self.team.period, *map(float, place))
+        except ControllerError as error:
+            raise ControllerError(error.message, robot=robot) from None
+        for name, values in zip(self.prepared, (*design, place, _numbers(gains)), strict=True):
+            self._state[robot][name] = values
+
+
+def _numbers(gains: LqgGains) -> Floats:
+    """Return all gains as finite numbers, as states are: the torque limit may be infinite."""
+    return np.nan_to_num(np.hstack([getattr(gains, name) for name in gain_info(LqgGains)]))
 
 
 @lru_cache(maxsize=1024)

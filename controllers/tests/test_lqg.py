@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from formation_controllers import CarLike, Desired, DifferentialDrive, Leader, Team, TractorTrailer
+from formation_controllers import (
+    CarLike,
+    ControllerError,
+    Desired,
+    DifferentialDrive,
+    Leader,
+    Team,
+    TractorTrailer,
+    lqg,
+)
 from formation_controllers.analysis.formation_model import ReducedDynamics
 from formation_controllers.analysis.linearisation import linearised
 from formation_controllers.dynamics import TRACTOR_TRAILER_MODEL
@@ -112,3 +122,39 @@ def test_one_tick_is_the_law_in_matrix_form(vehicle, model):
         estimates = x + np.concatenate([desired.q[i], desired.q_dot[i]])
         np.testing.assert_allclose([told[name][i] for name in names], estimates, **close)
     assert told["held"].tolist() == [1.0, 0.0] * (N // 2)
+
+
+def test_a_state_is_redesigned_for_the_robots_that_have_other_gains():
+    """An estimate goes on, and a design stays to the last bit where the gains are those of the state."""
+    _, gains, pose, leader, desired, controller = design_problem(CarLike(1.2), {})
+    controller.step(pose, leader, desired)
+    state = controller.get_state()
+    state["K"][0] += 1.0  # no design of these gains
+    others = [gains[0], *(replace(own, q_max=0.1) for own in gains[1:])]
+    fresh = Lqg(controller.team, others)
+    fresh.start(pose, leader, desired)
+    again = Lqg(controller.team, others)
+    again.set_state(state)
+    found, expected = again.get_state(), fresh.get_state()
+    for name in Lqg.prepared:
+        np.testing.assert_array_equal(found[name][0], state[name][0])
+        np.testing.assert_array_equal(found[name][1:], expected[name][1:])
+    for name in ("x_hat", "integral", "bearing"):
+        np.testing.assert_array_equal(found[name], state[name])
+    assert not np.allclose(state["K"][1:], expected["K"][1:])
+
+
+def test_a_state_for_whose_gains_no_design_exists_is_refused(monkeypatch):
+    _, gains, _, _, _, controller = design_problem(CarLike(1.2), {})
+    state = controller.get_state()
+    again = Lqg(controller.team, [*gains[:2], replace(gains[2], q_max=0.2), *gains[3:]])
+
+    def impossible(*_):
+        raise np.linalg.LinAlgError("no solution")
+
+    monkeypatch.setattr(lqg, "riccati", impossible)
+    with pytest.raises(ControllerError, match="no linear-quadratic design exists .* no solution") as error:
+        again.set_state(state)
+    assert error.value.robot == 2
+    with pytest.raises(ControllerError, match="before the controller was started"):
+        again.get_state()
