@@ -357,7 +357,7 @@ def test_a_run_that_is_too_short_for_checkpoints_has_one_at_its_start(
     command(capsys, "resume", place, "--at", "0 s", "--set", "simulation/@seed=4", *LEAST)
     (branch / FOLDER / name_of(0)).unlink(missing_ok=True)
     said = failed(capsys, 2, "resume", str(branch), "--at", "0 s", "--set", "simulation/@seed=4", *LEAST)
-    assert "--at 0 s: there is no checkpoint of the start" in said
+    assert f"branched off from {place} at 0.4 s" in said
 
 
 def test_the_loop_does_not_wait_for_the_records_of_a_branch(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -437,6 +437,21 @@ def test_a_branch_keeps_the_run_and_tells_of_both_parts(
     assert parts[-1]["changes"] == []
     assert 'range="2 m"' in parts[-1]["scenario"]
     assert json.loads(branch.attrs["changes"]) == [f'--set "{setting}"']
+
+
+@pytest.mark.parametrize("more", [(), ("--set", "simulation/@seed=5")], ids=["itself", "another branch"])
+@pytest.mark.parametrize("at", ["0 s", "0.4 s"])
+def test_a_branch_does_not_go_on_from_before_its_own_moment(
+    left: Path, tmp_path: Path, at: str, more: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    to = tmp_path / "heavy"
+    setting = "//plant/parameter[@name='m_c']/@value=35 kg"
+    command(capsys, "resume", left, "--set", setting, "--out", to, "--until", "0.8 s", *LEAST)
+    before = {path: path.read_bytes() for path in to.rglob("*") if path.is_file()}
+    said = failed(capsys, 2, "resume", str(to), "--at", at, *more, *LEAST)
+    assert f"the run in {to} branched off from {left} at 0.5 s; expected a moment from then on" in said
+    assert {path: path.read_bytes() for path in to.rglob("*") if path.is_file()} == before
+    command(capsys, "resume", to, "--at", "0.6 s", *more, *LEAST)
 
 
 def test_the_page_of_a_branch_says_how_to_repeat_it(
@@ -530,7 +545,7 @@ def test_a_branch_refuses_another_trajectory(scenarios: Path) -> None:
     eight = cosim.read_scenario(scenarios / "figure_eight.xml").edited(expectations=False)
     check_branch(eight, eight.edited(horizon=10.0), 200)
     other = eight.edited(["leader/trajectory/waypoint[2]/@x=3.12 m"])
-    with pytest.raises(cosim.InputError, match="^the leader's <trajectory> cannot change in the course of a run"):
+    with pytest.raises(cosim.InputError, match=r"^the leader's <trajectory> cannot change in the course of a run"):
         check_branch(eight, other, 200)
 
 

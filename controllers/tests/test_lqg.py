@@ -153,7 +153,7 @@ def test_a_state_for_whose_gains_no_design_exists_is_refused(monkeypatch):
         raise np.linalg.LinAlgError("no solution")
 
     monkeypatch.setattr(lqg, "riccati", impossible)
-    with pytest.raises(ControllerError, match="no linear-quadratic design exists .* no solution") as error:
+    with pytest.raises(ControllerError, match=r"no linear-quadratic design exists .* no solution") as error:
         again.set_state(state)
     assert error.value.robot == 2
     with pytest.raises(ControllerError, match="before the controller was started"):

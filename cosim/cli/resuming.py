@@ -14,7 +14,7 @@ from cosim.cli.ending import ended_by
 from cosim.cli.run import run_one, status_of_run
 from cosim.errors import InputError
 from cosim.master.checkpoint import Checkpoint
-from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest, name_of, readable
+from cosim.master.checkpoint_folder import FOLDER, HeldFolder, latest, name_of, readable, ticks_in
 from cosim.master.foreign import for_whole_run
 from cosim.master.setup import set_up
 from cosim.master.supervised import whole_run
@@ -57,6 +57,8 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
             "--no-expectations make another one"
         )
     at = None if options.at is None else tick_of("--at", options.at, found.scenario, least=0)
+    if at is not None:
+        _check_not_before_branch(at, found, folder)
     if at == 0 and not (checkpoints / name_of(0)).exists():
         raise InputError(
             f"--at {options.at}: there is no checkpoint of the start; formation run begins there, with --set"
@@ -112,6 +114,17 @@ def _place(options: argparse.Namespace, found: Checkpoint, scenario: Scenario) -
         raise InputError(f"--out {place} is the folder of the run that is to be kept: choose another one")
     set_checkpoints_aside(place)
     return place
+
+
+def _check_not_before_branch(tick: int, found: Checkpoint, folder: Path) -> None:
+    """Refuse a moment of a branch before its first checkpoint: up to there the run had another scenario."""
+    branch = next((part for part in reversed(found.origin.parts) if part.scenario), None)
+    if branch is not None and all(tick < own for own in ticks_in(found.path.parent)):
+        whence = f" from {branch.run}" if branch.run else ""
+        raise InputError(
+            f"--at {tick * found.scenario.step:g}s: the run in {folder} branched off{whence} at {branch.until:g} s; "
+            f"expected a moment from then on, or go on from {branch.run or 'the earlier run'}"
+        )
 
 
 def _check_not_complete(folder: Path, scenario: Scenario) -> None:

@@ -80,8 +80,9 @@ class Checkpoints:
     def try_out(self, take: Callable[[], RunState], recorder: Recorder) -> None:
         """Take a state at the start of a run, which shows whether that is possible, and how long it takes.
 
-        If checkpoints are to be written on its way, and this one is not there already, it is, too. That of a branch
-        has all records before it, so the loop does not wait for it either.
+        If checkpoints are to be written on its way, and this one is not there already, it is, too. That of a branch is
+        always written, because nothing else leads to later moments of it. It has all records before it, so the loop
+        does not wait for it either.
 
         Raises
         ------
@@ -99,7 +100,7 @@ class Checkpoints:
             ) from None
         self._taken_in = time.perf_counter() - began
         self._per_tick = sum(numbers.nbytes for numbers in recorder.numbers(0, 1))
-        if self.every is not None and not self.before:
+        if (self.every is not None or state.tick > 0) and not self.before:
             self._write_beside(Snapshot.of(self.origin, state, recorder, self.first, every=self.every), began)
 
     def next_stop(self, tick: int, last: int) -> int:
