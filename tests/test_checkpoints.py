@@ -25,6 +25,7 @@ import cosim
 from cosim.cli import main, resuming
 from cosim.cli.earlier_results import CHECKPOINTS_BEFORE
 from cosim.errors import OutputError
+from cosim.export.log import log_of
 from cosim.master import checkpoint_file, checkpoints
 from cosim.master.branch import check_branch
 from cosim.master.checkpoint_file import CheckpointFile, write_checkpoint
@@ -485,6 +486,33 @@ def test_a_parameter_that_a_branch_changes_changes_as_by_an_event(
     branch = load(to / "result.nc")
     for name in ("pose", "leader_pose", "torque"):
         assert branch[name].values.tobytes() == result[name].values.tobytes()
+
+
+def test_events_before_a_branch_are_told_as_they_were(built_in: Path) -> None:
+    more = ("0.14 s", "0.6 s")  # the first branch is later, at 0.2 s; the second one is at 0.6 s
+
+    def add(root: Any) -> None:
+        (event,) = root.findall("event")
+        for at in more:
+            event.addprevious(other := copy.deepcopy(event))
+            other.set("at", at)
+
+    parameter = "event/parameter/@value="
+    scenario = cosim.read_scenario(built_in).edited([add])
+    with cosim.Simulation(scenario) as simulation:
+        while simulation.tick < 5:
+            simulation.step()
+        with simulation.fork() as same:
+            while same.tick < 10:
+                same.step()
+            with same.fork([f"{parameter}31 kg"]) as first:
+                while first.tick < 30:
+                    first.step()
+                with first.fork([f"{parameter}32 kg"]) as second:
+                    result = Result.of(second.run())
+    expected = [(0.14, "m_c = 30 kg"), (0.6, "m_c = 32 kg"), (0.7, "m_c = 32 kg")]
+    assert [(entry.time, entry.text) for entry in log_of(result)] == expected
+    assert [(event["time"], event["text"]) for event in content_of(result)["events"]] == expected
 
 
 def test_another_horizon(left: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

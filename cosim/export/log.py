@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cosim.errors import InputError, printable
+from cosim.errors import printable
+from cosim.results.events import events_of
 from cosim.results.logged import logged_messages
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.scenario import in_words
-from cosim.scenario.reader import read_events
 
 INFO, WARNING, ERROR, FATAL = 20, 30, 40, 50
 """Levels of severity, as ROS numbers them."""
@@ -33,16 +33,11 @@ def log_of(result: Result) -> list[Entry]:
 
 
 def _entries(result: Result) -> Iterator[Entry]:
-    attributes = result.attrs
-    try:
-        events = read_events(attributes["scenario"], attributes.get("scenario_file") or attributes["scenario_name"])
-    except InputError:  # of a version that this one does not read
-        events = ()
-    for event in events:
+    for event in events_of(result):
         yield Entry(event.time, INFO, event.robot, in_words.event(event))
     messages, _ = logged_messages(result)
     for message in messages:
         times = f" ({message.count} times)" if message.count > 1 else ""
         yield Entry(message.time, _OF_STATUS.get(message.status, ERROR), message.robot, printable(message.text) + times)
-    if failure := Provenance.of(attributes).failure:
+    if failure := Provenance.of(result.attrs).failure:
         yield Entry(float(result["time"].values[-1]), FATAL, failure.robot, printable(str(failure)))

@@ -17,6 +17,7 @@ from cosim.errors import InputError
 from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Rows, extremes, samples_in_bucket
 from cosim.results.bands import bands_of_kind, kinds_of
 from cosim.results.drawable_part import Part, drawable_parts
+from cosim.results.events import events_of
 from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
@@ -29,8 +30,7 @@ from cosim.results.result import Result
 from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
-from cosim.scenario.reader import read_events
-from cosim.scenario.scenario import LEADER, Event
+from cosim.scenario.scenario import LEADER
 from cosim.storage import blocks, forget
 
 Json: TypeAlias = dict[str, Any]
@@ -69,7 +69,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         raise InputError("the result holds no sample, so there is nothing to show")
     step = float(result.attrs["step"])
     columns = Columns()
-    kinds, events = kinds_of(result), _events(result)
+    kinds, events = kinds_of(result), events_of(result)
     bands = [[band for band in bands_of_kind(kind, result) if band.signal in result] for kind in kinds]
     content = {
         "name": summary.scenario,
@@ -114,15 +114,6 @@ def courses_of(
         "motion": _motion(result, parts, columns, MOST_POSES // share),
         "signals": _signals(result, parts, columns, MOST_NUMBERS // share),
     }
-
-
-def _events(result: Result) -> tuple[Event, ...]:
-    """Return the events of a result's scenario; none if this version cannot read its text."""
-    told = result.attrs
-    try:
-        return read_events(told["scenario"], told.get("scenario_file") or told["scenario_name"])
-    except InputError:
-        return ()
 
 
 # Robots and their motion ------------------------------------------------------------------------------------
