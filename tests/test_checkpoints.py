@@ -819,3 +819,31 @@ def test_a_simulation_is_saved_before_its_first_tick(short_line: Scenario, tmp_p
             result = loaded.run()
         result.attrs.pop("parts")
         assert expected.identical(result)
+
+
+def test_commands_that_a_program_gave_are_told_of_the_run_and_its_forks(short_line: Scenario, tmp_path: Path) -> None:
+    with cosim.Simulation(short_line) as simulation:
+        while simulation.tick < 10:
+            own = {"follower_1": (-5.0, 0.0)} if simulation.tick in (4, 7) else {}
+            simulation.step(own | ({"leader": (1.0, 0.0)} if simulation.tick == 5 else {}))
+        simulation.save(tmp_path / "checkpoint")
+        with simulation.fork() as fork, cosim.Simulation.load(tmp_path / "checkpoint") as loaded:
+            fork.step({"follower_2": (0.0, 0.0)})
+            results = [one.run() for one in (simulation, fork, loaded)]
+    told = {"follower_1": [0.08, 0.14], "leader": [0.1, 0.1]}
+    expected = [told, {**told, "follower_2": [0.2, 0.2]}, told]
+    assert [json.loads(result.attrs["given"]) for result in results] == expected
+    for result in results:
+        summary = cosim.summary_of(result)
+        assert any("follower_1: a program gave its commands between t = 0.08 s" in note for note in summary.notes)
+        assert any("t = 0.10 s, in place of the scenario" in note for note in summary.notes)
+        page = content_of(Result.of(result))
+        assert page["notes"] == list(summary.notes)
+        assert page["provenance"]["command"] == ""
+
+
+def test_a_run_to_which_no_program_gave_commands_says_nothing_of_them(short_line: Scenario) -> None:
+    result = cosim.run(short_line)
+    assert "given" not in result.attrs
+    assert not [note for note in cosim.summary_of(result).notes if "a program" in note]
+    assert content_of(Result.of(result))["provenance"]["command"].startswith("formation run ")

@@ -41,6 +41,8 @@ class RunState:
         The signals of each team's law at its last step.
     fleet : FleetState
         The plants.
+    given : dict
+        The first and the last tick at which the caller gave the commands of a robot, by its name.
     """
 
     tick: int
@@ -50,6 +52,7 @@ class RunState:
     laws: tuple[bytes, ...]
     signals: tuple[Floats, ...]
     fleet: FleetState
+    given: Mapping[str, tuple[int, int]]
 
     def to_parts(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return the state as facts for JSON, and arrays by name."""
@@ -60,6 +63,7 @@ class RunState:
             "messages": fleet.messages,
             "logged": [asdict(entry) for entry in fleet.logged],
             "kept": fleet.kept,
+            "given": self.given,
         }
         for name, chain in (("sensors", self.sensors), ("actuators", self.actuators)):
             facts[name] = {element: streams.names for element, (_, streams) in chain.items()}
@@ -94,6 +98,7 @@ class RunState:
                 ),
                 kept=tuple(map(int, facts["kept"])),
             ),
+            given={str(robot): (int(first), int(last)) for robot, (first, last) in facts["given"].items()},
         )
 
 

@@ -170,7 +170,8 @@ class Simulation(Closing):
         ----------
         torques
             By robot, the commands of this tick (torques [N.m] of a robot that takes torques) in place of its
-            controller's, or of the scenario's for the leader. A follower's still pass through its actuators.
+            controller's, or of the scenario's for the leader. A follower's still pass through its actuators. The
+            result tells of them in its attribute ``given``.
 
         Raises
         ------
@@ -378,9 +379,12 @@ class Simulation(Closing):
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
         recorder = self._ticks.recorder
         result = self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
-        if not self.parts:
-            return result
-        return replace(result, attrs={**result.attrs, "parts": json.dumps([part.as_data for part in self.parts])})
+        told: dict[str, object] = {}
+        if self.parts:
+            told["parts"] = [part.as_data for part in self.parts]
+        if given := self._ticks.given:
+            told["given"] = {robot: [tick * self.scenario.step for tick in ticks] for robot, ticks in given.items()}
+        return replace(result, attrs={**result.attrs, **{name: json.dumps(data) for name, data in told.items()}})
 
     @property
     def records(self) -> Records:

@@ -59,6 +59,8 @@ class Ticks:
         The number of the next tick.
     recorder : Recorder
         The records of the ticks so far.
+    given : dict
+        As in a `cosim.master.run_state.RunState`.
     """
 
     def __init__(
@@ -73,9 +75,10 @@ class Ticks:
     ) -> None:
         self.tick = 0
         self.recorder = recorder
+        self.given: dict[str, tuple[int, int]] = {}
         self._scenario, self._setup, self._now, self._teams, self._fleet = scenario, setup, now, tuple(teams), fleet
         robots = (setup.leader, *setup.followers)
-        names = [robot.name for robot in robots]
+        names = self._names = [robot.name for robot in robots]
         poses = [[role.name for role in robot.kind.pose] for robot in robots]
         commands = [[role.name for role in robot.kind.command] for robot in setup.followers]
         step = scenario.step
@@ -193,6 +196,7 @@ class Ticks:
             laws=tuple(team.to_bytes(time) for team in self._teams) if self.tick > 0 else (),
             signals=tuple(team.telemetry(time).copy() for team in self._teams),
             fleet=self._fleet.saved(time),
+            given=dict(self.given),
         )
 
     def restore(self, state: RunState, *, same_seed: bool = True, here: bool = True) -> None:
@@ -229,6 +233,7 @@ class Ticks:
                 team.telemetry(tick * step)[:] = signals
             for name, values in state.numbers.items():
                 getattr(self._now, name)[:] = values
+            self.given = dict(state.given)
         self.tick = self.recorder.recorded = tick
 
     def _control(self) -> None:
@@ -260,6 +265,8 @@ class Ticks:
         command, leader = self._now.command, self._external[self.tick, 0]
         held = command.copy(), leader.copy()
         for row, own in override.items():
+            name = self._names[row]
+            self.given[name] = (self.given.get(name, (self.tick,))[0], self.tick)
             (command[row - 1] if row else leader)[:] = own
         self._do(Part.ACT, self.tick)
         if override:

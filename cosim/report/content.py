@@ -266,6 +266,8 @@ def _provenance(result: Result, summary: Summary) -> Json:
 
 def _command(told: Provenance, scenario: str) -> str:
     """Return the command that repeats a run, or the last part of one that branched off; empty if none does."""
+    if told.given:
+        return ""
     changes, begin = told.changes, ["formation", "run", Path(told.file).name or f"{scenario}.xml"]
     branched = [part for part in told.parts if part.changes != changes]
     if branched:

@@ -66,6 +66,9 @@ class Provenance:
         Why the run did not reach its end; None if it did.
     parts : tuple of Part
         The parts before the last one, if the run was left and taken up again; without their texts.
+    given : dict
+        By robot, the first and the last time [s] at which a program gave its commands, in place of its controller or
+        of the scenario.
     """
 
     file: str = ""
@@ -74,6 +77,7 @@ class Provenance:
     versions: Mapping[str, str] = field(default_factory=dict)
     failure: Failure | None = None
     parts: tuple[Part, ...] = ()
+    given: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, attributes: Mapping[Any, Any]) -> Self:
@@ -90,6 +94,10 @@ class Provenance:
             | {package: " and ".join(versions) for package, versions in packages.items()},
             failure=_failure(**failure) if failure else None,
             parts=tuple(replace(Part.of(part), scenario="") for part in json.loads(attributes.get("parts", "[]"))),
+            given={
+                str(robot): (float(first), float(last))
+                for robot, (first, last) in json.loads(attributes.get("given", "{}")).items()
+            },
         )
 
     @property

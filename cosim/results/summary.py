@@ -24,7 +24,7 @@ from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import read_expectations
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import blocks
 
 if TYPE_CHECKING:
@@ -128,6 +128,7 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
     time = result["time"].values
     nearest, bodies = smallest_distance(result), smallest_body_distance(result)
     messages, left_out = logged_messages(result)
+    told = Provenance.of(result.attrs)
     return Summary(
         scenario=name,
         status=result.attrs["status"],
@@ -137,12 +138,21 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
         smallest_distance_between=nearest.between if nearest else None,
         smallest_distance_of_bodies=bodies.distance if bodies else None,
         smallest_distance_of_bodies_between=bodies.between if bodies else None,
-        notes=(*_singularities(result), *json.loads(result.attrs["plant_messages"])),
+        notes=(*_given(told), *_singularities(result), *json.loads(result.attrs["plant_messages"])),
         verdicts=verdicts,
         title=result.attrs["title"],
-        provenance=Provenance.of(result.attrs),
+        provenance=told,
         messages=messages,
         messages_left_out=left_out,
+    )
+
+
+def _given(told: Provenance) -> tuple[str, ...]:
+    """Say which robots a program drove, which neither the scenario nor its changes tell."""
+    return tuple(
+        f"{robot}: a program gave its commands between t = {in_seconds(first)} and t = {in_seconds(last)}, in place of "
+        f"{'the scenario' if robot == LEADER else 'its controller'}; no command repeats this run"
+        for robot, (first, last) in told.given.items()
     )
 
 
