@@ -213,7 +213,8 @@ class Lqg(CompiledLaw[LqgGains]):
 
 def _numbers(gains: LqgGains) -> Floats:
     """Return all gains as finite numbers, as states are: the torque limit may be infinite."""
-    return np.nan_to_num(np.hstack([getattr(gains, name) for name in gain_info(LqgGains)]))
+    numbers: Floats = np.nan_to_num(np.hstack([getattr(gains, name) for name in gain_info(LqgGains)]))
+    return numbers
 
 
 @lru_cache(maxsize=1024)
