@@ -577,6 +577,35 @@ def test_a_branch_refuses_another_trajectory(scenarios: Path) -> None:
         check_branch(eight, other, 200)
 
 
+def test_a_branch_may_change_delays_that_the_run_remembers(short_line: Scenario) -> None:
+    def delayed(*milliseconds: int) -> Callable[[Any], None]:
+        def change(root: Any) -> None:
+            for sensor in root.findall("sensor"):
+                root.remove(sensor)
+            for follower, delay in zip(root.findall("follower"), milliseconds, strict=True):
+                for sensor in follower.findall("sensor"):
+                    follower.remove(sensor)
+                if delay:
+                    sensor = follower.makeelement("sensor")
+                    sensor.append(sensor.makeelement("delay", time=f"{delay} ms"))
+                    follower.find("desired").addnext(sensor)
+
+        return change
+
+    with cosim.Simulation(short_line.edited([delayed(40, 80, 0, 0)])) as simulation:
+        while simulation.tick < 20:
+            simulation.step()
+        for delays in ((60, 80, 20, 0), (0, 0, 0, 0)):
+            with simulation.fork([delayed(*delays)]) as fork:
+                result = fork.run()
+            for row, delay in enumerate(delays):
+                late = result.pose.values[20 - delay // 20 : 51 - delay // 20, row]
+                assert np.array_equal(result.measured_pose.values[20:, row], late)
+        for delays in ((40, 100, 0, 0), (40, 60, 0, 0)):
+            with pytest.raises(cosim.InputError, match="<delay> cannot be added or changed"):
+                simulation.fork([delayed(*delays)])
+
+
 def test_a_branch_with_other_gains_has_another_linear_quadratic_design(tmp_path: Path) -> None:
     pytest.importorskip("control")
     two = cosim.read_scenario(write(tmp_path / "two.xml", followers=("car", "car"), law="lqg", more=""))
