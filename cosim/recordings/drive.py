@@ -148,21 +148,27 @@ def _refuse_outside(
 
 def _moved(found: Sequence[tuple[Number, Series]], robots: Table[str, MappedRobot]) -> Iterator[tuple[Number, Series]]:
     """Yield the numbers in the frame of all robots, with reference points where the kind of vehicle has them."""
-    poses = {(number.robot, number.mapped.place.field): series for number, series in found}
+    # A <signal> may be from the robot's topic, too, or be a "yaw"; what the topic itself gives has the robot's place.
+    given = [(number, series) for number, series in found if _is_moved(number, robots.get(number.robot))]
+    poses = {(number.robot, number.mapped.place.field): series.values for number, series in given}
     for number, series in found:
-        robot, field = robots.get(number.robot), number.mapped.place.field
-        if robot is None or field not in (X, Y, YAW) or not any((robot.ahead, robot.left, *robot.frame)):
+        robot, name, field = robots.get(number.robot), number.robot, number.mapped.place.field
+        if robot is None or not _is_moved(number, robot):
             yield number, series
             continue
-        yaw, (frame_x, frame_y, turn) = poses[number.robot, YAW].values, robot.frame
+        yaw, (frame_x, frame_y, turn) = poses[name, YAW], robot.frame
         if field == YAW:
             yield number, Series(series.time, yaw + turn)
             continue
-        x = poses[number.robot, X].values + robot.ahead * np.cos(yaw) - robot.left * np.sin(yaw)
-        y = poses[number.robot, Y].values + robot.ahead * np.sin(yaw) + robot.left * np.cos(yaw)
+        x = poses[name, X] + robot.ahead * np.cos(yaw) - robot.left * np.sin(yaw)
+        y = poses[name, Y] + robot.ahead * np.sin(yaw) + robot.left * np.cos(yaw)
         cos, sin = np.cos(turn), np.sin(turn)
         place = frame_x + cos * x - sin * y if field == X else frame_y + sin * x + cos * y
         yield number, Series(series.time, place)
+
+
+def _is_moved(number: Number, robot: MappedRobot | None) -> bool:
+    return robot is not None and robot.is_moved and number.mapped.where == robot.where
 
 
 def _sampled(

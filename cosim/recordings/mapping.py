@@ -89,6 +89,11 @@ class MappedRobot:
     from_scenario: bool = False
     signals: Table[tuple[str, str], Mapped] = field(default_factory=dict)
 
+    @property
+    def is_moved(self) -> bool:
+        """Whether what its topic gives is not the place of its reference point in the frame of all robots."""
+        return any((self.ahead, self.left, *self.frame))
+
 
 @dataclass(frozen=True)
 class Mapping:

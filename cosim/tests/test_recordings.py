@@ -259,6 +259,37 @@ def test_another_frame(run: Result, line: Scenario, tmp_path: Path) -> None:
         np.testing.assert_allclose(found.drive.result[signal].values, run[signal].values, atol=1e-9)
 
 
+@pytest.mark.parametrize("field", ["yaw", "pose x"])
+def test_another_number_that_is_an_angle_of_a_message_is_no_heading(
+    run: Result, line: Scenario, tmp_path: Path, field: str
+) -> None:
+    recording = bag(tmp_path / "bag", run)
+    robot = 'ahead="20 cm" frame_turn="30 deg"'
+    text = mapping(tmp_path / "map.xml", run.robots, robot=robot).read_text()
+    expected = cosim.judge_recording(recording, line, tmp_path / "map.xml")["pose"].values
+    other = f'topic="/r1/where" field="{field}"' + (' unit="rad"' if field != "yaw" else "")
+    text = text.replace('topic="/r1/joints" field="position[1]" unit="deg" factor="-1"', other)
+    (tmp_path / "map.xml").write_text(text)
+    found = cosim.judge_recording(recording, line, tmp_path / "map.xml")["pose"].values
+    np.testing.assert_array_equal(found[..., :3], expected[..., :3])
+    recorded = run["pose"].values[:, 0, 2 if field == "yaw" else 0]
+    np.testing.assert_allclose(np.exp(1j * found[:, 0, 3]), np.exp(1j * recorded), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("moved", "field"),
+    [('ahead="1 m"', "yaw"), ('left="1 m"', "pose x"), ('frame_x="1 m"', "data"), ('frame_turn="90 deg"', "yaw")],
+)
+def test_a_pose_that_is_moved_is_from_one_topic(
+    run: Result, line: Scenario, tmp_path: Path, moved: str, field: str
+) -> None:
+    text = mapping(tmp_path / "map.xml", run.robots, robot=moved).read_text()
+    own = f'<signal name="pose" component="psi" topic="/r2/where" field="{field}"/></robot>'
+    (tmp_path / "map.xml").write_text(text.replace("</robot>", own, 1))
+    with pytest.raises(InputError, match=r"map\.xml:1:\d+: ahead, left and frame_\.\.\. of leader move x, y and heading"):
+        judge_drive(bag(tmp_path / "bag", run), line, tmp_path / "map.xml")
+
+
 def test_a_virtual_leader(run: Result, line: Scenario, tmp_path: Path) -> None:
     recording = bag(tmp_path / "bag", run)
     text = mapping(tmp_path / "map.xml", run.robots).read_text()
