@@ -103,7 +103,7 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     if (leader := mapping.robots.get(LEADER)) and leader.from_scenario:
         variables["leader_pose"] = _driven_leader(scenario, setup)
     variables |= _derived(setup, variables)
-    notes = [*_notes(path, values)]
+    notes = [*numbers.notes, *_notes(path, values)]
     attributes = _attributes(path, scenario, notes, start)
     result = Result(variables, _coordinates(scenario, setup, variables, robots), attributes)
     return Drive(result, start, tuple(_tracked(robots, values, variables)))
