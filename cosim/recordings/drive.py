@@ -86,12 +86,13 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     """
     robots = (setup.leader, *setup.followers)
     bag, netcdf = _is_bag(path), path.suffix == ".nc" or (path / "result.nc").is_file()
+    _refuse_other_times(path, mapping, bag, netcdf)
     wanted = list(wanted_numbers(scenario, setup, mapping, bag))
     given = [number.mapped for number in wanted]
     if bag:
-        numbers = read_bag(path, given, mapping.by_header)
+        numbers = read_bag(path, given, by_header=mapping.clock != "log")
     else:
-        numbers = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
+        numbers = read_result(path, given) if netcdf else read_table(path, given, mapping.time or "time")
     series = numbers.series
     found = [(number, series[number.mapped.place]) for number in wanted if number.mapped.place in series]
     start = _start(path, found, mapping, numbers.names)
@@ -111,6 +112,17 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
 
 def _is_bag(path: Path) -> bool:
     return path.suffix in SUFFIXES or (path / "metadata.yaml").exists()
+
+
+def _refuse_other_times(path: Path, mapping: Mapping, bag: bool, netcdf: bool) -> None:
+    """Refuse what a mapping states of the time of another kind of recording."""
+    kind = "a bag" if bag else "the result of a run" if netcdf else "a table"
+    if mapping.time and (bag or netcdf):
+        said = f'time="{mapping.time}" of <mapping> names a column of a table, and {path} is {kind}: leave it out'
+        raise InputError(said, mapping.where)
+    if mapping.clock and not bag:
+        said = f'clock="{mapping.clock}" of <mapping> chooses a time of messages, and {path} is {kind}: leave it out'
+        raise InputError(said, mapping.where)
 
 
 # Time and units ---------------------------------------------------------------------------------------------

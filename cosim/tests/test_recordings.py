@@ -544,6 +544,12 @@ def test_a_table_of_others(run: Result, line: Scenario, tmp_path: Path) -> None:
         ('<robot id="follower_1"><signal name="pose" component="x" topic="/r1/joints" field="position[0]" unit="deg"/>'
          "</robot>",
          "is in deg, but pose x of follower_1 needs a unit such as m"),
+        ('<robot id="leader" topic="/r1/joints" child_frame="base"/>',
+         "messages of type sensor_msgs/msg/JointState, which name no child_frame: leave it out"),
+        ('<robot id="leader"><signal name="pose" component="gamma" topic="/r1/joints" field="position[1]" '
+         'child_frame="base"/></robot>', "map.xml:1:.*, which name no child_frame: leave it out"),
+        ('<robot id="leader" topic="/r1/where" child_frame="bas"/>',
+         "map.xml:1:.* the topic '/r1/where' of .* has no frame 'bas': did you mean 'base'"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" unit="furlong"/></robot>', "furlong"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" factor="0"/></robot>', "makes every value"),
     ],
@@ -557,6 +563,27 @@ def test_mappings_with_faults(
     (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}">{mapped}</mapping>')
     with pytest.raises(InputError, match=said):
         judge_drive(shared, line, tmp_path / "map.xml")
+
+
+@pytest.mark.parametrize(
+    ("stated", "recording", "said"),
+    [
+        ('time="stamp"', "bag", "names a column of a table, and .*bag is a bag: leave it out"),
+        ('time="time"', "result.nc", "names a column of a table, and .*nc is the result of a run: leave it out"),
+        ('clock="log"', "result.nc", "chooses a time of messages, and .*nc is the result of a run: leave it out"),
+        ('clock="header"', "a.csv", "chooses a time of messages, and .*csv is a table: leave it out"),
+    ],
+)
+def test_a_time_of_another_kind_of_recording(
+    run: Result, line: Scenario, tmp_path: Path, stated: str, recording: str, said: str
+) -> None:
+    if recording == "bag":
+        bag(tmp_path / "bag", run)
+    (tmp_path / "a.csv").write_text("time,x\n0,0\n")
+    save(run, tmp_path / "result.nc")
+    (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}" {stated}/>')
+    with pytest.raises(InputError, match=rf"map\.xml:1:\d+: {stated} of <mapping> {said}"):
+        judge_drive(tmp_path / recording, line, tmp_path / "map.xml")
 
 
 def test_a_topic_is_no_column_without_a_name(line: Scenario, tmp_path: Path) -> None:
