@@ -7,6 +7,8 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -19,6 +21,7 @@ import cosim
 import plants
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from cosim.ssp.exported import export_ssp
 from cosim.ssp.imported import import_ssp
@@ -206,6 +209,23 @@ def test_values_changed_in_the_ssp_are_those_of_the_scenario(line: Exported, tmp
     assert "the connections were changed" in imported.notes[0]
 
 
+def test_a_changed_entry_of_a_gain_stands_with_the_others(line: Exported, tmp_path: Path) -> None:
+    def change(name: str, data: bytes) -> bytes:
+        for entry, value in {"K_p[2]": "25.0", "centres[1]": "-3.0", "centres[3]": "0.5"}.items():
+            pattern = rf'(name="follower_2\.{re.escape(entry)}">\s*<ssv:Real value=")[^"]*'
+            data = re.sub(pattern.encode(), rf"\g<1>{value}".encode(), data) if name == "resources/pid.ssv" else data
+        return data
+
+    with ExitStack() as cleanup:
+        before = set_up(line.scenario, cleanup, {}).gains[1]
+        imported = import_ssp(_changed(line.path, tmp_path / "changed.ssp", change), tmp_path / "changed.xml")
+        after = set_up(read_scenario(written(imported)), cleanup, {}).gains
+    assert imported.notes == ()
+    centres = (-3.0, before.centres[1], 0.5, *before.centres[3:])
+    assert after[1] == replace(before, K_p=(before.K_p[0], 25.0), centres=centres)
+    assert after[0] == after[2] == before
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 
@@ -341,6 +361,19 @@ def test_a_quotation_mark_in_a_changed_name_is_a_name_that_is_not_there(line: Ex
     path = _with(line, tmp_path / "changed.ssp", "resources/pid.ssv", 'name="follower_2.k_d"', 'name="it\'s.k_d"')
     (note,) = import_ssp(path, tmp_path / "changed.xml").notes
     assert note.startswith("pid.it's.k_d was changed, which the scenario cannot state")
+
+
+@pytest.mark.parametrize("entry", ["K_p", "K_p[3]", "K_p[0]", "k_d[1]", "x[1]", "K_q[1]"])
+def test_an_entry_that_a_gain_does_not_have_is_told(line: Exported, tmp_path: Path, entry: str) -> None:
+    path = _with(
+        line,
+        tmp_path / "changed.ssp",
+        "resources/pid.ssv",
+        r'name="follower_2\.K_p\[1\]"',
+        f'name="follower_2.{entry}"',
+    )
+    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    assert note.startswith(f"pid.follower_2.{entry} was changed, which the scenario cannot state")
 
 
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
 
 from cosim.errors import InputError, Location
@@ -27,9 +29,13 @@ from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
 from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
+from cosim.team_fmu.law_in_host import pairs
 
 _Changes = dict[str, dict[str, Parameter]]
 """Parameters that have another value than was written, by component and name."""
+_Gains = dict[tuple[str, bool], list[float]]
+"""The entries of a robot's gains by name, and whether an SSP counts them: ``K_p[1]``."""
+_ENTRY = re.compile(r"(.*)\.([^.\[\]]+)(?:\[([0-9]{1,9})\])?")
 
 
 def own_scenario(
@@ -69,7 +75,11 @@ def own_scenario(
         scenario = read_scenario(directory / facts.scenario)
         setup = set_up(scenario, cleanup, {})
         robots = {robot.name: robot for robot in (setup.leader, *setup.followers)}
-        notes += list(_apply(root, found, robots))
+        gains = {
+            follower.id: {(name, np.ndim(value) > 0): np.atleast_1d(value).tolist() for name, value in pairs(own)}
+            for follower, own in zip(scenario.followers, setup.gains, strict=True)
+        }
+        notes += list(_apply(root, found, robots, gains))
     files: dict[str, bytes] = {}
     for element, attribute in paths_in(root):
         place = directory / RESOURCES / element.get(attribute, "")
@@ -158,20 +168,32 @@ def _experiment(root: etree._Element, structure: Structure) -> None:
         simulation.set("step", f"{step!r} s")
 
 
-def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup]) -> Iterator[str]:
+def _apply(
+    root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup], gains: Mapping[str, _Gains]
+) -> Iterator[str]:
     """Put changed values into the scenario; yield what does not fit there."""
     for name, parameters in found.items():
         element = root.find("leader") if name == LEADER else _one(root, "follower", "id", name)
         for parameter in parameters.values():
             if element is not None and name in robots:
                 _of_robot(element, robots[name], parameter)
-                continue
-            robot, _, gain = parameter.name.rpartition(".")
-            follower = _one(root, "follower", "id", robot)
-            if follower is None or robot not in robots or gain in {role.name for role in robots[robot].kind.states}:
+            elif not _is_gain(root, gains, parameter):
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
-                continue
-            _named(follower, "gain", gain, parameter.text)  # in SI units, which a scenario leaves out
+
+
+def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Parameter) -> bool:
+    """Put a changed entry of a gain into the scenario, with the others of this gain; return whether it is one."""
+    match = _ENTRY.fullmatch(parameter.name)
+    robot, name, index = match.groups() if match else ("", "", None)
+    entries, follower = gains.get(robot, {}).get((name, index is not None), []), _one(root, "follower", "id", robot)
+    at = int(index or 1) - 1
+    if follower is None or not 0 <= at < len(entries):
+        return False
+    entries[at] = parameter.number  # in SI units, which a scenario leaves out
+    if not all(map(math.isfinite, entries)):  # a scenario can state none that is not
+        return False
+    _named(follower, "gain", name, " ".join(map(repr, entries)))
+    return True
 
 
 def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:
