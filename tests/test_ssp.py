@@ -226,6 +226,29 @@ def test_a_changed_entry_of_a_gain_stands_with_the_others(line: Exported, tmp_pa
     assert after[0] == after[2] == before
 
 
+def test_a_changed_input_has_its_value_beside_the_signals_that_the_scenario_has_of_it(
+    line: Exported, tmp_path: Path
+) -> None:
+    constant = '<input name="{}"><constant value="{}"/></input>'
+    text = line.scenario.text.replace("<leader ", constant.format("tau_d_y", "20 N") + "<leader ")
+    text = re.sub(r"(<torque [^>]*/>)", r"\1" + constant.format("tau_drive", "5 N.m"), text, count=1)
+    (tmp_path / "pushed.xml").write_text(text)
+    scenario = read_scenario(tmp_path / "pushed.xml")
+    export_ssp(scenario, tmp_path / "pushed.ssp")
+
+    def change(name: str, data: bytes) -> bytes:
+        pattern = {"leader.ssv": b"tau_drive", "follower_1.ssv": b"tau_d_y"}.get(Path(name).name, b"none of these")
+        return re.sub(rb'(name="' + pattern + rb'">\s*<ssv:Real value=")[^"]*', rb"\g<1>31.0", data)
+
+    path = _changed(tmp_path / "pushed.ssp", tmp_path / "changed.ssp", change)
+    imported = import_ssp(path, tmp_path / "changed.xml")
+    with ExitStack() as cleanup:
+        setup = set_up(read_scenario(written(imported)), cleanup, {})
+    assert setup.leader.torque[0, 0] == 31.0
+    pushed = [robot.samples[0].tolist() for robot in setup.followers]
+    assert pushed == [[31.0], *[[20.0]] * (len(pushed) - 1)]
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 

@@ -30,6 +30,7 @@ from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
 from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
 from cosim.team_fmu.law_in_host import pairs
+from cosim.vehicle.kind import Role
 
 _Changes = dict[str, dict[str, Parameter]]
 """Parameters that have another value than was written, by component and name."""
@@ -197,23 +198,44 @@ def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Param
 
 
 def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:
-    initial: dict[str, tuple[str, str, BoundVariable]] = {}
     for bound in robot.fmu.binding.of(robot.kind.pose):
         assert bound is not None
         assert bound.initial is not None
-        initial[bound.initial.variable.name] = bound.role.name, bound.role.unit, bound.initial
-    if parameter.name not in initial:
-        commands = robot.fmu.binding.of(robot.kind.command)
-        for bound in commands:
-            if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-                tag = "torque" if robot.kind.takes_torques else "command"
-                number = parameter.number * bound.played_by.scale + bound.played_by.offset
-                _child(element, tag).set(bound.role.name, f"{number!r} {bound.role.unit}")
-                return
+        if bound.initial.variable.name == parameter.name:
+            _child(element, "pose").set(bound.role.name, _in_role(parameter, bound.role, bound.initial))
+            return
+    for column, bound in enumerate(robot.fmu.binding.of(robot.kind.command)):
+        if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+            child = _child(element, "torque" if robot.kind.takes_torques else "command")
+            text = child.get(bound.role.name)
+            stated = 0.0 if text is None else quantity(text, bound.role.unit)
+            signals = float(robot.torque[0, column]) - stated  # which add to it
+            child.set(bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals))
+            return
+    if parameter.name in robot.fmu.inputs and parameter.name not in {one.variable.name for one in robot.parameters}:
+        insert(element, [_input(robot, parameter)])
+    else:
         _named(element, "parameter", parameter.name, _written(parameter))
-        return
-    role, unit, number_of = initial[parameter.name]
-    _child(element, "pose").set(role, f"{parameter.number * number_of.scale + number_of.offset!r} {unit}")
+
+
+def _input(robot: RobotSetup, parameter: Parameter) -> etree._Element:
+    """Return a constant by which an input has a changed value; it adds to the signals that the scenario has of it."""
+    disturbances = [bound for bound in robot.fmu.binding.of(robot.kind.disturbance) if bound is not None]
+    before = [*zip(robot.inputs, robot.samples[0].tolist(), strict=True), *((bound, 0.0) for bound in disturbances)]
+    name, text = parameter.name, _written(parameter)
+    for bound, signals in before:
+        if bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+            name, text = bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals)
+            break
+    found = etree.Element("input", name=name)
+    etree.SubElement(found, "constant", value=text)
+    return found
+
+
+def _in_role(parameter: Parameter, role: Role, number: BoundVariable, less: float = 0.0) -> str:
+    """Return the value of a parameter, less another one, as that of the role which it plays."""
+    value = parameter.number * number.scale + number.offset - less
+    return f"{value!r} {role.unit}" if role.unit != "1" else repr(value)
 
 
 def _written(parameter: Parameter) -> str:

@@ -106,6 +106,22 @@ def test_vehicles_become_robots_with_their_values_and_the_rest_is_told(depot: Pa
     assert all(sentence.split(":")[0] in scenario.text for sentence in imported.to_do)
 
 
+def test_values_of_inputs_and_outputs_are_taken_over_or_told(car: Path, tmp_path: Path) -> None:
+    values = {"tau_d_y": 'Real value="20" unit="N"', "tau_d_x": 'Real value="2"', "v": 'Real value="1.5"'}
+    ends = 'startElement="a" startConnector="x" endElement="b" endConnector="tau_d_x"'
+    rest = f"<ssd:Connections><ssd:Connection {ends}/></ssd:Connections>"
+    elements = component("a") + component("b", inner=with_set("b.ssv"))
+    imported = import_ssp(system(tmp_path, car, elements, {"b.ssv": parameters(values)}, rest), tmp_path / "mine.xml")
+    with ExitStack() as cleanup:
+        follower = set_up(read_scenario(written(imported)), cleanup, {}).followers[0]
+    inputs = {
+        bound.role.name: values.tolist() for bound, values in zip(follower.inputs, follower.samples[0], strict=True)
+    }
+    assert inputs == {"tau_d_y": 20.0}
+    assert "the input 'tau_d_x' of b was connected in the SSP, and is left out" in imported.to_do
+    assert "the value of 'v' of b cannot be stated in a scenario, and is left out" in imported.to_do
+
+
 def test_what_is_no_vehicle_is_named(car: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(car) as archive:
         text = archive.read("modelDescription.xml").decode()
