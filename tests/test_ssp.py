@@ -249,6 +249,32 @@ def test_a_changed_input_has_its_value_beside_the_signals_that_the_scenario_has_
     assert pushed == [[31.0], *[[20.0]] * (len(pushed) - 1)]
 
 
+_INLINE = """\
+<ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="more"
+xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters><ssv:Parameter name="x">
+<ssv:Real value="-6.5" unit="m"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>
+</ssd:ParameterBinding>"""
+
+
+def test_values_that_stand_in_the_description_are_those_of_the_scenario(line: Exported, tmp_path: Path) -> None:
+    pattern = r'(source="resources/follower_1\.ssv"/>)'
+    path = _with(line, tmp_path / "inline.ssp", "SystemStructure.ssd", pattern, rf"\1{_INLINE}")
+    imported = import_ssp(path, tmp_path / "inline.xml")
+    assert imported.notes == ()
+    assert read_scenario(written(imported)).followers[0].pose.values["x"] == -6.5
+
+
+def test_what_was_removed_or_added_is_told(line: Exported, tmp_path: Path) -> None:
+    pattern = r'(?s)<ssv:Parameter name="follower_2\.k_d">.*?</ssv:Parameter>'
+    path = _with(line, tmp_path / "removed.ssp", "resources/pid.ssv", pattern, "")
+    (note,) = import_ssp(path, tmp_path / "removed.xml").notes
+    assert note.endswith("which the scenario cannot state: it keeps its own of pid.follower_2.k_d")
+    new = '<ssd:Component name="new" source="resources/follower_1.fmu"/>'
+    path = _with(line, tmp_path / "added.ssp", "SystemStructure.ssd", "</ssd:Elements>", f"{new}</ssd:Elements>")
+    (note,) = import_ssp(path, tmp_path / "added.xml").notes
+    assert note == "the component new with resources/follower_1.fmu was added since the export, and is left out"
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 
@@ -382,7 +408,7 @@ def test_a_broken_fmu_is_named_by_its_place_in_the_ssp(line: Exported, tmp_path:
 
 def test_a_quotation_mark_in_a_changed_name_is_a_name_that_is_not_there(line: Exported, tmp_path: Path) -> None:
     path = _with(line, tmp_path / "changed.ssp", "resources/pid.ssv", 'name="follower_2.k_d"', 'name="it\'s.k_d"')
-    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    _removed, note = import_ssp(path, tmp_path / "changed.xml").notes
     assert note.startswith("pid.it's.k_d was changed, which the scenario cannot state")
 
 
@@ -395,7 +421,7 @@ def test_an_entry_that_a_gain_does_not_have_is_told(line: Exported, tmp_path: Pa
         r'name="follower_2\.K_p\[1\]"',
         f'name="follower_2.{entry}"',
     )
-    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    _removed, note = import_ssp(path, tmp_path / "changed.xml").notes
     assert note.startswith(f"pid.follower_2.{entry} was changed, which the scenario cannot state")
 
 

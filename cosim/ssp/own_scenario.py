@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
-from cosim.errors import InputError, Location
+from cosim.errors import MAX_NAMES, InputError, Location
 from cosim.fmu.binding import BoundVariable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
@@ -120,15 +120,16 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
                 "controller"
             )
     for component in structure.components:
-        if component.source not in facts.sha256:
+        own = {f"{RESOURCES}/{component.name}.{ending}" for ending in ("ssv", "fmu")}  # its FMU may be others', too
+        if component.source not in facts.sha256 or not own & facts.sha256.keys():
             yield f"the component {component.name} with {component.source} was added since the export, and is left out"
 
 
 def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
     """Return the parameters that were changed, by component and in the units that they had, and notes."""
-    if not any(component.parameters_source in changed for component in structure.components):
-        return {}, [] if ALL_PARAMETERS not in changed else [_UNREAD]
     if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
+        if not any(component.parameters_source in changed for component in structure.components):
+            return {}, [_UNREAD]
         return {}, [
             f"{ALL_PARAMETERS} was changed, too, so that no changed value is recognised: change the others only"
         ]
@@ -136,12 +137,16 @@ def _changes(path: Path, structure: Structure, directory: Path, changed: set[str
     before = {parameter.name: parameter for parameter in written}
     known = {**units, **structure.units}
     found: _Changes = {}
+    gone = dict.fromkeys(before)
     for component in structure.components:
         for parameter in component.parameters:
+            gone.pop(f"{component.name}.{parameter.name}", None)
             old = before.get(f"{component.name}.{parameter.name}")
             if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
                 found.setdefault(component.name, {})[parameter.name] = _as_before(parameter, old, known)
-    return found, []
+    names = ", ".join([*[*gone][:MAX_NAMES], *(["..."] if len(gone) > MAX_NAMES else [])])
+    removed = f"values were removed from the SSP, which the scenario cannot state: it keeps its own of {names}"
+    return found, [removed] if gone else []
 
 
 def _as_before(parameter: Parameter, old: Parameter | None, known: Units) -> Parameter:
