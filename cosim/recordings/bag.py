@@ -234,7 +234,7 @@ def _yaw(message: Message) -> float:
     q = _pose(message)[1]
     if q.x == 0.0 == q.y:
         return float(2.0 * np.arctan2(q.z, q.w)) if q.z or q.w else np.nan
-    return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
+    return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z))
 
 
 def _no_field(path: Path, place: Place, message: Message, kind: str, where: Location | None) -> InputError:

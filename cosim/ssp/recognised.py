@@ -233,8 +233,11 @@ def _number(parameter: Parameter, variable: Variable, package: Package, known: U
     """Return the value of a parameter in the unit that its variable has in the FMU."""
     try:
         own = unit_of(package.description, variable)
-    except UnitError:
-        return parameter.number
+    except UnitError as error:
+        if parameter.unit in ("", unit_name(variable)):
+            return parameter.number
+        said = f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the unit that the FMU has is not known"
+        raise InputError(f"{said}: {error}", parameter.where) from None
     return parameter.in_unit(unit_name(variable), own.exponents, own.factor, known)
 
 

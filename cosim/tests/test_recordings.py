@@ -208,6 +208,16 @@ def test_a_bag_of_real_robots(
     assert not drive.summary.passed
 
 
+@pytest.mark.parametrize("length", [1.0, 2.0, 0.5])
+def test_a_heading_of_a_tilted_pose_is_that_of_its_quaternion_of_any_length(length: float) -> None:
+    """It is Rz(yaw) Rx(roll), with its axis ahead at the yaw."""
+    yaw, roll = 2.5, 0.3
+    cos, sin, tilted, level = math.cos(yaw / 2), math.sin(yaw / 2), math.sin(roll / 2), math.cos(roll / 2)
+    own = [length * one for one in (cos * tilted, sin * tilted, sin * level, cos * level)]
+    message = replace(pose(1.0, 2.0, 0.0), orientation=TYPES.types["geometry_msgs/msg/Quaternion"](*own))
+    assert bags._yaw(message) == pytest.approx(yaw, abs=1e-12)
+
+
 def test_a_bag_without_a_mapping_tells_its_topics(run: Result, line: Scenario, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no pose of any follower of the scenario, but /r0/joints, /r0/where, /r1/"):
         judge_drive(bag(tmp_path / "bag", run), line)
