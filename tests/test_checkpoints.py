@@ -128,7 +128,7 @@ def test_a_resumed_run_ends_with_the_status_of_its_verdicts(tmp_path: Path, caps
 @pytest.mark.parametrize("isolate", ["", ' isolate="process"'], ids=["supervised", "isolated"])
 def test_a_run_of_a_foreign_fmu_that_is_killed_goes_on_to_the_same_files(tmp_path: Path, isolate: str) -> None:
     fmu = make_fmu(tmp_path / "fmus", name="car", save=True, end_stop=0.2, time_event=True)
-    event = EVENT.replace("m_c", "a").replace("30 kg", "1.3 m")
+    event = EVENT.replace("m_c", "when").replace("30 kg", "0.9 s")
     path = write(tmp_path / "foreign.xml", f'<plant id="car" fmu="{fmu}"{isolate}/>', more=event)
     bench = Bench(path, tmp_path / "bench")
     assert not list(bench.killed_at(31, after=0.01))
@@ -469,6 +469,10 @@ def test_another_horizon(left: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         ("//controller/@name=neural-high-gain", "the controller of follower_1 cannot change in the course of a run"),
         ("//delay/@time=60 ms", "<delay> cannot be added or changed in the course of a run: it depends on earlier"),
         ("//parameter[@name='wheelbase']/@value=1 m", "has no parameter 'wheelbase'"),
+        (
+            "//plant/parameter[@name='a']/@value=1 m",
+            "the parameter 'a' of car_like.fmu plays the role 'a' of the geometry",
+        ),
     ],
 )
 def test_changes_that_cannot_be(left: Path, change: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:

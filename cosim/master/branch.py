@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.checkpoint import Start
 from cosim.master.robot import RobotSetup
-from cosim.master.robot_events import check_tunable
+from cosim.master.robot_events import check_changeable
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.scenario.scenario import Scenario
@@ -106,21 +106,22 @@ def _spliced(
 def _changed(robot: RobotSetup, before: RobotSetup, tick: int) -> RobotSetup:
     """Return a robot whose changes at a tick lead from the values of another scenario to its own."""
     there, here = _values(before, tick), _values(robot, tick)
-    for name, value in there.items():
-        if name not in here:
+    for number, value in there.items():
+        if number not in here:
             raise InputError(
-                f"{robot.name} has the value of {name!r} from earlier in the run: give it another one rather than none",
+                f"{robot.name} has the value of {value.variable.name!r} from earlier in the run: give it another one "
+                "rather than none",
                 value.where,
             )
-    found = [value for name, value in here.items() if name not in there or there[name].value != value.value]
-    check_tunable(robot.fmu, found)
+    found = [value for number, value in here.items() if number not in there or there[number].value != value.value]
+    check_changeable(robot.fmu, found)
     own = robot.changes.get(tick, ())
     return replace(robot, changes={**robot.changes, tick: (*found, *own)}) if found else robot
 
 
-def _values(robot: RobotSetup, tick: int) -> dict[str, ParameterValue]:
-    """Return the values that were set of a robot's FMU before a tick, by the variables' names."""
+def _values(robot: RobotSetup, tick: int) -> dict[tuple[str, int], ParameterValue]:
+    """Return the values that were set of a robot's FMU before a tick, by the variables' identities."""
     values = [*robot.parameters, *robot.held]
     for when in sorted(robot.changes):
         values += robot.changes[when] if when < tick else ()
-    return {value.variable.name or "": value for value in values}
+    return {value.variable.identity: value for value in values}
