@@ -467,6 +467,8 @@ def test_another_horizon(left: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         ("simulation/@step=10 ms", "the step cannot change in the course of a run: run the scenario from its start"),
         ("//controller/@name=neural-high-gain", "the controller of follower_1 cannot change in the course of a run"),
+        ("//follower[1]/pose/@x=-9 m", "the initial pose of follower_1 cannot change in the course of a run"),
+        ("leader/pose/@psi=1 deg", "the initial pose of leader cannot change in the course of a run"),
         ("//delay/@time=60 ms", "<delay> cannot be added or changed in the course of a run: it depends on earlier"),
         ("//parameter[@name='wheelbase']/@value=1 m", "has no parameter 'wheelbase'"),
         (

@@ -14,7 +14,7 @@ from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import check_changeable
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
-from cosim.scenario.scenario import Scenario
+from cosim.scenario.scenario import LEADER, Scenario
 from cosim.storage import Storage, blocks, fill
 from cosim.undisturbed import Ending
 
@@ -88,7 +88,12 @@ def _shared(scenario: Scenario) -> dict[str, object]:
     shared = structure(replace(scenario, plants=plants))
     del shared["the horizon"]
     laws = {name: (law.name, law.package) for name, law in scenario.controllers.items()}
-    return shared | {f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers}
+    poses = {LEADER: scenario.leader.pose, **{one.id: one.pose for one in scenario.followers}}
+    return {
+        **shared,
+        **{f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers},
+        **{f"the initial pose of {name}": pose.values for name, pose in poses.items()},
+    }
 
 
 def _spliced(
