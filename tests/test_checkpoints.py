@@ -697,6 +697,24 @@ def test_a_fork_goes_on_by_itself(short_line: Scenario) -> None:
     assert np.array_equal(results[0].pose[:2], results[2].pose[:2])
 
 
+def test_a_fork_cannot_leave_out_an_input_that_has_a_value(tmp_path: Path) -> None:
+    """The plants would go on with it, unsaid."""
+    path = write(tmp_path / "wind.xml")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("  <leader", '  <input name="tau_d_x" value="3 N"/>\n  <leader', 1), encoding="utf-8")
+    none = ["//input/@name=tau_d_y", "//input/@value=0 N"]
+    with cosim.Simulation(cosim.read_scenario(path)) as simulation:
+        simulation.step()
+        simulation.step()
+        sentence = "follower_1 has the value of the input 'tau_d_x' from earlier in the run: give it another one"
+        with pytest.raises(cosim.InputError, match=sentence):
+            simulation.fork(none)
+        with simulation.fork(["//input/@value=0 N"]) as calm:
+            simulation.step()
+            calm.step()
+            assert calm.tick == simulation.tick == 3
+
+
 def test_a_simulation_is_saved_before_its_first_tick(short_line: Scenario, tmp_path: Path) -> None:
     with cosim.Simulation(short_line) as simulation:
         simulation.save(tmp_path / "start")

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
+from cosim.fmu.binding import BoundRole
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.checkpoint import Start
 from cosim.master.robot import RobotSetup
 from cosim.master.robot_events import check_changeable
+from cosim.master.robot_inputs import at_rest
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.scenario.scenario import LEADER, Scenario
@@ -118,6 +120,14 @@ def _changed(robot: RobotSetup, before: RobotSetup, tick: int) -> RobotSetup:
                 "rather than none",
                 value.where,
             )
+    kept = _given(robot)
+    for place, (bound, course) in _given(before).items():
+        if place not in kept and place[0] not in here and course[tick - 1] != at_rest(bound):
+            raise InputError(
+                f"{robot.name} has the value of the input {bound.role.name!r} from earlier in the run: give it another "
+                "one rather than none",
+                before.where,
+            )
     found = [value for number, value in here.items() if number not in there or there[number].value != value.value]
     check_changeable(robot.fmu, found)
     own = robot.changes.get(tick, ())
@@ -130,3 +140,12 @@ def _values(robot: RobotSetup, tick: int) -> dict[tuple[str, int], ParameterValu
     for when in sorted(robot.changes):
         values += robot.changes[when] if when < tick else ()
     return {value.variable.identity: value for value in values}
+
+
+def _given(robot: RobotSetup) -> dict[tuple[tuple[str, int], int], tuple[BoundRole, NDArray[np.float64]]]:
+    """Return the real inputs that get values besides the commands, with the values, by what they are."""
+    return {
+        (bound.played_by.variable.identity, bound.played_by.element): (bound, course)
+        for bound, course in zip(robot.inputs, robot.samples.T, strict=True)
+        if bound.played_by is not None
+    }

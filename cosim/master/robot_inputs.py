@@ -155,7 +155,7 @@ def robot_inputs(
         _torque(scenario, robot, storage, torques, on_torques, stop),
         tuple(real),
         tuple(own.bound for own in real.values()),
-        _samples(scenario, fmu, robot, storage, list(real.values())),
+        _samples(scenario, robot, storage, list(real.values())),
         discrete,
     )
 
@@ -179,15 +179,13 @@ def _torque(
     return found
 
 
-def _samples(
-    scenario: Scenario, fmu: Fmu, robot: str, storage: Storage, inputs: Sequence[_Real]
-) -> NDArray[np.float64]:
+def _samples(scenario: Scenario, robot: str, storage: Storage, inputs: Sequence[_Real]) -> NDArray[np.float64]:
     if not inputs:
         return constant(np.zeros(0), scenario.ticks + 1)
     found = storage.empty((scenario.ticks + 1, len(inputs)))
     for column, own in enumerate(inputs):
         course = found[:, column]
-        fill(course, 0.0 if own.source.waves else _at_rest(fmu, own.bound))
+        fill(course, 0.0 if own.source.waves else at_rest(own.bound))
         add_samples(course, own.source, own.unit, scenario.clock, scenario.seed, robot)
         hold(course, own.events)
     return found
@@ -263,7 +261,7 @@ def _as_role(
     return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(player, 0, 1.0, 0.0)), unit
 
 
-def _at_rest(fmu: Fmu, bound: BoundRole) -> float:
+def at_rest(bound: BoundRole) -> float:
     """Return the FMU's own start value of an input, in the unit of the role that stands for it."""
     assert bound.played_by is not None
     number = start_of(bound.played_by.variable)[bound.played_by.element]
