@@ -203,8 +203,11 @@ def _values(robot: _Robot, package: Package, known: Units) -> Iterator[str]:
             yield f"the parameter {name!r} of {owner} ({parameter.where}) is none of its FMU's, and is left out"
         elif variable.causality == "parameter" and not variable.dimensions:
             robot.settings[name] = _written(parameter, variable, package, known)
-        elif variable.causality not in ("input", "output", "local"):
-            yield f"the value of {name!r} of {robot.component.name} cannot be stated in a scenario, and is left out"
+        else:
+            yield (
+                f"the value of {name!r} of {robot.component.name} is left out: only initial poses, commands and scalar "
+                "parameters are taken over"
+            )
 
 
 def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package, known: Units) -> float:

@@ -106,6 +106,18 @@ def test_vehicles_become_robots_with_their_values_and_the_rest_is_told(depot: Pa
     assert all(sentence.split(":")[0] in scenario.text for sentence in imported.to_do)
 
 
+def test_values_that_are_not_taken_over_are_told(car: Path, tmp_path: Path) -> None:
+    """A force that acts on the vehicle, and a velocity at the start."""
+    given = {"a.ssv": parameters({"tau_d_x": 'Real value="3"', "v": 'Real value="2"', "m_c": 'Real value="31.5"'})}
+    path = system(tmp_path, car, component("car", inner=with_set("a.ssv")) + component("van"), given)
+    imported = import_ssp(path, tmp_path / "mine.xml")
+    told = [sentence for sentence in imported.to_do if sentence.startswith("the value of")]
+    assert told == [
+        f"the value of {name!r} of car is left out: only initial poses, commands and scalar parameters are taken over"
+        for name in ("tau_d_x", "v")
+    ]
+
+
 def test_what_is_no_vehicle_is_named(car: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(car) as archive:
         text = archive.read("modelDescription.xml").decode()
