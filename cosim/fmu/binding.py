@@ -209,6 +209,11 @@ def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSo
         with _about(source, "value"):
             return BoundRole(role, None, constant=_constant(role, source.value))
     variable, element = _found(role, description, source.variable, source)
+    if role.causality == "parameter" and variable.initial in ("approx", "calculated"):
+        raise ValueError(
+            f"computes the value of {variable.name!r} itself, so that it is not known before the run: state the "
+            f'value of the role {role.name!r}, value="..."'
+        )
     if not role.unit:
         if variable.type != "Enumeration":
             raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")
