@@ -25,6 +25,10 @@ class Location:
         """Return ``file``, ``file:line`` or ``file:line:column``, as editors and compilers read it."""
         return ":".join([self.file, *(str(n) for n in (self.line, self.column) if n)])
 
+    def seen_from(self, here: Location) -> str:
+        """Return where it is, as seen from another place: a line of the same file, or a place in another."""
+        return f"in line {self.line}" if here.file == self.file else f"at {self}"
+
 
 def _restored(kind: type[BaseException], args: tuple[object, ...]) -> BaseException:
     return kind.__new__(kind, *args)

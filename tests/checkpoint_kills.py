@@ -48,7 +48,7 @@ def foreign(folder: Path, isolate: str = "") -> Path:
   </leader>
   <follower id="one" plant="car" controller="pid"><pose x="-3 m" y="1 m" psi="0 deg" gamma="0 deg"/>
     <desired range="3 m" bearing="160 deg"/></follower>
-  <event at="7 s" robots="one"><parameter name="a" value="1.3 m"/></event>
+  <event at="0.5 s" robots="one"><parameter name="when" value="9 s"/></event>
 </scenario>""",
         encoding="utf-8",
     )

@@ -439,12 +439,12 @@ def test_slow_within_its_limit(run: Run, reference: xr.Dataset) -> None:
 
 
 def test_a_parameter_that_is_refused_in_the_course_of_a_run(make: Make, tmp_path: Path, nothing_left: None) -> None:
-    event = '<event at="0.2 s" robots="follower_1"><parameter name="a" value="-1 m"/></event>'
+    event = '<event at="0.2 s" robots="follower_1"><parameter name="when" value="-1 s"/></event>'
     for mode in MODES:
         for interface in ("co_simulation", "model_exchange"):
             plant = f'<plant id="car" fmu="{make(interface=interface)}" {mode} time_limit="30 s"/>'
             path = scenario(tmp_path / "s.xml", plant, more=event)
-            sentence = r"the plant bad\.fmu refuses a = -1\.0: the wheelbase a = -1 m is not positive"
+            sentence = r"the plant bad\.fmu refuses when = -1\.0: the time when = -1 s is negative"
             with pytest.raises(cosim.SimulationError, match=rf"follower_1 at t = 0\.2 s: {sentence}"):
                 cosim.run(path)
 

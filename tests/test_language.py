@@ -258,6 +258,7 @@ def test_what_no_robot_uses_changes_nothing(run) -> None:
         ([in_follower("one", '<parameter name="m_x" value="20 kg"/>')], "no parameter 'm_x'"),
         ([in_follower("one", '<parameter name="a" value="-1 m"/>')], "out of bounds"),
         ([at_end('<event at="1 s" robots="one"><parameter name="solver_step" value="1 ms"/></event>')], "only a tunable parameter"),
+        ([at_end('<event at="1 s" robots="one"><parameter name="a" value="1.3 m"/></event>')], "the parameter 'a' of car_like.fmu plays the role 'a' of the geometry, which cannot change during a run"),
         ([at_end('<event at="1 s" robots="three"><stop/></event>')], "no robot 'three'"),
         ([at_end('<event at="1 s" robots="leader"><stop/></event>\n<event at="2 s" robots="leader"><torque/></event>')], "comes after the <stop> of the leader"),
         ([at_end('<event at="5 s" robots="one"><stop/></event>')], "after the end of the run"),

@@ -7,6 +7,8 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -19,6 +21,7 @@ import cosim
 import plants
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from cosim.ssp.exported import export_ssp
 from cosim.ssp.imported import import_ssp
@@ -206,6 +209,72 @@ def test_values_changed_in_the_ssp_are_those_of_the_scenario(line: Exported, tmp
     assert "the connections were changed" in imported.notes[0]
 
 
+def test_a_changed_entry_of_a_gain_stands_with_the_others(line: Exported, tmp_path: Path) -> None:
+    def change(name: str, data: bytes) -> bytes:
+        for entry, value in {"K_p[2]": "25.0", "centres[1]": "-3.0", "centres[3]": "0.5"}.items():
+            pattern = rf'(name="follower_2\.{re.escape(entry)}">\s*<ssv:Real value=")[^"]*'
+            data = re.sub(pattern.encode(), rf"\g<1>{value}".encode(), data) if name == "resources/pid.ssv" else data
+        return data
+
+    with ExitStack() as cleanup:
+        before = set_up(line.scenario, cleanup, {}).gains[1]
+        imported = import_ssp(_changed(line.path, tmp_path / "changed.ssp", change), tmp_path / "changed.xml")
+        after = set_up(read_scenario(written(imported)), cleanup, {}).gains
+    assert imported.notes == ()
+    centres = (-3.0, before.centres[1], 0.5, *before.centres[3:])
+    assert after[1] == replace(before, K_p=(before.K_p[0], 25.0), centres=centres)
+    assert after[0] == after[2] == before
+
+
+def test_a_changed_input_has_its_value_beside_the_signals_that_the_scenario_has_of_it(
+    line: Exported, tmp_path: Path
+) -> None:
+    constant = '<input name="{}"><constant value="{}"/></input>'
+    text = line.scenario.text.replace("<leader ", constant.format("tau_d_y", "20 N") + "<leader ")
+    text = re.sub(r"(<torque [^>]*/>)", r"\1" + constant.format("tau_drive", "5 N.m"), text, count=1)
+    (tmp_path / "pushed.xml").write_text(text)
+    scenario = read_scenario(tmp_path / "pushed.xml")
+    export_ssp(scenario, tmp_path / "pushed.ssp")
+
+    def change(name: str, data: bytes) -> bytes:
+        pattern = {"leader.ssv": b"tau_drive", "follower_1.ssv": b"tau_d_y"}.get(Path(name).name, b"none of these")
+        return re.sub(rb'(name="' + pattern + rb'">\s*<ssv:Real value=")[^"]*', rb"\g<1>31.0", data)
+
+    path = _changed(tmp_path / "pushed.ssp", tmp_path / "changed.ssp", change)
+    imported = import_ssp(path, tmp_path / "changed.xml")
+    with ExitStack() as cleanup:
+        setup = set_up(read_scenario(written(imported)), cleanup, {})
+    assert setup.leader.torque[0, 0] == 31.0
+    pushed = [robot.samples[0].tolist() for robot in setup.followers]
+    assert pushed == [[31.0], *[[20.0]] * (len(pushed) - 1)]
+
+
+_INLINE = """\
+<ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="more"
+xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters><ssv:Parameter name="x">
+<ssv:Real value="-6.5" unit="m"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>
+</ssd:ParameterBinding>"""
+
+
+def test_values_that_stand_in_the_description_are_those_of_the_scenario(line: Exported, tmp_path: Path) -> None:
+    pattern = r'(source="resources/follower_1\.ssv"/>)'
+    path = _with(line, tmp_path / "inline.ssp", "SystemStructure.ssd", pattern, rf"\1{_INLINE}")
+    imported = import_ssp(path, tmp_path / "inline.xml")
+    assert imported.notes == ()
+    assert read_scenario(written(imported)).followers[0].pose.values["x"] == -6.5
+
+
+def test_what_was_removed_or_added_is_told(line: Exported, tmp_path: Path) -> None:
+    pattern = r'(?s)<ssv:Parameter name="follower_2\.k_d">.*?</ssv:Parameter>'
+    path = _with(line, tmp_path / "removed.ssp", "resources/pid.ssv", pattern, "")
+    (note,) = import_ssp(path, tmp_path / "removed.xml").notes
+    assert note.endswith("which the scenario cannot state: it keeps its own of pid.follower_2.k_d")
+    new = '<ssd:Component name="new" source="resources/follower_1.fmu"/>'
+    path = _with(line, tmp_path / "added.ssp", "SystemStructure.ssd", "</ssd:Elements>", f"{new}</ssd:Elements>")
+    (note,) = import_ssp(path, tmp_path / "added.xml").notes
+    assert note == "the component new with resources/follower_1.fmu was added since the export, and is left out"
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 
@@ -339,8 +408,21 @@ def test_a_broken_fmu_is_named_by_its_place_in_the_ssp(line: Exported, tmp_path:
 
 def test_a_quotation_mark_in_a_changed_name_is_a_name_that_is_not_there(line: Exported, tmp_path: Path) -> None:
     path = _with(line, tmp_path / "changed.ssp", "resources/pid.ssv", 'name="follower_2.k_d"', 'name="it\'s.k_d"')
-    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    _removed, note = import_ssp(path, tmp_path / "changed.xml").notes
     assert note.startswith("pid.it's.k_d was changed, which the scenario cannot state")
+
+
+@pytest.mark.parametrize("entry", ["K_p", "K_p[3]", "K_p[0]", "k_d[1]", "x[1]", "K_q[1]"])
+def test_an_entry_that_a_gain_does_not_have_is_told(line: Exported, tmp_path: Path, entry: str) -> None:
+    path = _with(
+        line,
+        tmp_path / "changed.ssp",
+        "resources/pid.ssv",
+        r'name="follower_2\.K_p\[1\]"',
+        f'name="follower_2.{entry}"',
+    )
+    _removed, note = import_ssp(path, tmp_path / "changed.xml").notes
+    assert note.startswith(f"pid.follower_2.{entry} was changed, which the scenario cannot state")
 
 
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -76,6 +76,14 @@ class Binding:
         """Return the bound roles in the order given; None for an optional role without a player."""
         return tuple(self.bound.get(role.name) for role in roles)
 
+    def role_of(self, variable: Variable, roles: Iterable[Role]) -> Role | None:
+        """Return which of some roles a variable plays, by whatever of its names; None if it plays none of them."""
+        for bound in self.of(roles):
+            player = None if bound is None else bound.played_by
+            if bound is not None and player is not None and player.variable.identity == variable.identity:
+                return bound.role
+        return None
+
     def described(self) -> dict[str, str]:
         """Return the player of each role, in words."""
         return {name: _described(bound) for name, bound in self.bound.items()}
@@ -174,12 +182,12 @@ def match(
 
 def _shared(bound: dict[str, BoundRole], sources: dict[str, RoleSource]) -> Iterator[Problem]:
     """Return why roles cannot be played together: a number is set once. Two lengths may be the same parameter."""
-    first: dict[tuple[str, int, int], Role] = {}
+    first: dict[tuple[tuple[str, int], int], Role] = {}
     for name, one in bound.items():
         number = one.initial if one.role.causality == "output" else one.played_by
         if number is None:
             continue
-        place = (number.variable.type, number.variable.valueReference, number.element)
+        place = (number.variable.identity, number.element)
         before = first.setdefault(place, one.role)
         if before is not one.role and not before.causality == one.role.causality == "parameter":
             text = f"cannot be given {before.name!r} and {name!r} through the same number, {number_name(number)!r}"
@@ -201,6 +209,11 @@ def _bound(kind: Kind, role: Role, description: ModelDescription, source: RoleSo
         with _about(source, "value"):
             return BoundRole(role, None, constant=_constant(role, source.value))
     variable, element = _found(role, description, source.variable, source)
+    if role.causality == "parameter" and variable.initial in ("approx", "calculated"):
+        raise ValueError(
+            f"computes the value of {variable.name!r} itself, so that it is not known before the run: state the "
+            f'value of the role {role.name!r}, value="..."'
+        )
     if not role.unit:
         if variable.type != "Enumeration":
             raise ValueError(f"has {variable.name!r} as {variable.type}, not as Enumeration")

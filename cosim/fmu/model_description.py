@@ -123,6 +123,11 @@ class Variable:
     intervalVariability: str | None = None
 
     @property
+    def identity(self) -> tuple[str, int]:
+        """Base type and value reference: equal for all names of the same value, its aliases."""
+        return ("Integer" if self.type == "Enumeration" else self.type, self.valueReference)
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Size of each dimension, none of a scalar.
 

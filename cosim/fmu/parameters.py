@@ -64,11 +64,23 @@ def understand(
     Raises
     ------
     InputError
-        The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant.
+        The FMU has no such parameter, or the value does not fit: unit, bounds, item of an enumeration, constant. Or it
+        follows from the pose, or two settings are of the same parameter by two names.
     """
     known = known or Known()
-    values = (known.of((fmu.path, one.name), _understood, fmu, one, way_out) for one in settings)
-    return tuple(value for value in values if value is not None)
+    first: dict[tuple[str, int], tuple[str, ParameterValue]] = {}
+    for one in settings:
+        value = known.of((fmu.path, one.name), _understood, fmu, one, way_out)
+        if value is None:
+            continue
+        name, before = first.setdefault(value.variable.identity, (one.name, value))
+        if before is not value:
+            raise InputError(
+                f"{one.name!r} of {fmu.path.name} is {name!r} by another name, and {name!r} has a value "
+                f"{before.where.seen_from(value.where)}: remove one",
+                value.where,
+            )
+    return tuple(value for _, value in first.values())
 
 
 def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | None:
@@ -77,12 +89,14 @@ def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | No
     variable = parameters.get(setting.name)
     bound = _geometry_role(fmu, setting.name)
     player = _player(bound)
-    plays = player is not None and player.variable is variable
+    plays = variable is not None and player is not None and player.variable.identity == variable.identity
     if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
         bound = player = None  # it is meant by its own name
     if variable is None and player is None and (bound is None or bound.played_by is not None):
         known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
         raise InputError(f"the FMU {fmu.path.name} has no parameter {setting.name!r}: {known}", setting.where)
+    if variable is not None:
+        check_not_initial(fmu, variable, setting.where)
     try:
         if bound is not None and bound.played_by is None:
             check_constant(bound.role, bound.constant, setting.value)
@@ -93,6 +107,23 @@ def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | No
         return ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
     except (ValueError, UnitError) as error:
         raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
+
+
+def check_not_initial(fmu: Fmu, variable: Variable, where: Location) -> None:
+    """Refuse a value for a variable that gives the initial value of a pose entry.
+
+    Raises
+    ------
+    InputError
+        It is such a variable.
+    """
+    for bound in fmu.binding.of(fmu.binding.kind.pose):
+        if bound is not None and bound.initial is not None and bound.initial.variable.identity == variable.identity:
+            raise InputError(
+                f"the {variable.causality} {variable.name!r} of {fmu.path.name} follows from the <pose>: by the "
+                f"binding it gives the initial {bound.role.name!r}",
+                where,
+            )
 
 
 def check_constant(role: Role, constant: float | str | None, text: str) -> None:
@@ -165,7 +196,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
     InputError
         A parameter of the geometry is neither set nor has a start value.
     """
-    values = {parameter.variable.name: parameter.value for parameter in parameters}
+    values = {parameter.variable.identity: parameter.value for parameter in parameters}
     found: dict[str, float | str | None] = {}
     for field, role in fmu.binding.kind.geometry.items():
         bound = fmu.binding.bound[role.name]
@@ -174,7 +205,7 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
             continue
         variable = bound.played_by.variable
         if variable.type == "Enumeration":
-            value = values.get(variable.name, variable.start)
+            value = values.get(variable.identity, variable.start)
             try:
                 found[field] = None if value is None else items(variable).get(int(value))
             except ValueError:
@@ -183,8 +214,8 @@ def geometry(fmu: Fmu, parameters: Iterable[ParameterValue], where: Location) ->
                     where,
                 ) from None
             continue
-        if variable.name in values:
-            number = float(values[variable.name])
+        if variable.identity in values:
+            number = float(values[variable.identity])
         elif variable.start is not None:
             number = start_of(variable)[bound.played_by.element]
         else:

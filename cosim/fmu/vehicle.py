@@ -47,12 +47,11 @@ class Fmu(Package):
     def settable(self) -> dict[str, Variable]:
         """The variables that a scenario can set by their own names: parameters, and inputs that do not drive it."""
         kind = self.binding.kind
-        driven = self.binding.of((*kind.command, *kind.disturbance))
-        commands = {id(b.played_by.variable) for b in driven if b is not None and b.played_by is not None}
+        driving = (*kind.command, *kind.disturbance)
         return {
             v.name: v
             for v in self.description.modelVariables
-            if v.causality == "parameter" or (v.causality == "input" and id(v) not in commands)
+            if v.causality == "parameter" or (v.causality == "input" and self.binding.role_of(v, driving) is None)
         }
 
 

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location
+from cosim.fmu.binding import BoundRole
 from cosim.fmu.parameters import ParameterValue
 from cosim.master.checkpoint import Start
 from cosim.master.robot import RobotSetup
-from cosim.master.robot_events import check_tunable
+from cosim.master.robot_events import check_changeable
+from cosim.master.robot_inputs import at_rest
 from cosim.master.setup import Setup, set_up
 from cosim.master.structure import structure
 from cosim.master.teams import teams_of
@@ -88,14 +90,13 @@ def _shared(scenario: Scenario) -> dict[str, object]:
     shared = structure(replace(scenario, plants=plants))
     del shared["the horizon"]
     laws = {name: (law.name, law.package) for name, law in scenario.controllers.items()}
-    leader = scenario.leader
-    path = None if leader.trajectory is None else replace(leader.trajectory, where=Location(""))
+    poses = {LEADER: scenario.leader.pose, **{one.id: one.pose for one in scenario.followers}}
+    path = scenario.leader.trajectory
     return {
         **shared,
         **{f"the controller of {one.id}": laws.get(one.controller) for one in scenario.followers},
-        f"the initial pose of {LEADER}": leader.pose.values,
-        **{f"the initial pose of {one.id}": one.pose.values for one in scenario.followers},
-        "the leader's <trajectory>": path,
+        **{f"the initial pose of {name}": pose.values for name, pose in poses.items()},
+        "the leader's <trajectory>": None if path is None else replace(path, where=Location("")),
     }
 
 
@@ -127,21 +128,39 @@ def _spliced(
 def _changed(robot: RobotSetup, before: RobotSetup, tick: int) -> RobotSetup:
     """Return a robot whose changes at a tick lead from the values of another scenario to its own."""
     there, here = _values(before, tick), _values(robot, tick)
-    for name, value in there.items():
-        if name not in here:
+    for number, value in there.items():
+        if number not in here:
             raise InputError(
-                f"{robot.name} has the value of {name!r} from earlier in the run: give it another one rather than none",
+                f"{robot.name} has the value of {value.variable.name!r} from earlier in the run: give it another one "
+                "rather than none",
                 value.where,
             )
-    found = [value for name, value in here.items() if name not in there or there[name].value != value.value]
-    check_tunable(robot.fmu, found)
+    kept = _given(robot)
+    for place, (bound, course) in _given(before).items():
+        if place not in kept and place[0] not in here and course[tick - 1] != at_rest(bound):
+            raise InputError(
+                f"{robot.name} has the value of the input {bound.role.name!r} from earlier in the run: give it another "
+                "one rather than none",
+                before.where,
+            )
+    found = [value for number, value in here.items() if number not in there or there[number].value != value.value]
+    check_changeable(robot.fmu, found)
     own = robot.changes.get(tick, ())
     return replace(robot, changes={**robot.changes, tick: (*found, *own)}) if found else robot
 
 
-def _values(robot: RobotSetup, tick: int) -> dict[str, ParameterValue]:
-    """Return the values that were set of a robot's FMU before a tick, by the variables' names."""
+def _values(robot: RobotSetup, tick: int) -> dict[tuple[str, int], ParameterValue]:
+    """Return the values that were set of a robot's FMU before a tick, by the variables' identities."""
     values = [*robot.parameters, *robot.held]
     for when in sorted(robot.changes):
         values += robot.changes[when] if when < tick else ()
-    return {value.variable.name or "": value for value in values}
+    return {value.variable.identity: value for value in values}
+
+
+def _given(robot: RobotSetup) -> dict[tuple[tuple[str, int], int], tuple[BoundRole, NDArray[np.float64]]]:
+    """Return the real inputs that get values besides the commands, with the values, by what they are."""
+    return {
+        (bound.played_by.variable.identity, bound.played_by.element): (bound, course)
+        for bound, course in zip(robot.inputs, robot.samples.T, strict=True)
+        if bound.played_by is not None
+    }

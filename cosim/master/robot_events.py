@@ -40,14 +40,16 @@ def changes_of(
     changes = {tick: list(values) for tick, values in inputs.discrete.items() if tick > 0}
     for event in scenario.events_by_robot.get(robot, ()):
         values = understood(fmu, source, event.parameters)
-        check_tunable(fmu, values)
+        check_changeable(fmu, values)
         inputs.check_free(values)
         changes.setdefault(tick_at(event.time, scenario.step), []).extend(values)
     return {tick: tuple(values) for tick, values in changes.items()}
 
 
-def check_tunable(fmu: Fmu, values: Iterable[ParameterValue]) -> None:
-    """Refuse to change parameters of an FMU during a run that are fixed for it.
+def check_changeable(fmu: Fmu, values: Iterable[ParameterValue]) -> None:
+    """Refuse to change parameters of an FMU during a run that are fixed for it, and those of the geometry.
+
+    Controllers, results and verdicts have one geometry for the whole run.
 
     Raises
     ------
@@ -59,5 +61,13 @@ def check_tunable(fmu: Fmu, values: Iterable[ParameterValue]) -> None:
             raise InputError(
                 f"the parameter {value.variable.name!r} of {fmu.path.name} is {value.variable.variability}: only a "
                 "tunable parameter can change during a run",
+                value.where,
+            )
+        role = fmu.binding.role_of(value.variable, fmu.binding.kind.geometry.values())
+        if role is not None:
+            raise InputError(
+                f"the {value.variable.causality} {value.variable.name!r} of {fmu.path.name} plays the role "
+                f"{role.name!r} of the geometry, which cannot change during a run: controllers, results and verdicts "
+                "have one geometry for the whole run. Give it this value from the start of a run",
                 value.where,
             )

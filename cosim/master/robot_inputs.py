@@ -14,7 +14,7 @@ from cosim.errors import InputError, nearest
 from cosim.fmu.binding import BoundRole, BoundVariable, start_of
 from cosim.fmu.discrete_values import DISCRETE, Discrete, check_whole, discrete_value
 from cosim.fmu.model_description import Variable
-from cosim.fmu.parameters import ParameterValue
+from cosim.fmu.parameters import ParameterValue, check_not_initial
 from cosim.fmu.units import unit_of_values
 from cosim.fmu.vehicle import Fmu
 from cosim.master.discrete_inputs import MAX_CHANGES, input_course
@@ -53,9 +53,11 @@ class RobotInputs:
     discrete: Mapping[int, tuple[ParameterValue, ...]]
 
     @cached_property
-    def _names(self) -> frozenset[str]:
-        discrete = (value.variable.name for given in self.discrete.values() for value in given)
-        return frozenset((*self.names, *discrete))
+    def _given(self) -> dict[tuple[str, int], str]:
+        """The names of the inputs that have signals, by what the inputs are."""
+        real = [bound.played_by.variable for bound in self.inputs if bound.played_by is not None]
+        discrete = (value.variable for given in self.discrete.values() for value in given)
+        return {variable.identity: variable.name for variable in (*real, *discrete)}
 
     def check_free(self, values: Iterable[ParameterValue]) -> None:
         """Refuse an input that has a value and signals.
@@ -66,9 +68,12 @@ class RobotInputs:
             There is such an input.
         """
         for value in values:
-            if value.is_input and value.variable.name in self._names:
+            name = self._given.get(value.variable.identity)
+            if value.is_input and name is not None:
+                other = "" if name == value.variable.name else f" {name!r}"
                 raise InputError(
-                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>: remove one",
+                    f"the input {value.variable.name!r} is given a value as <parameter> and as <input>{other}: "
+                    "remove one",
                     value.where,
                 )
 
@@ -117,12 +122,19 @@ def robot_inputs(
     on_torques: dict[int, _Real] = {}
     commands = [role.name for role in fmu.binding.kind.command]
     later: dict[str, list[tuple[int, Setting]]] = {}
+    first: dict[tuple[str, int], InputSource] = {}
     for event in scenario.events_by_robot.get(robot, ()):
         for setting in event.inputs:
             later.setdefault(setting.name, []).append((tick_at(event.time, scenario.step), setting))
     for source in _joined([*sources, *(InputSource(name, (), given[0][1].where) for name, given in later.items())]):
         events = later.get(source.name, [])
         player = _player(fmu, source)
+        if isinstance(player, Variable) and (before := first.setdefault(player.identity, source)) is not source:
+            raise InputError(
+                f"the input {source.name!r} of {fmu.path.name} is {before.name!r} by another name, and "
+                f"{before.name!r} has a value {before.where.seen_from(source.where)}: remove one",
+                source.where,
+            )
         if isinstance(player, Variable) and player.type in DISCRETE:
             for tick, value in _course(fmu, source, events, player, scenario).items():
                 discrete[tick] = (*discrete.get(tick, ()), ParameterValue(player, value, source.where))
@@ -143,7 +155,7 @@ def robot_inputs(
         _torque(scenario, robot, storage, torques, on_torques, stop),
         tuple(real),
         tuple(own.bound for own in real.values()),
-        _samples(scenario, fmu, robot, storage, list(real.values())),
+        _samples(scenario, robot, storage, list(real.values())),
         discrete,
     )
 
@@ -167,15 +179,13 @@ def _torque(
     return found
 
 
-def _samples(
-    scenario: Scenario, fmu: Fmu, robot: str, storage: Storage, inputs: Sequence[_Real]
-) -> NDArray[np.float64]:
+def _samples(scenario: Scenario, robot: str, storage: Storage, inputs: Sequence[_Real]) -> NDArray[np.float64]:
     if not inputs:
         return constant(np.zeros(0), scenario.ticks + 1)
     found = storage.empty((scenario.ticks + 1, len(inputs)))
     for column, own in enumerate(inputs):
         course = found[:, column]
-        fill(course, 0.0 if own.source.waves else _at_rest(fmu, own.bound))
+        fill(course, 0.0 if own.source.waves else at_rest(own.bound))
         add_samples(course, own.source, own.unit, scenario.clock, scenario.seed, robot)
         hold(course, own.events)
     return found
@@ -201,8 +211,8 @@ def _joined(sources: Iterable[InputSource]) -> Iterator[InputSource]:
 def _player(fmu: Fmu, source: InputSource) -> BoundRole | Variable:
     """Return the role of an FMU that a source names, or else the input of this name."""
     kind = fmu.binding.kind
-    roles = [fmu.binding.bound.get(role.name) for role in (*kind.command, *kind.disturbance)]
-    for bound in roles:
+    driving = (*kind.command, *kind.disturbance)
+    for bound in fmu.binding.of(driving):
         if bound is not None and bound.role.name == source.name:
             return bound
     variable = fmu.inputs.get(source.name)
@@ -211,12 +221,17 @@ def _player(fmu: Fmu, source: InputSource) -> BoundRole | Variable:
         raise InputError(
             f"the FMU {fmu.path.name} has no input {source.name!r}: {nearest(source.name, known)}", source.where
         )
-    for bound in roles:
-        if bound is not None and bound.played_by is not None and bound.played_by.variable is variable:
-            raise InputError(
-                f"the input {source.name!r} of {fmu.path.name} plays the role {bound.role.name!r}: write that name",
-                source.where,
-            )
+    if (role := fmu.binding.role_of(variable, driving)) is not None:
+        raise InputError(
+            f"the input {source.name!r} of {fmu.path.name} plays the role {role.name!r}: write that name", source.where
+        )
+    if (role := fmu.binding.role_of(variable, kind.geometry.values())) is not None:
+        raise InputError(
+            f"the input {source.name!r} of {fmu.path.name} plays the role {role.name!r} of the geometry, which has one "
+            f'value for the whole run: write <parameter name="{role.name}" value="..."/>',
+            source.where,
+        )
+    check_not_initial(fmu, variable, source.where)
     if variable.dimensions:
         raise InputError(
             f"the input {source.name!r} of {fmu.path.name} cannot be used: it is an array: a binding gives one of its "
@@ -246,7 +261,7 @@ def _as_role(
     return BoundRole(Role(source.name, "input", str(unit)), BoundVariable(player, 0, 1.0, 0.0)), unit
 
 
-def _at_rest(fmu: Fmu, bound: BoundRole) -> float:
+def at_rest(bound: BoundRole) -> float:
     """Return the FMU's own start value of an input, in the unit of the role that stands for it."""
     assert bound.played_by is not None
     number = start_of(bound.played_by.variable)[bound.played_by.element]

@@ -11,7 +11,7 @@ from formation_controllers.vehicles import Vehicle
 
 from cosim.clock import tick_at
 from cosim.errors import InputError, Location
-from cosim.fmu.parameters import ParameterValue, geometry
+from cosim.fmu.parameters import geometry
 from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.robot import RobotSetup
@@ -143,10 +143,10 @@ def _robot(
     known: Known,
 ) -> RobotSetup:
     kind, where, source = fmu.binding.kind, about.where, scenario.plants[about.plant]
-    named = {setting.name for setting in about.parameters}
-    common = [setting for setting in source.parameters if setting.name not in named]
-    parameters = understood(fmu, source, [*common, *about.parameters], known)
-    _check_free(fmu, parameters)
+    own = understood(fmu, source, about.parameters, known)
+    replaced = {value.variable.identity for value in own}
+    common = understood(fmu, source, source.parameters, known)
+    parameters = (*(value for value in common if value.variable.identity not in replaced), *own)
     try:
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
@@ -215,15 +215,3 @@ def _outline(kind: Kind, vehicle: Vehicle) -> tuple[Outline | None, str]:
         return outline, outline_fault(outline, names(kind.pose))
     except Exception as error:  # whatever someone's function does
         return None, f"cannot be computed: {type(error).__name__}: {error}"
-
-
-def _check_free(fmu: Fmu, parameters: Iterable[ParameterValue]) -> None:
-    """Refuse a value for a parameter that gives the initial value of a pose entry."""
-    for bound in fmu.binding.of(fmu.binding.kind.pose):
-        for parameter in parameters:
-            if bound is not None and bound.initial is not None and parameter.variable is bound.initial.variable:
-                raise InputError(
-                    f"the parameter {parameter.variable.name!r} of {fmu.path.name} follows from the <pose>: by the "
-                    f"binding it gives the initial {bound.role.name!r}",
-                    parameter.where,
-                )

@@ -6,7 +6,7 @@ import re
 import struct
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -141,6 +141,9 @@ def _read(path: Path, reader: AnyReader, by_topic: dict[str, list[Mapped]], by_h
             except (AttributeError, TypeError, ValueError) as error:
                 where = next(one.where for one in by_topic[connection.topic] if one.place == place)
                 raise _no_field(path, place, message, connection.msgtype, where) from error
+    for place in times:
+        if place.child_frame and not len(times[place]):
+            _refuse_unknown_frame(path, reader, place, by_topic[place.topic])
     return {
         place: Series(np.frombuffer(times[place], np.int64).copy(), np.frombuffer(values[place]).copy())
         for place in times
@@ -151,9 +154,22 @@ def _parts(message: Message, child_frame: str) -> Iterable[Message]:
     """Return the message; of a TFMessage the transforms of a frame."""
     if not child_frame:
         return (message,)
-    if hasattr(message, "transforms"):
-        return [one for one in message.transforms if one.child_frame_id == child_frame]
-    return (message,) if getattr(message, "child_frame_id", child_frame) == child_frame else ()
+    return [one for one in _framed(message) if one.child_frame_id == child_frame]
+
+
+def _framed(message: Message) -> Sequence[Message]:
+    """Return the messages with a frame: the transforms of a TFMessage, or the message itself."""
+    return message.transforms if hasattr(message, "transforms") else (message,)
+
+
+def _refuse_unknown_frame(path: Path, reader: AnyReader, place: Place, those: Iterable[Mapped]) -> None:
+    """Refuse a frame that no message of its topic has; a topic without messages is a gap."""
+    connections = [connection for connection in reader.connections if connection.topic == place.topic]
+    messages = (reader.deserialize(data, one.msgtype) for one, _, data in reader.messages(connections))
+    if frames := {part.child_frame_id for message in messages for part in _framed(message)}:
+        where = next(one.where for one in those if one.place == place)
+        known = printable(nearest(place.child_frame, sorted(frames)))
+        raise InputError(f"{place} of {path} has no frame {place.child_frame!r}: {known}", where)
 
 
 def _stamp(message: Message) -> int:
@@ -218,11 +234,16 @@ def _yaw(message: Message) -> float:
     q = _pose(message)[1]
     if q.x == 0.0 == q.y:
         return float(2.0 * np.arctan2(q.z, q.w)) if q.z or q.w else np.nan
-    return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
+    return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z))
 
 
 def _no_field(path: Path, place: Place, message: Message, kind: str, where: Location | None) -> InputError:
     fields = [name for name in getattr(message, "__dataclass_fields__", {}) if not name.startswith("_")]
+    frames = {"transforms", "child_frame_id"}
+    if place.child_frame and not frames & {*fields}:
+        return InputError(
+            f"{place} of {path} has messages of type {kind}, which name no child_frame: leave it out", where
+        )
     wanted = "pose in the plane" if place.field in (X, Y, YAW) else f"number {place.field or 'data'!r}"
     frame = "; a TFMessage needs child_frame" if "transforms" in fields else ""
     has = f"{place} of {path} has messages of type {kind}, which have no {wanted}"

@@ -86,12 +86,13 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     """
     robots = (setup.leader, *setup.followers)
     bag, netcdf = _is_bag(path), path.suffix == ".nc" or (path / "result.nc").is_file()
+    _refuse_other_times(path, mapping, bag, netcdf)
     wanted = list(wanted_numbers(scenario, setup, mapping, bag))
     given = [number.mapped for number in wanted]
     if bag:
-        numbers = read_bag(path, given, mapping.by_header)
+        numbers = read_bag(path, given, by_header=mapping.clock != "log")
     else:
-        numbers = read_result(path, given) if netcdf else read_table(path, given, mapping.time)
+        numbers = read_result(path, given) if netcdf else read_table(path, given, mapping.time or "time")
     series = numbers.series
     found = [(number, series[number.mapped.place]) for number in wanted if number.mapped.place in series]
     start = _start(path, found, mapping, numbers.names)
@@ -103,7 +104,7 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     if (leader := mapping.robots.get(LEADER)) and leader.from_scenario:
         variables["leader_pose"] = _driven_leader(scenario, setup)
     variables |= _derived(setup, variables)
-    notes = [*_notes(path, values)]
+    notes = [*numbers.notes, *_notes(path, values)]
     attributes = _attributes(path, scenario, notes, start)
     result = Result(variables, _coordinates(scenario, setup, variables, robots), attributes)
     return Drive(result, start, tuple(_tracked(robots, values, variables)))
@@ -111,6 +112,17 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
 
 def _is_bag(path: Path) -> bool:
     return path.suffix in SUFFIXES or (path / "metadata.yaml").exists()
+
+
+def _refuse_other_times(path: Path, mapping: Mapping, bag: bool, netcdf: bool) -> None:
+    """Refuse what a mapping states of the time of another kind of recording."""
+    kind = "a bag" if bag else "the result of a run" if netcdf else "a table"
+    if mapping.time and (bag or netcdf):
+        said = f'time="{mapping.time}" of <mapping> names a column of a table, and {path} is {kind}: leave it out'
+        raise InputError(said, mapping.where)
+    if mapping.clock and not bag:
+        said = f'clock="{mapping.clock}" of <mapping> chooses a time of messages, and {path} is {kind}: leave it out'
+        raise InputError(said, mapping.where)
 
 
 # Time and units ---------------------------------------------------------------------------------------------
@@ -148,21 +160,27 @@ def _refuse_outside(
 
 def _moved(found: Sequence[tuple[Number, Series]], robots: Table[str, MappedRobot]) -> Iterator[tuple[Number, Series]]:
     """Yield the numbers in the frame of all robots, with reference points where the kind of vehicle has them."""
-    poses = {(number.robot, number.mapped.place.field): series for number, series in found}
+    # A <signal> may be from the robot's topic, too, or be a "yaw"; what the topic itself gives has the robot's place.
+    given = [(number, series) for number, series in found if _is_moved(number, robots.get(number.robot))]
+    poses = {(number.robot, number.mapped.place.field): series.values for number, series in given}
     for number, series in found:
-        robot, field = robots.get(number.robot), number.mapped.place.field
-        if robot is None or field not in (X, Y, YAW) or not any((robot.ahead, robot.left, *robot.frame)):
+        robot, name, field = robots.get(number.robot), number.robot, number.mapped.place.field
+        if robot is None or not _is_moved(number, robot):
             yield number, series
             continue
-        yaw, (frame_x, frame_y, turn) = poses[number.robot, YAW].values, robot.frame
+        yaw, (frame_x, frame_y, turn) = poses[name, YAW], robot.frame
         if field == YAW:
             yield number, Series(series.time, yaw + turn)
             continue
-        x = poses[number.robot, X].values + robot.ahead * np.cos(yaw) - robot.left * np.sin(yaw)
-        y = poses[number.robot, Y].values + robot.ahead * np.sin(yaw) + robot.left * np.cos(yaw)
+        x = poses[name, X] + robot.ahead * np.cos(yaw) - robot.left * np.sin(yaw)
+        y = poses[name, Y] + robot.ahead * np.sin(yaw) + robot.left * np.cos(yaw)
         cos, sin = np.cos(turn), np.sin(turn)
         place = frame_x + cos * x - sin * y if field == X else frame_y + sin * x + cos * y
         yield number, Series(series.time, place)
+
+
+def _is_moved(number: Number, robot: MappedRobot | None) -> bool:
+    return robot is not None and robot.is_moved and number.mapped.where == robot.where
 
 
 def _sampled(

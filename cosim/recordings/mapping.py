@@ -89,6 +89,11 @@ class MappedRobot:
     from_scenario: bool = False
     signals: Table[tuple[str, str], Mapped] = field(default_factory=dict)
 
+    @property
+    def is_moved(self) -> bool:
+        """Whether what its topic gives is not the place of its reference point in the frame of all robots."""
+        return any((self.ahead, self.left, *self.frame))
+
 
 @dataclass(frozen=True)
 class Mapping:
@@ -100,19 +105,22 @@ class Mapping:
         The time in the recording at which the scenario begins [ns]; None for that of the first poses.
     longest_gap : float
         Longest time between samples across which values are interpolated [s].
-    by_header : bool
-        Whether the time of a message is that of its header, if it has one.
+    clock : str
+        Whether the time of a message is that of its ``header``, if it has one, or of the ``log``; empty if not stated.
     time : str
-        The column of a table that has the time.
+        The column of a table that has the time; empty if not stated.
     robots : dict
         By id.
+    where : Location or None
+        Its place; None if there is no file.
     """
 
     start: int | None = None
     longest_gap: float = LONGEST_GAP
-    by_header: bool = True
-    time: str = "time"
+    clock: str = ""
+    time: str = ""
     robots: Table[str, MappedRobot] = field(default_factory=dict)
+    where: Location | None = None
 
 
 def read_mapping(path: Path, robots: Table[str, object]) -> Mapping:
@@ -133,9 +141,10 @@ def read_mapping(path: Path, robots: Table[str, object]) -> Mapping:
     return Mapping(
         start=_start(root),
         longest_gap=root.positive("longest_gap", "s") if "longest_gap" in root else LONGEST_GAP,
-        by_header=root.get("clock", "header") == "header",
-        time=root.get("time", "time"),
+        clock=root.get("clock"),
+        time=root.get("time"),
         robots=found,
+        where=root.where,
     )
 
 

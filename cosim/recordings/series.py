@@ -49,7 +49,7 @@ class Series:
         return self._nanoseconds(np.max)
 
     def _nanoseconds(self, extreme: Callable[[NDArray[Any]], Any]) -> int | None:
-        given = self.time[~np.isnan(self.values)]
+        given = self.time[np.isfinite(self.values)]
         if not len(given):
             return None
         return int(extreme(given)) if given.dtype.kind == "i" else nanoseconds_of(float(extreme(given)))
@@ -99,10 +99,13 @@ class Numbers:
         The numbers that are there, by their places.
     names : list of str
         Everything that the recording has: topics, or columns.
+    notes : tuple of str
+        What of it is left out, each a sentence.
     """
 
     series: Mapping[Place, Series]
     names: Sequence[str]
+    notes: Sequence[str] = ()
 
 
 class ClockGoesBack(Picklable, ValueError):
@@ -117,7 +120,8 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     """Return a number at the ticks of a scenario, by straight lines between its samples.
 
     A sample that falls on a tick, to a nanosecond, is taken as it is. Before the first sample and after the last, their
-    values are held for one usual interval at most, as no recording begins and ends on a tick.
+    values are held for one usual interval at most, as no recording begins and ends on a tick; not if further samples
+    are no numbers.
 
     Parameters
     ----------
@@ -135,9 +139,9 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     ClockGoesBack
         The time goes back by more than the longest gap.
     """
-    numbers = ~np.isnan(values)
+    numbers = np.isfinite(values)
     not_numbers = int(len(values) - numbers.sum())
-    time, values = time[numbers], values[numbers]
+    everything, time, values = time, time[numbers], values[numbers]
     back = np.maximum.accumulate(time) - time if len(time) else time
     if len(time) and back.max() > longest_gap:
         at = int(np.argmax(back > longest_gap))
@@ -167,7 +171,10 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     intervals = np.diff(time[within])
     usual = float(np.median(intervals)) if len(intervals) else 0.0
     held = np.zeros(len(ticks), bool)
-    for end, late in ((0, time[0] - ticks), (-1, ticks - time[-1])):
+    ends = (0, time[0] - ticks, everything.min() == time[0]), (-1, ticks - time[-1], everything.max() == time[-1])
+    for end, late, is_end in ends:
+        if not is_end:
+            continue
         near = (late > ROUNDING) & (late <= min(usual, longest_gap) + ROUNDING)
         found[near] = values[end]
         held |= near

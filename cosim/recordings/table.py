@@ -33,7 +33,8 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers:
     Parameters
     ----------
     path
-        The CSV file, whose first line names each column, with its unit in brackets. An empty cell is no number.
+        The CSV file, whose first line names each column, with its unit in brackets. An empty cell is no number. Nor is
+        the last cell of a last line without a line end: it may be cut off, within a number.
     wanted
         The numbers.
     time
@@ -56,7 +57,8 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers:
                 )
             columns = {one.place: at for one in wanted if (at := _column(one, path, names)) is not None}
             used = sorted({names.index(time), *columns.values()})
-            numbers = dict(zip(used, _numbers(rows, used, heads, whole, path), strict=True))
+            found, cut = _numbers(rows, used, heads, whole, path)
+            numbers = dict(zip(used, found, strict=True))
         except csv.Error as error:
             raise InputError(f"is no table: {error}", Location(str(path), max(rows.line_num, 1))) from None
         except UnicodeDecodeError:
@@ -66,7 +68,7 @@ def read_table(path: Path, wanted: Iterable[Mapped], time: str) -> Numbers:
     series = {
         place: Series(seconds[there], numbers[at][there], heads[at][1] or NO_UNIT) for place, at in columns.items()
     }
-    return Numbers(series, names)
+    return Numbers(series, names, tuple(_notes(path, cut, int((~there).sum()))))
 
 
 def read_result(path: Path, wanted: Iterable[Mapped]) -> Numbers:
@@ -120,7 +122,7 @@ def _heads(cells: Sequence[str], path: Path) -> list[tuple[str, str]]:
 
 
 def _column(one: Mapped, path: Path, names: Sequence[str]) -> int | None:
-    if one.place.column in names:
+    if one.place.column and one.place.column in names:  # a column may have no name, as the one with pandas' index
         return names.index(one.place.column)
     _refuse_if_named(one, path, names)
     return None
@@ -141,20 +143,33 @@ def _known(name: str, names: Sequence[str]) -> str:
 
 def _numbers(
     rows: Reader, used: Sequence[int], heads: Sequence[tuple[str, str]], whole: bool, path: Path
-) -> list[Floats]:
-    """Return some columns of the rows that follow; a last line that is cut off, maybe within a number, is left out."""
+) -> tuple[list[Floats], bool]:
+    """Return some columns of the rows that follow, and whether something of the last line was left out."""
     columns = [array("d") for _ in used]
     waiting: list[str] = []  # of the line before, as the last one may be cut off
-    line = 0
+    line, cut = 0, False
     for row in rows:
         if waiting:
             _append(waiting, columns, used, heads, Location(str(path), line))
         waiting, line = row, rows.line_num
-    if waiting and whole:
+    if waiting and not whole and len(waiting) <= len(heads):
+        cut = used[-1] >= len(waiting) - 1
+        waiting = [*waiting[:-1], *[""] * (len(heads) - len(waiting) + 1)]  # a comma ends each of the others
+    if waiting:
         _append(waiting, columns, used, heads, Location(str(path), line))
     if not len(columns[0]):
         raise InputError(f"the table {path} has no rows below its first line")
-    return [np.frombuffer(column).copy() for column in columns]
+    return [np.frombuffer(column).copy() for column in columns], cut
+
+
+def _notes(path: Path, cut: bool, timeless: int) -> Iterator[str]:
+    if cut:
+        yield (
+            f"{path.name}: the last line has no line end, so its last number may be cut off, and is left out; add a "
+            "line end if it is whole"
+        )
+    if timeless:
+        yield f"{path.name}: {timeless} rows have no time and are left out"
 
 
 def _append(

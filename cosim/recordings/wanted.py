@@ -121,11 +121,18 @@ def _place(
 ) -> Mapped:
     """Return where a number is: as mapped, in the robot's pose, or by its usual name."""
     if mapped is not None:
-        if (signal, component) in mapped.signals:
-            return mapped.signals[signal, component]
-        if mapped.pose is not None and signal == "pose" and component in [role.name for role in robot.kind.pose[:3]]:
-            at = [role.name for role in robot.kind.pose].index(component)
-            return Mapped(replace(mapped.pose, field=(X, Y, YAW)[at]), where=mapped.where)
+        fields = dict(zip([role.name for role in robot.kind.pose], (X, Y, YAW), strict=False))
+        in_topic = mapped.pose is not None and signal == "pose" and component in fields
+        if (own_signal := mapped.signals.get((signal, component))) is not None:
+            if in_topic and mapped.is_moved:
+                raise InputError(
+                    f"ahead, left and frame_... of {robot.name} move x, y and heading of its topic together, so that "
+                    f"{component} cannot be from elsewhere: leave out this <signal>, or those attributes",
+                    own_signal.where,
+                )
+            return own_signal
+        if in_topic and mapped.pose is not None:
+            return Mapped(replace(mapped.pose, field=fields[component]), where=mapped.where)
     path = tuple(part for part in (signal, component) if part)
     if bag:
         return Mapped(Place(topic=signal_topic(own[robot.name], path), field="data"))

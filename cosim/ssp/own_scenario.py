@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
 
-from cosim.errors import InputError, Location
+from cosim.errors import MAX_NAMES, InputError, Location
 from cosim.fmu.binding import BoundVariable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
@@ -27,9 +29,14 @@ from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
 from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
+from cosim.team_fmu.law_in_host import pairs
+from cosim.vehicle.kind import Role
 
 _Changes = dict[str, dict[str, Parameter]]
 """Parameters that have another value than was written, by component and name."""
+_Gains = dict[tuple[str, bool], list[float]]
+"""The entries of a robot's gains by name, and whether an SSP counts them: ``K_p[1]``."""
+_ENTRY = re.compile(r"(.*)\.([^.\[\]]+)(?:\[([0-9]{1,9})\])?")
 
 
 def own_scenario(
@@ -69,7 +76,11 @@ def own_scenario(
         scenario = read_scenario(directory / facts.scenario)
         setup = set_up(scenario, cleanup, {})
         robots = {robot.name: robot for robot in (setup.leader, *setup.followers)}
-        notes += list(_apply(root, found, robots))
+        gains = {
+            follower.id: {(name, np.ndim(value) > 0): np.atleast_1d(value).tolist() for name, value in pairs(own)}
+            for follower, own in zip(scenario.followers, setup.gains, strict=True)
+        }
+        notes += list(_apply(root, found, robots, gains))
     files: dict[str, bytes] = {}
     for element, attribute in paths_in(root):
         place = directory / RESOURCES / element.get(attribute, "")
@@ -109,15 +120,16 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
                 "controller"
             )
     for component in structure.components:
-        if component.source not in facts.sha256:
+        own = {f"{RESOURCES}/{component.name}.{ending}" for ending in ("ssv", "fmu")}  # its FMU may be others', too
+        if component.source not in facts.sha256 or not own & facts.sha256.keys():
             yield f"the component {component.name} with {component.source} was added since the export, and is left out"
 
 
 def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
     """Return the parameters that were changed, by component and in the units that they had, and notes."""
-    if not any(component.parameters_source in changed for component in structure.components):
-        return {}, [] if ALL_PARAMETERS not in changed else [_UNREAD]
     if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
+        if not any(component.parameters_source in changed for component in structure.components):
+            return {}, [_UNREAD]
         return {}, [
             f"{ALL_PARAMETERS} was changed, too, so that no changed value is recognised: change the others only"
         ]
@@ -125,12 +137,16 @@ def _changes(path: Path, structure: Structure, directory: Path, changed: set[str
     before = {parameter.name: parameter for parameter in written}
     known = {**units, **structure.units}
     found: _Changes = {}
+    gone = dict.fromkeys(before)
     for component in structure.components:
         for parameter in component.parameters:
+            gone.pop(f"{component.name}.{parameter.name}", None)
             old = before.get(f"{component.name}.{parameter.name}")
             if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
                 found.setdefault(component.name, {})[parameter.name] = _as_before(parameter, old, known)
-    return found, []
+    names = ", ".join([*[*gone][:MAX_NAMES], *(["..."] if len(gone) > MAX_NAMES else [])])
+    removed = f"values were removed from the SSP, which the scenario cannot state: it keeps its own of {names}"
+    return found, [removed] if gone else []
 
 
 def _as_before(parameter: Parameter, old: Parameter | None, known: Units) -> Parameter:
@@ -158,40 +174,73 @@ def _experiment(root: etree._Element, structure: Structure) -> None:
         simulation.set("step", f"{step!r} s")
 
 
-def _apply(root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup]) -> Iterator[str]:
+def _apply(
+    root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup], gains: Mapping[str, _Gains]
+) -> Iterator[str]:
     """Put changed values into the scenario; yield what does not fit there."""
     for name, parameters in found.items():
         element = root.find("leader") if name == LEADER else _one(root, "follower", "id", name)
         for parameter in parameters.values():
             if element is not None and name in robots:
                 _of_robot(element, robots[name], parameter)
-                continue
-            robot, _, gain = parameter.name.rpartition(".")
-            follower = _one(root, "follower", "id", robot)
-            if follower is None or robot not in robots or gain in {role.name for role in robots[robot].kind.states}:
+            elif not _is_gain(root, gains, parameter):
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
-                continue
-            _named(follower, "gain", gain, parameter.text)  # in SI units, which a scenario leaves out
+
+
+def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Parameter) -> bool:
+    """Put a changed entry of a gain into the scenario, with the others of this gain; return whether it is one."""
+    match = _ENTRY.fullmatch(parameter.name)
+    robot, name, index = match.groups() if match else ("", "", None)
+    entries, follower = gains.get(robot, {}).get((name, index is not None), []), _one(root, "follower", "id", robot)
+    at = int(index or 1) - 1
+    if follower is None or not 0 <= at < len(entries):
+        return False
+    entries[at] = parameter.number  # in SI units, which a scenario leaves out
+    if not all(map(math.isfinite, entries)):  # a scenario can state none that is not
+        return False
+    _named(follower, "gain", name, " ".join(map(repr, entries)))
+    return True
 
 
 def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:
-    initial: dict[str, tuple[str, str, BoundVariable]] = {}
     for bound in robot.fmu.binding.of(robot.kind.pose):
         assert bound is not None
         assert bound.initial is not None
-        initial[bound.initial.variable.name] = bound.role.name, bound.role.unit, bound.initial
-    if parameter.name not in initial:
-        commands = robot.fmu.binding.of(robot.kind.command)
-        for bound in commands:
-            if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-                tag = "torque" if robot.kind.takes_torques else "command"
-                number = parameter.number * bound.played_by.scale + bound.played_by.offset
-                _child(element, tag).set(bound.role.name, f"{number!r} {bound.role.unit}")
-                return
+        if bound.initial.variable.name == parameter.name:
+            _child(element, "pose").set(bound.role.name, _in_role(parameter, bound.role, bound.initial))
+            return
+    for column, bound in enumerate(robot.fmu.binding.of(robot.kind.command)):
+        if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+            child = _child(element, "torque" if robot.kind.takes_torques else "command")
+            text = child.get(bound.role.name)
+            stated = 0.0 if text is None else quantity(text, bound.role.unit)
+            signals = float(robot.torque[0, column]) - stated  # which add to it
+            child.set(bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals))
+            return
+    if parameter.name in robot.fmu.inputs and parameter.name not in {one.variable.name for one in robot.parameters}:
+        insert(element, [_input(robot, parameter)])
+    else:
         _named(element, "parameter", parameter.name, _written(parameter))
-        return
-    role, unit, number_of = initial[parameter.name]
-    _child(element, "pose").set(role, f"{parameter.number * number_of.scale + number_of.offset!r} {unit}")
+
+
+def _input(robot: RobotSetup, parameter: Parameter) -> etree._Element:
+    """Return a constant by which an input has a changed value; it adds to the signals that the scenario has of it."""
+    disturbances = [bound for bound in robot.fmu.binding.of(robot.kind.disturbance) if bound is not None]
+    before = [*zip(robot.inputs, robot.samples[0].tolist(), strict=True), *((bound, 0.0) for bound in disturbances)]
+    name, text = parameter.name, _written(parameter)
+    for bound, signals in before:
+        if bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+            name, text = bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals)
+            break
+    found = etree.Element("input", name=name)
+    etree.SubElement(found, "constant", value=text)
+    return found
+
+
+def _in_role(parameter: Parameter, role: Role, number: BoundVariable, less: float = 0.0) -> str:
+    """Return the value of a parameter, less another one, as that of the role which it plays."""
+    value = parameter.number * number.scale + number.offset - less
+    return f"{value!r} {role.unit}" if role.unit != "1" else repr(value)
 
 
 def _written(parameter: Parameter) -> str:

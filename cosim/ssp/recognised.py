@@ -16,6 +16,7 @@ from cosim.fmu.binding import BoundVariable, match, start_of
 from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Package, open_package
 from cosim.fmu.units import unit_name, unit_of
+from cosim.master.robot_inputs import INPUT_TYPES
 from cosim.plant.spec import FLOAT_TYPES
 from cosim.scenario.grammar import NAMESPACE, matches
 from cosim.scenario.scenario import LEADER, OPEN
@@ -42,8 +43,8 @@ class _Robot:
         The id of its plant.
     pose, command : dict
         Values in the roles' units, by role.
-    settings : dict
-        Values of its parameters, as a scenario writes them.
+    settings, inputs : dict
+        Values of its parameters, and of inputs that keep one, as a scenario writes them.
     """
 
     component: Component
@@ -53,6 +54,7 @@ class _Robot:
     pose: dict[str, float] = field(default_factory=dict)
     command: dict[str, float] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
+    inputs: dict[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> Kind:
@@ -121,7 +123,7 @@ def recognised_scenario(
             Location(str(path)),
         )
     for robot in robots:
-        to_do += list(_values(robot, packages[robot.component.source], structure.units))
+        to_do += list(_values(robot, packages[robot.component.source], structure))
     leader = next((robot for robot in robots if LEADER in robot.component.name.lower()), robots[0])
     leads = f"{leader.component.name} is taken as the leader" + (
         "" if LEADER in leader.component.name.lower() else ", as it is the first vehicle and no name tells of one"
@@ -178,9 +180,12 @@ def _id(name: str, before: Sequence[_Robot]) -> str:
     return chosen
 
 
-def _values(robot: _Robot, package: Package, known: Units) -> Iterator[str]:
-    """Fill in pose, commands and parameters of a robot; yield what cannot be taken over."""
-    description = package.description
+def _values(robot: _Robot, package: Package, structure: Structure) -> Iterator[str]:
+    """Fill in pose, commands, parameters and inputs of a robot; yield what cannot be taken over."""
+    description, known = package.description, structure.units
+    connected = {
+        name for component, name in (one.end for one in structure.connections) if component == robot.component.name
+    }
     declared = [source for source in robot.proposal.binding.roles if OPEN not in (source.variable, source.unit)]
     bound, _ = match(robot.kind, description, [s for s in declared if OPEN not in (s.factor, s.initial, s.value)])
     given = {parameter.name: parameter for parameter in robot.component.parameters}
@@ -196,6 +201,10 @@ def _values(robot: _Robot, package: Package, known: Units) -> Iterator[str]:
         number = bound[role.name].played_by if role.name in bound else None
         if number is not None and number.variable.name in given:
             robot.command[role.name] = _taken(number, given, package, known)
+    for role in robot.kind.disturbance:
+        number = bound[role.name].played_by if role.name in bound else None
+        if number is not None and number.variable.name in given and number.variable.name not in connected:
+            robot.inputs[role.name] = f"{_taken(number, given, package, known)!r} {role.unit}"
     for name, parameter in given.items():
         variable = by_name.get(name)
         if variable is None:
@@ -203,7 +212,11 @@ def _values(robot: _Robot, package: Package, known: Units) -> Iterator[str]:
             yield f"the parameter {name!r} of {owner} ({parameter.where}) is none of its FMU's, and is left out"
         elif variable.causality == "parameter" and not variable.dimensions:
             robot.settings[name] = _written(parameter, variable, package, known)
-        elif variable.causality not in ("input", "output", "local"):
+        elif variable.causality == "input" and name in connected:
+            yield f"the input {name!r} of {robot.component.name} was connected in the SSP, and is left out"
+        elif variable.causality == "input" and variable.type in INPUT_TYPES and not variable.dimensions:
+            robot.inputs[name] = _written(parameter, variable, package, known)
+        else:
             yield f"the value of {name!r} of {robot.component.name} cannot be stated in a scenario, and is left out"
 
 
@@ -220,8 +233,11 @@ def _number(parameter: Parameter, variable: Variable, package: Package, known: U
     """Return the value of a parameter in the unit that its variable has in the FMU."""
     try:
         own = unit_of(package.description, variable)
-    except UnitError:
-        return parameter.number
+    except UnitError as error:
+        if parameter.unit in ("", unit_name(variable)):
+            return parameter.number
+        said = f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the unit that the FMU has is not known"
+        raise InputError(f"{said}: {error}", parameter.where) from None
     return parameter.in_unit(unit_name(variable), own.exponents, own.factor, known)
 
 
@@ -289,6 +305,7 @@ def _text(
         f"    {_pose(leader)}",
         f"    {_commands(leader)}",
         *_settings(leader),
+        *_inputs(leader),
         "  </leader>",
     ]
     for robot in followers:
@@ -299,6 +316,7 @@ def _text(
             f"    {_pose(robot)}",
             f'    <desired range="{distance:.6g} m" bearing="{math.degrees(bearing):.6g} deg"/> <!-- as it starts -->',
             *_settings(robot),
+            *_inputs(robot),
             "  </follower>",
         ]
     return "\n".join([*lines, "", "</scenario>", ""])
@@ -316,6 +334,11 @@ def _pose(robot: _Robot) -> str:
 def _settings(robot: _Robot) -> Iterator[str]:
     for setting, value in robot.settings.items():
         yield f"    <parameter name={quoteattr(setting)} value={quoteattr(value)}/>"
+
+
+def _inputs(robot: _Robot) -> Iterator[str]:
+    for name, value in robot.inputs.items():
+        yield f"    <input name={quoteattr(name)}><constant value={quoteattr(value)}/></input>"
 
 
 def _commands(robot: _Robot) -> str:

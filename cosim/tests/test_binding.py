@@ -418,6 +418,23 @@ def test_one_start_value_may_be_that_of_all_elements(describe: Describe, bound: 
     assert initial_values(described, binding)["pose"] == (1.0, 2.0, 1.0, 7.0)
 
 
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+@pytest.mark.parametrize(("initial", "known"), [("exact", True), ("approx", False)])
+def test_a_length_that_the_fmu_computes_is_not_known(
+    describe: Describe, bound: Bound, fmi: str, initial: str, known: bool
+) -> None:
+    """Its start value is but a guess."""
+    before = 'name="a" valueReference="14" causality="parameter" variability="tunable" initial="exact"'
+    described = describe((before, before.replace("parameter", "local").replace("exact", initial)), fmi=fmi)
+    role = '<role name="a" variable="a"/>'
+    if known:
+        fmu: Any = SimpleNamespace(binding=bound(described, role), description=described)
+        assert geometry(fmu, (), HERE)["wheelbase"] == 1.2
+    else:
+        with pytest.raises(InputError, match="computes the value of 'a' itself, so that it is not known before"):
+            bound(described, role)
+
+
 # What is refused --------------------------------------------------------------------------------------------
 
 

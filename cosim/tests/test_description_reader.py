@@ -189,3 +189,25 @@ def structure(unknowns: Iterable[Any]) -> list[Any]:
         (u.variable.name, None if u.dependencies is None else names(u.dependencies), u.dependenciesKind, u.sourceline)
         for u in unknowns
     ]
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0", "3.0"])
+def test_aliases_have_one_identity(fmi: str) -> None:
+    text = description(Options(fmi=fmi, discrete=True, aliases={"wheelbase": "a"}))
+    read = description_of(etree.fromstring(text.encode(), PARSER))
+    names: dict[tuple[str, int], list[str]] = {}
+    for variable in read.modelVariables:
+        names.setdefault(variable.identity, []).append(variable.name)
+    assert [same for same in names.values() if len(same) > 1] == [["a", "wheelbase"]]
+
+
+def test_value_references_before_fmi_3_are_counted_by_base_type() -> None:
+    """An enumeration counts as a whole number (FMI 2.0, section 2.1.2)."""
+    text = description(Options(discrete=True))
+    for name, old in (("note", 53), ("direction", 52)):
+        assert f'name="{name}" valueReference="{old}"' in text
+    text = text.replace('"note" valueReference="53"', '"note" valueReference="51"')
+    text = text.replace('"direction" valueReference="52"', '"direction" valueReference="51"')
+    read = description_of(etree.fromstring(text.encode(), PARSER))
+    identity = {variable.name: variable.identity for variable in read.modelVariables}
+    assert identity["gear"] == identity["direction"] != identity["note"]

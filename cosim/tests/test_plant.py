@@ -512,6 +512,83 @@ def test_an_input_that_plays_a_role_is_named_by_the_role(make: Make, tmp_path: P
             Simulation(read_scenario(path)).close()
 
 
+@pytest.mark.parametrize("fmi", FMI)
+def test_a_parameter_by_another_name_is_the_same_parameter(make: Make, tmp_path: Path, fmi: str) -> None:
+    """An alias of the wheelbase sets it for plant and harness; a follower's value takes its plant's place."""
+    fmu = make(fmi=fmi, aliases=Names(wheelbase="a"))
+    own = '<desired range="2 m" bearing="0 deg"/>'
+    for name in ("a", "wheelbase"):
+        plant = f'<plant id="car" fmu="{fmu}"><parameter name="{name}" value="2.4 m"/></plant>'
+        path = scenario(tmp_path / f"{name}.xml", plant)
+        text = path.read_text("utf-8")
+        assert own in text
+        path.write_text(text.replace(own, f'{own}<parameter name="wheelbase" value="3 m"/>'), "utf-8")
+    by_name, by_alias = (cosim.run(tmp_path / f"{name}.xml") for name in ("a", "wheelbase"))
+    assert by_alias["vehicle_wheelbase"].values.tolist() == [2.4, 3.0]
+    assert by_alias.drop_attrs().identical(by_name.drop_attrs())
+
+
+@pytest.mark.parametrize("fmi", FMI)
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (
+            '<parameter name="a" value="1 m"/><parameter name="wheelbase" value="1 m"/>',
+            "'wheelbase' of stub.fmu is 'a' by another name, and 'a' has a value in line",
+        ),
+        ('<parameter name="motor" value="1 N.m"/>', "the FMU stub.fmu has no parameter 'motor'"),
+        ('<input name="motor"><constant value="0"/></input>', "'motor' of stub.fmu plays the role 'tau_drive'"),
+        (
+            '<input name="push" value="1 N"/><input name="shove" value="1 N"/>',
+            "the input 'shove' of stub.fmu is 'push' by another name, and 'push' has a value in line",
+        ),
+        (
+            '<input name="gear" value="2"/><input name="ratio" value="2"/>',
+            "the input 'ratio' of stub.fmu is 'gear' by another name, and 'gear' has a value in line",
+        ),
+        (
+            '<parameter name="shove" value="1 N"/><input name="push" value="1 N"/>',
+            "the input 'shove' is given a value as <parameter> and as <input> 'push': remove one",
+        ),
+    ],
+)
+def test_two_names_of_one_variable_are_refused(make: Make, tmp_path: Path, fmi: str, given: str, sentence: str) -> None:
+    others = Names(wheelbase="a", motor="tau_drive", shove="push", ratio="gear")
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{make(fmi=fmi, discrete=True, aliases=others)}"/>')
+    text = path.read_text("utf-8")
+    torque = '<torque tau_drive="2 N.m" tau_steer="0 N.m"/>'
+    assert torque in text
+    path.write_text(text.replace(torque, torque + given), "utf-8")
+    with pytest.raises(InputError, match=re.escape(sentence)) as caught:
+        Simulation(read_scenario(path))
+    assert re.match(r".*s\.xml:\d+:\d+$", str(caught.value.where))
+
+
+@pytest.mark.parametrize(
+    ("role", "sentence"),
+    [
+        (
+            '<role name="a" variable="push" unit="m" offset="1.2 m"/>',
+            "'push' of stub.fmu plays the role 'a' of the geometry, which has one value for the whole run",
+        ),
+        (
+            '<role name="x" variable="x" initial="push" unit="m"/>',
+            "the input 'push' of stub.fmu follows from the <pose>: by the binding it gives the initial 'x'",
+        ),
+    ],
+)
+def test_an_input_that_gives_the_geometry_or_the_pose_takes_no_signals(
+    make: Make, tmp_path: Path, role: str, sentence: str
+) -> None:
+    fmu = make(discrete=True, units="names")
+    plant = f'<plant id="car" fmu="{fmu}"><binding vehicle="car_like">{role}</binding></plant>'
+    text = scenario(tmp_path / "s.xml", plant).read_text("utf-8")
+    added = '<input name="push"><constant value="1"/></input>'
+    (tmp_path / "s.xml").write_text(text.replace("  <leader", f"  {added}\n  <leader"), "utf-8")
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        Simulation(read_scenario(tmp_path / "s.xml"))
+
+
 def test_messages_have_robot_and_time(make: Make, tmp_path: Path) -> None:
     fmu = make(behaviour="warning", when=0.94)
     said = [

@@ -208,6 +208,16 @@ def test_a_bag_of_real_robots(
     assert not drive.summary.passed
 
 
+@pytest.mark.parametrize("length", [1.0, 2.0, 0.5])
+def test_a_heading_of_a_tilted_pose_is_that_of_its_quaternion_of_any_length(length: float) -> None:
+    """It is Rz(yaw) Rx(roll), with its axis ahead at the yaw."""
+    yaw, roll = 2.5, 0.3
+    cos, sin, tilted, level = math.cos(yaw / 2), math.sin(yaw / 2), math.sin(roll / 2), math.cos(roll / 2)
+    own = [length * one for one in (cos * tilted, sin * tilted, sin * level, cos * level)]
+    message = replace(pose(1.0, 2.0, 0.0), orientation=TYPES.types["geometry_msgs/msg/Quaternion"](*own))
+    assert bags._yaw(message) == pytest.approx(yaw, abs=1e-12)
+
+
 def test_a_bag_without_a_mapping_tells_its_topics(run: Result, line: Scenario, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no pose of any follower of the scenario, but /r0/joints, /r0/where, /r1/"):
         judge_drive(bag(tmp_path / "bag", run), line)
@@ -257,6 +267,39 @@ def test_another_frame(run: Result, line: Scenario, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.moveaxis(found.drive.result["pose"].values, -1, 0), expected, atol=1e-12)
     for signal in ("range_error", "bearing_error"):  # the same in any frame
         np.testing.assert_allclose(found.drive.result[signal].values, run[signal].values, atol=1e-9)
+
+
+@pytest.mark.parametrize("field", ["yaw", "pose x"])
+def test_another_number_that_is_an_angle_of_a_message_is_no_heading(
+    run: Result, line: Scenario, tmp_path: Path, field: str
+) -> None:
+    recording = bag(tmp_path / "bag", run)
+    robot = 'ahead="20 cm" frame_turn="30 deg"'
+    text = mapping(tmp_path / "map.xml", run.robots, robot=robot).read_text()
+    expected = cosim.judge_recording(recording, line, tmp_path / "map.xml")["pose"].values
+    other = f'topic="/r1/where" field="{field}"' + (' unit="rad"' if field != "yaw" else "")
+    text = text.replace('topic="/r1/joints" field="position[1]" unit="deg" factor="-1"', other)
+    (tmp_path / "map.xml").write_text(text)
+    found = cosim.judge_recording(recording, line, tmp_path / "map.xml")["pose"].values
+    np.testing.assert_array_equal(found[..., :3], expected[..., :3])
+    recorded = run["pose"].values[:, 0, 2 if field == "yaw" else 0]
+    np.testing.assert_allclose(np.exp(1j * found[:, 0, 3]), np.exp(1j * recorded), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("moved", "field"),
+    [('ahead="1 m"', "yaw"), ('left="1 m"', "pose x"), ('frame_x="1 m"', "data"), ('frame_turn="90 deg"', "yaw")],
+)
+def test_a_pose_that_is_moved_is_from_one_topic(
+    run: Result, line: Scenario, tmp_path: Path, moved: str, field: str
+) -> None:
+    text = mapping(tmp_path / "map.xml", run.robots, robot=moved).read_text()
+    own = f'<signal name="pose" component="psi" topic="/r2/where" field="{field}"/></robot>'
+    (tmp_path / "map.xml").write_text(text.replace("</robot>", own, 1))
+    with pytest.raises(
+        InputError, match=r"map\.xml:1:\d+: ahead, left and frame_\.\.\. of leader move x, y and heading"
+    ):
+        judge_drive(bag(tmp_path / "bag", run), line, tmp_path / "map.xml")
 
 
 def test_a_virtual_leader(run: Result, line: Scenario, tmp_path: Path) -> None:
@@ -422,7 +465,50 @@ def test_a_table_that_is_cut_off(run: Result, line: Scenario, tmp_path: Path) ->
     data = (tmp_path / "a.csv").read_bytes()
     (tmp_path / "a.csv").write_bytes(data[: data.rindex(b"\n", 0, -1) + 30])
     drive = judge_drive(tmp_path / "a.csv", line)
-    assert [(one.samples, one.bridged, one.missing) for one in drive.drive.tracked] == [(50, 1, 0)] * 5
+    assert [(one.samples, one.bridged, one.missing) for one in drive.drive.tracked] == [
+        (50, 0, 0),
+        *[(50, 0, 1)] * 4,
+    ]  # x, y
+    assert drive.summary.notes[0].startswith("a.csv: the last line has no line end, so its last number may be cut off")
+
+
+@pytest.mark.parametrize("last", ["follower_1.pose.gamma [rad]", "follower_1.range_error [m]"])
+def test_a_last_line_without_a_line_end_lacks_its_last_cell(
+    run: Result, line: Scenario, tmp_path: Path, last: str
+) -> None:
+    """The number before never stands for it: an expectation that needs it is not judged."""
+    cosim.export_result(run, tmp_path / "a.csv")
+    rows = [row.split(",") for row in (tmp_path / "a.csv").read_text().splitlines()]
+    at = rows[0].index(last)
+    text = "\n".join(",".join([*row[:at], *row[at + 1 :], row[at]]) for row in rows)
+    (tmp_path / "last.xml").write_text(
+        re.sub(
+            r"(?s)<expect>.*</expect>",
+            '<expect><peak signal="pose" component="gamma" below="80 deg" robots="follower_1"/></expect>',
+            line.text,
+        )
+    )
+    judges = read_scenario(tmp_path / "last.xml")
+    (tmp_path / "a.csv").write_text(text + "\n")
+    whole = judge_drive(tmp_path / "a.csv", judges)
+    assert (whole.summary.passed, whole.summary.notes) == (True, ())
+    (tmp_path / "a.csv").write_text(text)
+    drive = judge_drive(tmp_path / "a.csv", judges)
+    if "gamma" not in last:  # a column that is not needed
+        assert verdicts(drive.drive.result) == verdicts(whole.drive.result)
+        assert drive.summary.notes == ()
+        return
+    pose = drive.drive.result["pose"].values
+    assert np.argwhere(np.isnan(pose)).tolist() == [[50, 0, 3]]
+    [found] = drive.summary.verdicts
+    assert found.detail == "the recording has no gamma of the pose of follower_1 at 1 of 51 ticks, 1 to 1 s"
+    assert [note[7:30] for note in drive.summary.notes] == ["the last line has no li", "1 samples of pose gamma"]
+
+
+def test_rows_without_a_time_are_told(run: Result, line: Scenario, tmp_path: Path) -> None:
+    cosim.export_result(run, tmp_path / "a.csv")
+    changed(tmp_path / "a.csv", lambda rows: [*rows[:20], re.sub(r"^[^,]*", "", rows[20]), *rows[21:]])
+    assert judge_drive(tmp_path / "a.csv", line).summary.notes[0] == "a.csv: 1 rows have no time and are left out"
 
 
 def test_a_table_of_others(run: Result, line: Scenario, tmp_path: Path) -> None:
@@ -468,6 +554,12 @@ def test_a_table_of_others(run: Result, line: Scenario, tmp_path: Path) -> None:
         ('<robot id="follower_1"><signal name="pose" component="x" topic="/r1/joints" field="position[0]" unit="deg"/>'
          "</robot>",
          "is in deg, but pose x of follower_1 needs a unit such as m"),
+        ('<robot id="leader" topic="/r1/joints" child_frame="base"/>',
+         "messages of type sensor_msgs/msg/JointState, which name no child_frame: leave it out"),
+        ('<robot id="leader"><signal name="pose" component="gamma" topic="/r1/joints" field="position[1]" '
+         'child_frame="base"/></robot>', "map.xml:1:.*, which name no child_frame: leave it out"),
+        ('<robot id="leader" topic="/r1/where" child_frame="bas"/>',
+         "map.xml:1:.* the topic '/r1/where' of .* has no frame 'bas': did you mean 'base'"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" unit="furlong"/></robot>', "furlong"),
         ('<robot id="leader"><signal name="pose" component="x" topic="/a" factor="0"/></robot>', "makes every value"),
     ],
@@ -481,6 +573,35 @@ def test_mappings_with_faults(
     (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}">{mapped}</mapping>')
     with pytest.raises(InputError, match=said):
         judge_drive(shared, line, tmp_path / "map.xml")
+
+
+@pytest.mark.parametrize(
+    ("stated", "recording", "said"),
+    [
+        ('time="stamp"', "bag", "names a column of a table, and .*bag is a bag: leave it out"),
+        ('time="time"', "result.nc", "names a column of a table, and .*nc is the result of a run: leave it out"),
+        ('clock="log"', "result.nc", "chooses a time of messages, and .*nc is the result of a run: leave it out"),
+        ('clock="header"', "a.csv", "chooses a time of messages, and .*csv is a table: leave it out"),
+    ],
+)
+def test_a_time_of_another_kind_of_recording(
+    run: Result, line: Scenario, tmp_path: Path, stated: str, recording: str, said: str
+) -> None:
+    if recording == "bag":
+        bag(tmp_path / "bag", run)
+    (tmp_path / "a.csv").write_text("time,x\n0,0\n")
+    save(run, tmp_path / "result.nc")
+    (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}" {stated}/>')
+    with pytest.raises(InputError, match=rf"map\.xml:1:\d+: {stated} of <mapping> {said}"):
+        judge_drive(tmp_path / recording, line, tmp_path / "map.xml")
+
+
+def test_a_topic_is_no_column_without_a_name(line: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(",time\n0,0\n1,1\n")
+    mapped = '<signal name="pose" component="x" topic="/a" unit="m"/>'
+    (tmp_path / "map.xml").write_text(f'<mapping xmlns="{NAMESPACE}"><robot id="leader">{mapped}</robot></mapping>')
+    with pytest.raises(InputError, match="is a table, which has columns and no topics: name a column"):
+        judge_drive(tmp_path / "a.csv", line, tmp_path / "map.xml")
 
 
 @pytest.mark.parametrize("start", ["noon", "nan", "1 m"])
@@ -640,6 +761,15 @@ def test_angles_turn_the_shortest_way() -> None:
     turn = 2 * np.pi
     np.testing.assert_allclose(found[[0, 2, 4, 6, 8]], [3.0, turn - 3.0, 3.0, turn - 2.0, turn - 1.0])
     np.testing.assert_allclose(found[1], np.pi)
+
+
+@pytest.mark.parametrize("fault", [math.nan, math.inf, -math.inf])
+def test_no_value_is_made_of_samples_that_are_no_numbers(fault: float) -> None:
+    time, ticks = np.arange(5.0), np.arange(0.0, 6.5, 0.5)
+    assert sampled(time, np.array([0.0, 1.0, fault, 3.0, 4.0]), ticks, 2.0).values[:9].tolist() == ticks[:9].tolist()
+    found = sampled(time, np.array([fault, 1.0, 2.0, 3.0, fault]), ticks, 2.0)
+    assert np.isnan(found.values).tolist() == [True] * 2 + [False] * 5 + [True] * 6
+    assert (found.not_numbers, found.samples, found.bridged) == (2, 3, 0)
 
 
 def test_a_clock_that_goes_back() -> None:

@@ -215,6 +215,10 @@ def test_an_effect_is_read_in_the_units_of_the_channels() -> None:
     assert bias[0].text == "bias -0.02 m"
     (rate,) = read("rate", units={"v": "m/s", "steering": "m/s"}, limit="1 km/h/s".replace("/h/s", "/(h.s)"))
     assert (rate.unit, rate.amount) == ("m/s2", pytest.approx(1 / 3.6))
+    turning = {"left": "rad/s", "right": "deg/s", "back": "rad/s"}
+    limits = read("saturation", units=turning, limit="1 rad/s")
+    assert [(e.channels, e.unit) for e in limits] == [(("left", "back"), "rad/s"), (("right",), "deg/s")]
+    assert [e.amount for e in limits] == pytest.approx([1.0, np.degrees(1.0)])
     assert read("dropout", "x y", probability="0.25")[0].text == "dropout 0.25"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -104,6 +105,37 @@ def test_vehicles_become_robots_with_their_values_and_the_rest_is_told(depot: Pa
     assert imported.runs
     assert imported.to_do[0] == "the_leader is taken as the leader"
     assert all(sentence.split(":")[0] in scenario.text for sentence in imported.to_do)
+
+
+def test_values_of_inputs_and_outputs_are_taken_over_or_told(car: Path, tmp_path: Path) -> None:
+    values = {"tau_d_y": 'Real value="20" unit="N"', "tau_d_x": 'Real value="2"', "v": 'Real value="1.5"'}
+    ends = 'startElement="a" startConnector="x" endElement="b" endConnector="tau_d_x"'
+    rest = f"<ssd:Connections><ssd:Connection {ends}/></ssd:Connections>"
+    elements = component("a") + component("b", inner=with_set("b.ssv"))
+    imported = import_ssp(system(tmp_path, car, elements, {"b.ssv": parameters(values)}, rest), tmp_path / "mine.xml")
+    with ExitStack() as cleanup:
+        follower = set_up(read_scenario(written(imported)), cleanup, {}).followers[0]
+    inputs = {
+        bound.role.name: values.tolist() for bound, values in zip(follower.inputs, follower.samples[0], strict=True)
+    }
+    assert inputs == {"tau_d_y": 20.0}
+    assert "the input 'tau_d_x' of b was connected in the SSP, and is left out" in imported.to_do
+    assert "the value of 'v' of b cannot be stated in a scenario, and is left out" in imported.to_do
+
+
+def test_a_unit_that_the_fmu_leaves_open_takes_no_other_one(car: Path, tmp_path: Path) -> None:
+    open_unit = tmp_path / "open.fmu"
+    with zipfile.ZipFile(car) as old, zipfile.ZipFile(open_unit, "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == "modelDescription.xml":
+                data, count = re.subn(rb'(name="m_c"[^>]*>\s*<Real[^>]*unit=")kg"', rb'\1stone"', data)
+                assert count == 1
+            new.writestr(name, data)
+    sets = {"s.ssv": parameters({"m_c": 'Real value="3" unit="kg"'})}
+    path = system(tmp_path, open_unit, component("a", inner=with_set("s.ssv")), sets)
+    with pytest.raises(InputError, match=r"'m_c' is in 'kg', and the unit that the FMU has is not known: .*stone"):
+        import_ssp(path, tmp_path / "mine.xml")
 
 
 def test_what_is_no_vehicle_is_named(car: Path, tmp_path: Path) -> None:

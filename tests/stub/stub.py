@@ -6,6 +6,7 @@ The token (guid) in a model description selects the behaviour of the binary: one
 import functools
 import importlib.util
 import math
+import re
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -204,6 +205,7 @@ class Options:
     types: str = ""
     fillers: int = 0
     names: Mapping[str, str] | None = None
+    aliases: Mapping[str, str] | None = None
     structured: bool = False
     execution_tool: bool = False
     macros: tuple[str, ...] = ()
@@ -345,6 +347,8 @@ def make_fmu(where: Path, **options: object) -> Path:
         Number of further parameters, which do nothing.
     names : dict
         Other names of variables.
+    aliases : dict
+        Variables by further names that they have.
     structured : bool
         Names follow the structured convention; those of fillers have several parts.
     execution_tool : bool
@@ -530,7 +534,23 @@ def _zero(options: Options, name: str, unit: str) -> str:
 
 def description(options: Options) -> str:
     """Return the model description of a stub."""
-    return {"1.0": _description1, "2.0": _description2, "3.0": _description3}[options.fmi](options)
+    text = {"1.0": _description1, "2.0": _description2, "3.0": _description3}[options.fmi](options)
+    for alias, name in (options.aliases or {}).items():
+        text = _aliased(text, name, alias, options.fmi)
+    return text
+
+
+def _aliased(text: str, name: str, alias: str, fmi: str) -> str:
+    """Return a model description in which a variable has a further name."""
+    if fmi == "3.0":
+        text, found = re.subn(rf'<(\w+) (name="{name}" [^>]*)/>', rf'<\1 \2><Alias name="{alias}"/></\1>', text)
+        assert found == 1
+        return text
+    variable = re.search(rf'    <ScalarVariable name="{name}" .*</ScalarVariable>\n', text)
+    assert variable is not None
+    said = f'name="{alias}" alias="alias"' if fmi == "1.0" else f'name="{alias}"'
+    further = variable[0].replace(f'name="{name}"', said)
+    return text.replace("  </ModelVariables>", f"{further}  </ModelVariables>")
 
 
 def _attributes(**values: object) -> str:

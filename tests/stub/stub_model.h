@@ -732,14 +732,14 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
         return status;
     }
     if (reference == WHEELBASE) {
-        if (!(*value > 0.0)) {
-            say(s, ERROR, "the wheelbase a = %g m is not positive", *value);
-            return ERROR;
-        }
         car->a = *value / s->scale_length;
     } else if (reference == PUSH) {
         car->push = *value;
     } else if (reference == WHEN) {
+        if (*value < 0.0) {
+            say(s, ERROR, "the time when = %g s is negative", *value);
+            return ERROR;
+        }
         car->when = *value;
     } else if (before && reference < STATES && (!s->start_parameters || reference >= V)) {
         car->state[reference] = taken(s, (int)reference, *value);

@@ -390,7 +390,7 @@ def test_wrong_times_and_values_are_refused(made: Callable[..., str], tmp_path: 
         0,
     ]
     with pytest.raises(FMICallException):
-        one.set("a", -1.0)
+        one.set("when", -1.0)
     with pytest.raises(FMICallException):
         one.set("x", 1.0)
     one.fmu.freeInstance()

@@ -108,7 +108,7 @@ def table(root: Element, tag: str, read: Callable[[Element], _T]) -> dict[str, _
     for element in root.children(tag):
         key = element.get("id")
         if key in found:
-            place = _seen_from(element.where, first[key])
+            place = first[key].seen_from(element.where)
             raise element.error(f"the id {key!r} is given to a second <{tag}>; first {place}")
         found[key] = read(element)
         first[key] = element.where
@@ -121,7 +121,7 @@ def settings(element: Element, tag: str) -> tuple[Setting, ...]:
     found = [Setting(child.get("name"), child.get("value"), child.where) for child in element.children(tag)]
     for setting in found:
         if setting.name in seen:
-            first = _seen_from(setting.where, seen[setting.name].where)
+            first = seen[setting.name].where.seen_from(setting.where)
             raise InputError(f"the {tag} {setting.name!r} is given twice; first {first}", setting.where)
         seen[setting.name] = setting
     return tuple(found)
@@ -142,8 +142,3 @@ def robots(element: Element, among: Mapping[str, object]) -> tuple[str, ...]:
         if robot not in among:
             raise element.error(f"the scenario has no robot {robot!r}: {nearest(robot, list(among))}")
     return named
-
-
-def _seen_from(here: Location, there: Location) -> str:
-    """Return where another place is: a line of the same file, or a place in another."""
-    return f"in line {there.line}" if here.file == there.file else f"at {there}"

@@ -225,8 +225,12 @@ class Limit(EffectKind):
 
     @classmethod
     def read(cls, written: EffectSource, channels: Mapping[str, str], times: Times) -> Iterator[Effect]:
-        """Read the effect; the limit must fit every channel."""
-        limited = dict.fromkeys(channels[name] for name in written.channels or channels if name in channels)
-        for unit in [units.per_second(unit) if cls.of_rate else unit for unit in limited] or [""]:
+        """Read one effect for all channels of a unit, in this unit; the limit must fit every channel."""
+        limited: dict[str, list[str]] = {}
+        for name in written.channels or channels:
+            limited.setdefault(channels.get(name, ""), []).append(name)
+        for own, names in limited.items():
+            unit = units.per_second(own) if cls.of_rate and own else own
             amount = written.positive("limit", unit) if unit else 0.0
-        yield Effect(cls.element, amount, written.channels, written.start, written.stop, written.where, unit)
+            those = tuple(names) if len(limited) > 1 else written.channels
+            yield Effect(cls.element, amount, those, written.start, written.stop, written.where, unit)
