@@ -217,6 +217,7 @@ def test_options_are_taken_as_they_are_written_or_refused(
 def test_two_scenarios_of_one_name(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     printed = failed(capsys, 2, "run", line, line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "are both named 'clmr_line'" in printed
+    assert failed(capsys, 2, "check", line, line) == printed
 
 
 def test_no_compiler(
