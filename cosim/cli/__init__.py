@@ -474,7 +474,8 @@ def _add_changes(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> 
         action="append",
         default=[],
         metavar="ID=NAME",
-        help="use this control law, with its default gains, for the controller ID",
+        help="use this control law for the controller ID, with its default gains for all followers; a controller that "
+        "has this law already keeps its gains",
     )
     command.add_argument(
         "--environment",
