@@ -15,7 +15,7 @@ def inspect(options: argparse.Namespace) -> int:
     if options.self_test:
         from cosim.cli.self_testing import self_test
 
-        return self_test(options.fmu, options.time_limit)
+        return self_test(options.fmu, options.time_limit, strict=options.strict, every=options.all)
     with beside(open_package, options.fmu) as opened:
         from cosim.cli.fmu_content import print_content  # takes long, while a large file is parsed
 
