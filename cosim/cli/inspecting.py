@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from cosim.beside import beside
+from cosim.cli.options import refuse
 from cosim.collection import without_collection
 from cosim.fmu.package import open_package
 
@@ -16,6 +17,7 @@ def inspect(options: argparse.Namespace) -> int:
         from cosim.cli.self_testing import self_test
 
         return self_test(options.fmu, options.time_limit, strict=options.strict, every=options.all)
+    refuse(options, ("--time-limit",), "is about the reference experiments: add --self-test, or leave it out")
     with beside(open_package, options.fmu) as opened:
         from cosim.cli.fmu_content import print_content  # takes long, while a large file is parsed
 

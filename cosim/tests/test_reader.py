@@ -321,7 +321,9 @@ def test_another_law_leaves_the_gains_of_other_controllers(tmp_path: Path) -> No
     path = tmp_path / "s.xml"
     own = '<desired range="3 m" bearing="45 deg"/>'
     text = EXAMPLE.read_text().replace(own, f'{own}<gain name="K_p" value="7"/>')
-    other = '<controller id="other" name="lqg" package="formation-controllers" version="~=0.1"/>\n  <controller id="pid"'
+    other = (
+        '<controller id="other" name="lqg" package="formation-controllers" version="~=0.1"/>\n  <controller id="pid"'
+    )
     path.write_text(text.replace('<controller id="pid"', other))
     scenario = read_scenario(path, [set_controller("other", "observer-pid", "formation-controllers", "0.1.0")])
     assert (len(scenario.controllers["pid"].gains), len(scenario.followers[0].gains)) == (9, 1)
