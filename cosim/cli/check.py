@@ -110,7 +110,7 @@ def check(options: argparse.Namespace) -> int:
                     rules_kept(fmu, options.strict)
                 plants, doubts = list(described_plants(scenario, setup)), list(doubtful_plants(scenario, setup))
         except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are checked
-            status = max(status, ended_by(error, path)[1])
+            status = max(status, ended_by(error, path, several=len(options.scenarios) > 1)[1])
         else:
             if options.resolved:
                 verbatim(scenario.text)

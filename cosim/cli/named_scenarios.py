@@ -57,8 +57,9 @@ def take_name(names: dict[str, Path], scenario: Scenario, path: Path) -> None:
     """
     if scenario.name in names:
         raise InputError(
-            f"{path} and {names[scenario.name]} are both named {scenario.name!r}, and their results would share a "
-            "folder: give one of them another name"
+            f"this scenario and {names[scenario.name]} are both named {scenario.name!r}, and their results would share "
+            "a folder: give one of them another name",
+            scenario.where,
         )
     names[scenario.name] = path
 

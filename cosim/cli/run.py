@@ -71,7 +71,7 @@ def _run_scenarios(
             with ExitStack() as ending:  # the plants end last: everything is written and printed before
                 status = _run_scenario(path, options, outcomes, names, figures, live, ending)
         except (Exception, SystemExit) as error:  # of an FMU at its end
-            status = max(status, ended_by(error, path)[1])
+            status = max(status, ended_by(error, path, several=len(options.scenarios) > 1)[1])
         yield status
 
 
@@ -93,7 +93,7 @@ def _run_scenario(
         run_one(scenario, options, outcome, figures, live, ending, Course.of(options, scenario))
         return status_of_run(outcome)
     except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are run
-        outcome.error, status = ended_by(error, path)
+        outcome.error, status = ended_by(error, path, several=len(options.scenarios) > 1)
         return status
     except BaseException as error:
         outcome.error = error
