@@ -184,7 +184,7 @@ def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) 
         commands = robot.fmu.binding.of(robot.kind.command)
         for bound in commands:
             if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-                tag = "torque" if robot.kind.takes_torques else "command"
+                tag = robot.kind.command_word
                 number = parameter.number * bound.played_by.scale + bound.played_by.offset
                 _child(element, tag).set(bound.role.name, f"{number!r} {bound.role.unit}")
                 return
