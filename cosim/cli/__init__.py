@@ -373,9 +373,7 @@ def _parser() -> Parser:
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")
 
-    compare = command(
-        "compare-plants", "drive two plants with the same commands and show how far apart they are"
-    )
+    compare = command("compare-plants", "drive two plants with the same commands and show how far apart they are")
     _add_comparison(compare)
 
     new = command("new", "write a commented scenario to start from")
