@@ -116,6 +116,25 @@ def test_check(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "clmr_line, 4 followers, 100 s in 5000 steps" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_an_error_of_one_of_several_scenarios_names_its_file(
+    scenarios: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    files = [str(scenarios / name) for name in ("clmr_line.xml", "mixed_team.xml")]
+    printed = failed(capsys, 2, command, *files, "--set", "//nowhere/@x=1")
+    said = "error: --set //nowhere/@x=1: '//nowhere/@x' selects nothing in the scenario"
+    assert printed.splitlines() == [f"{file}: {said}" for file in files]
+    assert failed(capsys, 2, command, files[0], "--set", "//nowhere/@x=1") == f"{said}\n"
+
+
+def test_a_time_beyond_the_end_of_several_runs(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = tmp_path / "other.xml"
+    other.write_text(Path(line).read_text(encoding="utf-8").replace('name="clmr_line"', 'name="other"'))
+    printed = failed(capsys, 2, "run", line, str(other), "--until", "2 s", "--out", str(tmp_path), *SHORT)
+    told = "error: --until 2 s: expected a time after 0 s and not after the end at 1 s"
+    assert printed.splitlines() == [f"{file}: {told}" for file in (line, other)]
+
+
 def test_build(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", "--out", str(tmp_path)]) == 0
     built = [Path(path) for path in capsys.readouterr().out.split()]
@@ -217,6 +236,7 @@ def test_options_are_taken_as_they_are_written_or_refused(
 def test_two_scenarios_of_one_name(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     printed = failed(capsys, 2, "run", line, line, "--out", str(tmp_path), "--no-figure", *SHORT)
     assert "are both named 'clmr_line'" in printed
+    assert failed(capsys, 2, "check", line, line) == printed
 
 
 def test_no_compiler(

@@ -267,6 +267,20 @@ def test_the_figure_has_all_commands(number: int) -> None:
     assert drawn == [f"command {k} [N.m]" for k in range(number)]
 
 
+@pytest.mark.parametrize(("unit", "called"), [("N.m", "torques"), ("m/s", "commands")])
+def test_commands_are_called_torques_if_they_are(unit: str, called: str) -> None:
+    comparison = compare_plants("car_like", "car_like", duration=0.2)
+    command = (replace(CAR_LIKE.command[0], unit=unit), CAR_LIKE.command[1])
+    comparison = replace(comparison, kind=replace(CAR_LIKE, command=command))
+    console = Console(file=io.StringIO(), width=200)
+    _print(console, comparison)
+    figure = draw_comparison(comparison)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert f"; {called}: steps and sines of " in console.file.getvalue()
+    assert figure.get_suptitle().endswith(f" under the same {called}")
+    assert any(title.startswith(f"{called}: steps and sines of ") for title in titles)
+
+
 def test_within(compare) -> None:
     wider = ("car_like", "car_like", "--parameter-b", "a=1.3 m")
     assert "never" in compare("car_like", "car_like", "--within", "1e-12 m")[0]

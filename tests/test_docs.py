@@ -1,5 +1,6 @@
 """The documentation names things that exist."""
 
+import json
 import re
 import runpy
 import shlex
@@ -18,6 +19,7 @@ import cosim
 import plants
 from cosim.cli import main
 from cosim.master.setup import set_up
+from cosim.results.expectations import understood
 from cosim.scenario.grammar import NAMESPACE, attributes_of, children_of, local_name
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
@@ -79,6 +81,18 @@ def test_the_page_on_results_names_every_variable_and_attribute(short_line: Scen
     assert set(result.data_vars) <= named | telemetry
     assert set(result.coords) - components <= named
     assert set(result.attrs) <= named
+
+
+def test_the_verdict_on_the_page_on_results_is_of_the_expectation_at_its_place() -> None:
+    page = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    (shown,) = map(json.loads, re.findall(r"```json\n(.*?)```", page, re.DOTALL))
+    place = shown["where"]
+    (found,) = (
+        expectation
+        for expectation in read_scenario(ROOT / place["file"]).expectations
+        if (expectation.where.line, expectation.where.column) == (place["line"], place["column"])
+    )
+    assert understood(found).text == shown["expectation"]
 
 
 def test_links_between_pages_lead_somewhere() -> None:

@@ -295,7 +295,7 @@ def test_an_environment_is_made_whole_or_not_at_all(tmp_path: Path, capsys: pyte
     assert "there is no such wheel or folder" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), "no.whl")
     assert "name a package" in failed(capsys, 2, "env", "create", str(tmp_path / "x"))
     assert "is no project" in failed(capsys, 2, "env", "create", str(tmp_path / "x"), str(there))
-    assert "takes none of --python" in failed(capsys, 2, "env", "list", str(there), "--share")
+    assert "--share is of formation env create" in failed(capsys, 2, "env", "list", str(there), "--share")
 
 
 def wheel(folder: Path, name: str) -> Path:
@@ -667,12 +667,14 @@ def test_a_law_that_exits_when_it_is_made(tmp_path: Path) -> None:
     assert f"controller 'pid': SystemExit: no licence, at {tmp_path / 'laws' / 'faulty_laws.py'}:" in said
 
 
-def test_a_vehicle_that_a_law_does_not_serve(own: Path, tmp_path: Path) -> None:
+def test_a_vehicle_that_a_law_does_not_serve(own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = ROOT / "scenarios" / "tractor_trailer_circle.xml"
     text = scenario.read_text(encoding="utf-8")
     name = text.partition('<controller id="')[2].partition('"')[0]
     file = written(tmp_path / "circle.xml", faulty(own).replace('id="pid"', f'id="{name}"'), of=scenario)
-    assert "Faulty serves vehicles of kind car_like, not tractor_trailer" in refused(file)
+    sentence = "the controller 'faulty' serves vehicles of kind car_like, not tractor_trailer"
+    assert sentence in refused(file)
+    assert sentence in failed(capsys, 2, "check", str(file))
 
 
 def test_a_time_limit_needs_an_environment(tmp_path: Path) -> None:

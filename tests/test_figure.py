@@ -247,4 +247,6 @@ def test_show_draws_the_panels_of_the_paper(result: Result, tmp_path: Path, caps
         main(["show", str(tmp_path / "result.nc"), "--figure", str(tmp_path / f"{choice}.png"), "--panels", choice])
         pictures[choice] = (tmp_path / f"{choice}.png").read_bytes()
     assert pictures["all"] != pictures["paper"]
+    assert main(["show", str(tmp_path / "result.nc"), "--panels", "all"]) == 2
+    assert "--panels is about the figure: add --figure FILE.png, or leave it out" in capsys.readouterr().err
     assert all(picture.startswith(b"\x89PNG") for picture in pictures.values())

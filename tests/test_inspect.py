@@ -199,3 +199,8 @@ def test_no_file(inspect, tmp_path: Path) -> None:
 def test_a_folder(inspect, tmp_path: Path) -> None:
     _, warned = inspect(tmp_path, status=2)
     assert "is no unpacked FMU: it holds no modelDescription.xml" in warned
+
+
+def test_a_time_limit_is_about_the_self_test(inspect, tmp_path: Path) -> None:
+    _, refusal = inspect(tmp_path / "none.fmu", "--time-limit", "5", status=2)
+    assert refusal == "error: --time-limit is about the reference experiments: add --self-test, or leave it out\n"

@@ -121,3 +121,15 @@ def test_gains_that_fail(law, scenarios: Path, tmp_path: Path, capsys: pytest.Ca
     assert main(["check", str(scenario)]) == 2
     printed = capsys.readouterr().err
     assert printed.strip().endswith(f"error: controller 'pid': AssertionError: too much, at {place}")
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_vehicle_that_a_law_does_not_serve(
+    law, scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    law("", "", "class MyLaw")
+    scenario = str(scenarios / "differential_drive.xml")
+    to_runs = ["--out", str(tmp_path / "runs")] if command == "run" else []
+    printed = failed(capsys, 2, command, scenario, "--controller", "pid=mine", *to_runs)
+    assert printed.startswith(f"{scenario}:")
+    assert "the controller 'mine' serves vehicles of kind car_like, tractor_trailer, not differential_drive" in printed

@@ -15,6 +15,7 @@ from cosim.fmu.package import open_package
 from cosim.fmu.reference_experiments import MANIFEST, read_experiments
 
 from .commands import command
+from .stub.broken import make_broken
 from .stub.stub import make_fmu
 
 FOLDER = MANIFEST.parent.as_posix()
@@ -295,3 +296,14 @@ def test_too_much_is_refused(stub: Path, tmp_path: Path, monkeypatch: pytest.Mon
         with pytest.raises(InputError, match=message):
             read_experiments(package)
         package.close()
+
+
+def test_an_fmu_that_breaks_rules_of_fmi(self_test: Callable[..., tuple[str, str]], tmp_path: Path) -> None:
+    fmu = with_files(make_broken(tmp_path, "undefined_unit"), tmp_path / "unit.fmu", experiments(""))
+    printed, summed_up = self_test(fmu)
+    assert "one ran" in printed
+    _, every = self_test(fmu, "--all")
+    assert 0 < summed_up.count("unit.fmu breaks a rule of FMI") < every.count("unit.fmu breaks a rule of FMI")
+    printed, refusal = self_test(fmu, "--strict", status=2)
+    assert printed == ""
+    assert refusal == f"{summed_up}error: the FMU {fmu} breaks rules of FMI, which --strict refuses\n"

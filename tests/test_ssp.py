@@ -443,6 +443,27 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert "--environment changes a scenario" in " ".join(capsys.readouterr().err.split())
 
 
+def test_torques_and_stops_in_the_course_of_the_run_are_stated(tmp_path: Path) -> None:
+    """The torque of the leader changes when it does in our run; a follower stops one step later, as torques come."""
+
+    def exported(stop: str) -> Exported:
+        def change(root: etree._Element) -> None:
+            root.find("leader/torque").attrib.update({"tau_drive": "0 N.m", "tau_steer": "0 N.m"})  # as FMPy begins
+            torque = "<event at='0.5 s' robots='leader'><torque tau_drive='12 N.m' tau_steer='0.1 N.m'/></event>"
+            stops = ((stop, "follower_2"), ("0.8 s", "leader"))
+            ends = [f"<event at='{at}' robots='{robot}'><stop/></event>" for at, robot in stops]
+            root.extend(etree.fromstring(event) for event in (torque, *ends))
+
+        folder = tmp_path / stop
+        folder.mkdir()
+        scenario = read_scenario(ROOT / "scenarios" / "clmr_line.xml")
+        return Exported(scenario.edited([change], horizon=1.0, expectations=False), folder)
+
+    one = exported("0.6 s")
+    assert exported("0.62 s").apart(in_fmpy(one)) < 1e-9
+    assert one.notes == ("the <stop/> of follower_2 acts one communication step late, too",)
+
+
 def test_what_an_ssp_cannot_state_is_refused(tmp_path: Path) -> None:
     scenario = read_scenario(ROOT / "scenarios" / "heavy_payload.xml")
     with pytest.raises(InputError, match=r"heavy_payload\.xml:8:5: this event changes follower_1"):

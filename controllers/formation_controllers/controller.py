@@ -23,7 +23,7 @@ from formation_controllers.input_checks import (
     fits,
 )
 from formation_controllers.interface import CompiledStart, CompiledTick, Desired, Floats, Leader, Signal, Team
-from formation_controllers.vehicles import OTHERS, Vehicle, names, states_all
+from formation_controllers.vehicles import Vehicle, is_one_of, names
 
 G = TypeVar("G", bound=Gains)
 
@@ -115,7 +115,7 @@ class Controller(ABC, Generic[G]):
     @classmethod
     def serves(cls, vehicle: Vehicle) -> bool:
         """Tell whether the law serves a vehicle: one of its `vehicles`."""
-        return vehicle.kind in cls.vehicles or (OTHERS in cls.vehicles and states_all(vehicle))
+        return is_one_of(cls.vehicles, vehicle)
 
     @property
     def gains(self) -> G:

@@ -1,4 +1,4 @@
-"""Linear-quadratic control of the linearised formation model with a Kalman filter, designed with python-control.
+"""Linear-quadratic control of the linearised formation model with a Kalman filter.
 
 (10) is linearised about the straight motion: leader and robot aligned at the speed v_0, wheels straight, at the range
 and bearing desired at the start. State: the errors of range and bearing and their rates; input: the formation force
@@ -8,7 +8,6 @@ internal dynamics, as in the paper's law. Integrals of the errors make up for wh
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,7 +25,7 @@ from formation_controllers.compiled_law import CompiledLaw, TeamRecords
 from formation_controllers.dynamics import ModelGains
 from formation_controllers.errors import ControllerError
 from formation_controllers.gains import gain, gain_info
-from formation_controllers.interface import Desired, Floats, Leader, Signal, Team, TickInputs
+from formation_controllers.interface import Desired, Floats, Leader, Signal, TickInputs
 from formation_controllers.saturation import HELD_SIGNAL, LimitGains
 from formation_controllers.singularities import TORQUE_SIGNALS
 from formation_controllers.vehicles import Vehicle
@@ -132,7 +131,7 @@ def begin(inputs: TickInputs, team: TeamRecords) -> None:
 
 
 class Lqg(CompiledLaw[LqgGains]):
-    """Linear-quadratic control with a Kalman filter and integral action; needs python-control, the extra ``lqg``.
+    """Linear-quadratic control with a Kalman filter and integral action.
 
     Designed at the start, for each follower alone. It speaks to the robot through B^-1 of (10) at the present pose and
     knows nothing of other nonlinearities: far from a straight motion at v_0 it promises nothing. A torque beyond the
@@ -152,11 +151,6 @@ class Lqg(CompiledLaw[LqgGains]):
         *TORQUE_SIGNALS,
         HELD_SIGNAL,
     )
-
-    def __init__(self, team: Team, gains: LqgGains | Sequence[LqgGains] | None = None) -> None:
-        super().__init__(team, gains)
-        if importlib.util.find_spec("control") is None:
-            raise ControllerError("Lqg needs python-control: pip install 'formation-controllers[lqg]'")
 
     def own_state_shapes(self) -> dict[str, tuple[int, ...]]:
         """Return name and shape, per robot, of every state but the bearing; the design is among them."""

@@ -309,6 +309,11 @@ def states_all(vehicle: Vehicle) -> bool:
     return formation_of(vehicle) is not None and torques_of(vehicle) is not None
 
 
+def is_one_of(vehicles: Sequence[str], vehicle: Vehicle) -> bool:
+    """Tell whether a vehicle is one of a law's `vehicles`: its kind is named, or `OTHERS` is and it states all."""
+    return vehicle.kind in vehicles or (OTHERS in vehicles and states_all(vehicle))
+
+
 def vehicle_fault(vehicle: object) -> str:
     """Return the fault in an object's statements as a vehicle, if there is one."""
     if isinstance(vehicle, type) or not isinstance(getattr(vehicle, "kind", None), str):

@@ -283,7 +283,6 @@ LAWS = ["feedback-linearisation", "lqg", "neural-adaptive-pid", "neural-high-gai
 @pytest.mark.parametrize("name", LAWS)
 def test_our_laws_serve_any_kind_that_states_what_they_need_and_refuse_others(name):
     """A forklift steered as a car is, of a kind that nobody knows, gets a car's torques; a bicycle is refused."""
-    pytest.importorskip("control") if name == "lqg" else None
     law = load(name)
 
     class Forklift(CarLike):

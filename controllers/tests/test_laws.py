@@ -69,14 +69,12 @@ SETTLING = {
 
 @ALL
 def test_every_law_keeps_what_controllers_promise(name):
-    pytest.importorskip("control") if name == "lqg" else None
     check_controller(load(name))
 
 
 @ALL
 def test_a_follower_beside_fifteen_others_or_alone_moves_to_the_same_bit(name):
     """Laws take followers in blocks; here are a full one and one that is not."""
-    pytest.importorskip("control") if name == "lqg" else None
     check_controller(load(name), size=BLOCK + 5)
 
 
@@ -87,7 +85,6 @@ def turned_far(angle):
 
 @ALL
 def test_one_angle_that_is_far_away_leaves_the_rest_of_its_block_alone(name):
-    pytest.importorskip("control") if name == "lqg" else None
     random, n = np.random.default_rng(6), 5
     pose = random.uniform([-6, -3, -0.4, -0.3], [-4, 3, 0.4, 0.3], (n, 4))
     leader, nothing = Leader(np.array([0.0, 0.0, 0.02, 0.01]), np.array([0.3, 0.01])), np.zeros((n, 2))
@@ -110,7 +107,6 @@ def test_one_angle_that_is_far_away_leaves_the_rest_of_its_block_alone(name):
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 @ALL
 def test_a_tick_asks_for_no_memory(name):
-    pytest.importorskip("control") if name == "lqg" else None
     controller, pose = load(name)(Team(CarLike(1.2), 2, 0.02)), np.array([[-5.0, 0, 0, 0], [-5.0, 2, 0, 0]])
     leader = Leader(np.zeros(4), np.array([0.3, 0.0]), np.zeros(2))
     desired = Desired(np.full((2, 2), 4.0), np.zeros((2, 2)), np.zeros((2, 2)))
@@ -138,7 +134,6 @@ def test_a_tick_asks_for_no_memory(name):
 @ALL
 def test_every_law_serves_followers_with_gains_of_their_own(name):
     """Row i equals row i of a team in which all followers have the gains of i."""
-    pytest.importorskip("control") if name == "lqg" else None
     law = load(name)
     own = [law.gains_type(guard=guard) for guard in (0.0, 0.1, 0.2, 0.9)]
     if issubclass(law, ObserverPid):
@@ -154,7 +149,6 @@ def test_every_law_serves_followers_with_gains_of_their_own(name):
 @ALL
 def test_every_law_settles_under_noise(name, course, request):
     """On the line, on the circle, with the other two vehicles: the last 20 of 100 s, all four followers."""
-    pytest.importorskip("control") if name == "lqg" else None
     fixture = {
         "line": "first_simulation",
         "circle": "second_simulation",
@@ -174,7 +168,6 @@ def test_every_law_settles_under_noise(name, course, request):
 @pytest.mark.parametrize("drive", ["front_wheel", "rear_wheel"])
 @ALL
 def test_every_law_settles_with_other_drives(name, drive, first_simulation):
-    pytest.importorskip("control") if name == "lqg" else None
     simulation = first_simulation(law=load(name), gains=SETTLING["line"].get(name), drive=drive)
     states, leaders, _ = simulation.run(100 * SECOND)
     assert (simulation.last_rms(states, leaders, 20 * SECOND) < [0.1, 1]).all()
@@ -256,7 +249,6 @@ def test_feedback_linearisation_asks_for_velocities():
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - {"feedback-linearisation"}))
 def test_other_laws_do_not_look_at_velocities(name):
-    pytest.importorskip("control") if name == "lqg" else None
     _, pose, leader, desired = situation(2, CAR)
     assert load(name).needs == ()
     torques = []
@@ -425,7 +417,6 @@ def expected(signal, vehicle, distance):
 @ALL
 def test_without_a_guard_a_torque_is_finite_or_refused_by_name_and_the_telemetry_tells(name, signal, vehicle):
     """At singularities and near them; only a range of zero and a drive gain of zero are zero in floating point."""
-    pytest.importorskip("control") if name == "lqg" else None
     (stated,) = (s for s in load(name).signals if s.name == signal)
     for distance in NEAR:
         torque, controller = first_torque(load(name), vehicle, beside(signal, vehicle, distance))
@@ -450,7 +441,6 @@ def test_without_a_guard_a_torque_is_finite_or_refused_by_name_and_the_telemetry
 @ALL
 def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, vehicle):
     """The telemetry shows the robot's true distance from a singularity, not the guarded one."""
-    pytest.importorskip("control") if name == "lqg" else None
     for distance in NEAR:
         torque, controller = first_torque(load(name), vehicle, beside(signal, vehicle, distance), guard=0.1)
         assert np.abs(torque).max() < 1e3
@@ -462,7 +452,6 @@ def test_a_guard_bounds_the_torque_at_every_singularity_and_tells(name, signal, 
 @ALL
 def test_the_guard_of_the_range_is_a_share_of_the_length(name, vehicle):
     """Just within it and just beyond."""
-    pytest.importorskip("control") if name == "lqg" else None
     length = vehicle.hitch_length if vehicle is TRACTOR else vehicle.wheelbase
     for share, guarded in ((0.49, 1), (0.51, 0)):
         _, controller = first_torque(load(name), vehicle, ([-share * length, 0, 0, 0], [length, 0, 0, 0]), guard=0.5)
@@ -472,7 +461,6 @@ def test_the_guard_of_the_range_is_a_share_of_the_length(name, vehicle):
 
 @ALL
 def test_both_cosines_are_told_of_the_measured_angles_where_the_guard_turns_the_steering(name):
-    pytest.importorskip("control") if name == "lqg" else None
     pose, leader_pose = [0, 0, 0.2, 1.4], [5, 3, 0, 0]
     _, controller = first_torque(load(name), CAR, (pose, leader_pose), guard=0.5)
     assert told(controller, "guarded") == 1
@@ -484,7 +472,6 @@ def test_both_cosines_are_told_of_the_measured_angles_where_the_guard_turns_the_
 @ALL
 def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
     """Well away from singularities, to the last bit; and no signal is near zero."""
-    pytest.importorskip("control") if name == "lqg" else None
     away = beside(signal, vehicle, 0.5)
     literal, _ = first_torque(load(name), vehicle, away)
     torque, controller = first_torque(load(name), vehicle, away, guard=0.05)
@@ -498,7 +485,6 @@ def test_a_guard_leaves_the_rest_of_the_world_as_it_is(name, signal, vehicle):
 @ALL
 def test_the_drive_gain_of_a_tractor_trailer_has_no_unit_and_needs_no_guard(name, radius):
     """It is 1/cos(theta_0 - theta_1) whatever the wheels, and never below 1: no guard touches it."""
-    pytest.importorskip("control") if name == "lqg" else None
     vehicle, poses = TractorTrailer(1.5, radius, 0.4), ([0, 0, 0.3, 0.7], [5, 1, 0.1, 0.2])
     literal, _ = first_torque(load(name), vehicle, poses)
     torque, controller = first_torque(load(name), vehicle, poses, guard=0.5)
@@ -521,7 +507,6 @@ HOLDING = sorted(set(NAMES) - {"feedback-linearisation"})
 
 @pytest.mark.parametrize("name", HOLDING)
 def test_integrals_and_adaptation_wait_for_saturated_actuators(name):
-    pytest.importorskip("control") if name == "lqg" else None
     _, pose, leader, desired = situation(4, CAR)
     waiting = {"epsilon_hat_integral", "epsilon_q_tilde_integral", "W", "theta", "Theta", "integral"}
     changes = {}
@@ -588,13 +573,12 @@ def test_plain_python_gives_the_same_bits(
     first_simulation, second_simulation, third_simulation, differential_simulation, bits_of_a_run
 ):
     """The same formulas uncompiled: not a bit differs after 2 s, in any law."""
-    names = [name for name in NAMES if name != "lqg" or importlib.util.find_spec("control")]
     courses = first_simulation, second_simulation, third_simulation, differential_simulation
-    compiled = [bits_of_a_run(name, course) for name in names for course in courses]
+    compiled = [bits_of_a_run(name, course) for name in NAMES for course in courses]
     with second_package(1 - numba.config.DISABLE_JIT) as other:  # what this process is not
         assert (type(other.euler) is FunctionType) == bool(numba.config.DISABLE_JIT)
         courses = other.FirstSimulation, other.SecondSimulation, other.ThirdSimulation, other.DifferentialSimulation
-        found = [other.bits(name, course) for name in names for course in courses]
+        found = [other.bits(name, course) for name in NAMES for course in courses]
     assert found == compiled
 
 
@@ -603,7 +587,6 @@ def test_plain_python_gives_the_same_bits(
 
 @ALL
 def test_the_compiled_start_sets_what_start_does(name):
-    pytest.importorskip("control") if name == "lqg" else None
     for vehicle in (CarLike(1.2), DifferentialDrive(0.1, 0.25)):
         _, pose, leader, desired = situation(5, vehicle)
         controller = load(name)(Team(vehicle, 5, 0.02))

@@ -18,8 +18,9 @@ import formation_controllers
 import numba
 import numpy as np
 import pytest
-from formation_controllers import CarLike, ControllerError, Team, installed, kinematics, load
+from formation_controllers import CarLike, installed, kinematics, load
 from formation_controllers.compiled import compiled
+from formation_controllers.testing import check_controller
 
 PACKAGE = Path(formation_controllers.__file__).parent
 DISTRIBUTION = Path(__file__).parents[1]
@@ -34,8 +35,6 @@ def run(code, **env):
 def test_only_numpy_numba_and_the_standard_library_are_imported():
     for file in PACKAGE.glob("**/*.py"):
         allowed = {"numpy", "numba", "formation_controllers"} | sys.stdlib_module_names - {"xml"}
-        if file.name == "lqg.py":
-            allowed |= {"control"}
         compiling = "compiled.py", "dependencies.py", "kept.py"  # all is compiled and kept in one way, tested below
         if file.name not in compiling:
             allowed -= {"numba"}
@@ -74,13 +73,9 @@ def test_modules_that_have_moved_are_found_under_their_older_names():
             assert any(getattr(old, name) is getattr(module, name, None) for module in new), name
 
 
-def test_without_python_control_its_law_is_refused_with_what_to_install(monkeypatch):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *rest: None if name == "control" else find(name, *rest)
-    )
-    with pytest.raises(ControllerError, match=r"needs python-control: pip install 'formation-controllers\[lqg\]'"):
-        load("lqg")(Team(CarLike(1.2), 1, 0.02))
+def test_lqg_needs_no_python_control(monkeypatch):
+    monkeypatch.setitem(sys.modules, "control", None)  # as if it were not installed
+    check_controller(load("lqg"), vehicle=CarLike(1.2))
 
 
 FORMULA = """

@@ -373,7 +373,7 @@ def _parser() -> Parser:
     )
     swap.add_argument("--force", action="store_true", help="overwrite files")
 
-    compare = command("compare-plants", "drive two plants with the same torques and show how far apart they are")
+    compare = command("compare-plants", "drive two plants with the same commands and show how far apart they are")
     _add_comparison(compare)
 
     new = command("new", "write a commented scenario to start from")
@@ -474,7 +474,8 @@ def _add_changes(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> 
         action="append",
         default=[],
         metavar="ID=NAME",
-        help="use this control law, with its default gains, for the controller ID",
+        help="use this control law for the controller ID, with its default gains for all followers; a controller that "
+        "has this law already keeps its gains",
     )
     command.add_argument(
         "--environment",
@@ -545,7 +546,7 @@ def _add_comparison(command: argparse.ArgumentParser) -> None:
         "--torque",
         type=Path,
         metavar="FILE.csv",
-        help="a table with 'time [s]' and the torques, such as 'tau_drive [N.m]' (default: steps and sines)",
+        help="a table with 'time [s]' and the commands, such as 'tau_drive [N.m]' (default: steps and sines)",
     )
     command.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the phases of the sines (1)")
     command.add_argument(

@@ -10,7 +10,7 @@ from pathlib import Path
 from cosim.cli.console import out, safe, say, verbatim, warn
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
-from cosim.cli.named_scenarios import read
+from cosim.cli.named_scenarios import read, take_name
 from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.errors import InputError, printable
@@ -96,19 +96,21 @@ def check(options: argparse.Namespace) -> int:
     if options.resolved and len(options.scenarios) > 1:
         raise InputError(f"--resolved prints one scenario: name one file, not {len(options.scenarios)}")
     status = 0
+    names: dict[str, Path] = {}
     for path in options.scenarios:
         try:
             if root_of(path) == "study":
                 _check_study(path, options)
                 continue
             scenario = read(path, options)
+            take_name(names, scenario, path)
             with ExitStack() as cleanup:
                 setup = set_up(scenario, cleanup, {})
                 for fmu in setup.fmus.values():
                     rules_kept(fmu, options.strict)
                 plants, doubts = list(described_plants(scenario, setup)), list(doubtful_plants(scenario, setup))
         except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are checked
-            status = max(status, ended_by(error, path)[1])
+            status = max(status, ended_by(error, path, several=len(options.scenarios) > 1)[1])
         else:
             if options.resolved:
                 verbatim(scenario.text)

@@ -1,4 +1,4 @@
-"""``formation compare-plants``: how far apart two plants are under the same torques."""
+"""``formation compare-plants``: how far apart two plants are under the same commands."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
     )
     console.print(
         f"{comparison.time[-1]:g} s in steps of {comparison.step:g} s, from {pose} (as A shows it); "
-        f"torques: {safe(comparison.torque_from)}",
+        f"{comparison.kind.command_word}s: {safe(comparison.torque_from)}",
         soft_wrap=True,
     )
     for name, values in comparison.geometry.items():

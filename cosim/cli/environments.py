@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from cosim.cli.console import out, safe, say, table, taking_a_while, warn
+from cosim.cli.options import refuse
 from cosim.control.environment import environment_at
 from cosim.control.hosts import Host
 from cosim.control.new_environment import create
@@ -33,9 +34,8 @@ def environments(options: argparse.Namespace) -> int:
             )
     elif options.packages:
         raise InputError(f'formation env list DIR takes no package: "{options.packages[0]}"')
-    elif options.python or options.wheels is not None or options.share:
-        raise InputError("formation env list DIR takes none of --python, --wheels and --share: they are of env create")
     else:
+        refuse(options, ("--python", "--wheels", "--share"), "is of formation env create, not of env list")
         found = _found(folder)
     _show(folder, *found)
     return 0

@@ -8,20 +8,40 @@ from typing import Any
 
 from cosim.cli.console import out, safe, taking_a_while, warn
 from cosim.cli.named_scenarios import read
+from cosim.cli.options import refuse
 from cosim.errors import InputError
 from cosim.export.formats import export_result, format_of
 from cosim.quantity import quantity
 from cosim.results.files import load_run, writable_file
+
+_CHANGES = (
+    "--set",
+    "--seed",
+    "--horizon",
+    "--no-expectations",
+    "--plant",
+    "--binding",
+    "--untrusted",
+    "--controller",
+    "--environment",
+)
+_DATED = ("--start-time",)
+_FILM = ("--from", "--to", "--speed", "--fps", "--size")
 
 
 def export(options: argparse.Namespace) -> int:
     """Write a result in each format that is asked for, or a scenario as a system of FMUs."""
     if options.ssp is not None or options.fmu is not None:
         return _export_scenario(options)
-    _check_no_changes(options)
+    refuse(options, _CHANGES, "changes a scenario, which --ssp or --fmu exports; a result stays as it is")
+    refuse(options, ("--ssp-version",), "is about an SSP: add --ssp FILE.ssp, or leave it out")
     paths: list[Path] = options.out or [_usual_place(options.result)]
+    formats = [format_of(path) for path in paths]
+    if not any(one.moving for one in formats):
+        refuse(options, _FILM, "is about moving pictures: add --out FILE.gif, .png or .mp4, or leave it out")
+    if not any(one.dated for one in formats):
+        refuse(options, _DATED, "is about .mcap: add --out FILE.mcap, or leave it out")
     for path in paths:
-        format_of(path)
         writable_file(path, "--out")
     film: dict[str, Any] = {
         "begin": _seconds(options.begin, "--from"),
@@ -41,8 +61,9 @@ def _export_scenario(options: argparse.Namespace) -> int:
     """Write a scenario as an SSP, as one FMU, or as both."""
     from cosim.ssp.exported import export_fmu, export_ssp
 
-    if options.out:
-        raise InputError("--out writes a result, --ssp and --fmu a scenario: give one of them")
+    refuse(options, ("--out", *_DATED, *_FILM), "is about a result, and --ssp and --fmu write a scenario")
+    if options.ssp is None:
+        refuse(options, ("--ssp-version",), "is about an SSP: add --ssp FILE.ssp, or leave it out")
     for path, option, ending in ((options.ssp, "--ssp", ".ssp"), (options.fmu, "--fmu", ".fmu")):
         if path is not None:
             if path.suffix != ending:
@@ -72,24 +93,6 @@ def _late(step: float) -> str:
         f"the torques act one communication step late, under every master: compare with a run that has "
         f'<delay time="{step:g} s"/> in its <actuator>'
     )
-
-
-def _check_no_changes(options: argparse.Namespace) -> None:
-    """Refuse options that change a scenario where a result is exported."""
-    given = {
-        "--set": options.set,
-        "--seed": options.seed is not None,
-        "--horizon": options.horizon is not None,
-        "--no-expectations": not options.expectations,
-        "--plant": options.plant,
-        "--binding": options.binding,
-        "--untrusted": options.untrusted,
-        "--controller": options.controller,
-        "--environment": options.environment,
-    }
-    for option, is_given in given.items():
-        if is_given:
-            raise InputError(f"{option} changes a scenario, which --ssp or --fmu exports; a result stays as it is")
 
 
 def _usual_place(result: Path) -> Path:

@@ -47,6 +47,23 @@ def read(path: Path, options: argparse.Namespace) -> Scenario:
     return scenario
 
 
+def take_name(names: dict[str, Path], scenario: Scenario, path: Path) -> None:
+    """Add a scenario to the names of one command, each with its file.
+
+    Raises
+    ------
+    InputError
+        Another file has the name.
+    """
+    if scenario.name in names:
+        raise InputError(
+            f"this scenario and {names[scenario.name]} are both named {scenario.name!r}, and their results would share "
+            "a folder: give one of them another name",
+            scenario.where,
+        )
+    names[scenario.name] = path
+
+
 def _changes(options: argparse.Namespace) -> Iterator[Change]:
     if options.seed is not None:
         yield set_seed(options.seed)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import takewhile
 from typing import Any, NoReturn
 
-from cosim.errors import brief, nearest, printable
+from cosim.errors import InputError, brief, nearest, printable
 
 
 class Parser(argparse.ArgumentParser):
@@ -18,10 +20,16 @@ class Parser(argparse.ArgumentParser):
         self.register("action", "store", _Once)
 
     def options(self, arguments: Sequence[str] | None) -> argparse.Namespace:
-        """Return the options of a command line; refuse an unknown one, with the nearest known one."""
+        """Return the options of a command line; refuse an unknown one, with the nearest known one.
+
+        Their attribute ``given`` holds the names of those that were given, such as ``--seed``.
+        """
+        arguments = sys.argv[1:] if arguments is None else arguments
         options, rest = self.parse_known_args(arguments)
         if rest:
             self._refuse(getattr(options, "command", ""), rest[0])
+        own = takewhile(lambda argument: argument != "--", arguments)
+        options.given = frozenset(argument.partition("=")[0] for argument in own if argument.startswith("--"))
         return options
 
     def error(self, message: str) -> NoReturn:
@@ -53,6 +61,28 @@ class _Once(argparse.Action):
             raise argparse.ArgumentError(self, f"is given twice, as {given[self.dest]} and as {values}: give it once")
         given[self.dest] = values
         setattr(namespace, self.dest, values)
+
+
+def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """Refuse options that would have no effect.
+
+    Parameters
+    ----------
+    options
+        Those of the command.
+    names
+        The names of those without effect, such as ``--port``.
+    why
+        The rest of the sentence that begins with the name.
+
+    Raises
+    ------
+    InputError
+        One of them was given.
+    """
+    for name in names:
+        if name in options.given:
+            raise InputError(f"{name} {why}")
 
 
 class Lazy:

@@ -19,7 +19,7 @@ from cosim.cli.console import err, out, report, safe, table, taking_a_while, war
 from cosim.cli.earlier_results import RESULT, replaced, set_aside
 from cosim.cli.ending import ended_by
 from cosim.cli.fmi_rules import rules_kept
-from cosim.cli.named_scenarios import read
+from cosim.cli.named_scenarios import read, take_name
 from cosim.cli.summary import print_summary
 from cosim.cli.watching import watched
 from cosim.errors import InputError, OutputError, RunInterrupted, SimulationError
@@ -71,7 +71,7 @@ def _run_scenarios(
             with ExitStack() as ending:  # the plants end last: everything is written and printed before
                 status = _run_scenario(path, options, outcomes, names, figures, live, ending)
         except (Exception, SystemExit) as error:  # of an FMU at its end
-            status = max(status, ended_by(error, path)[1])
+            status = max(status, ended_by(error, path, several=len(options.scenarios) > 1)[1])
         yield status
 
 
@@ -89,16 +89,11 @@ def _run_scenario(
     try:
         scenario = read(path, options)
         outcome.name = scenario.name
-        if scenario.name in names:
-            raise InputError(
-                f"{path} and {names[scenario.name]} are both named {scenario.name!r}, and their results would share a "
-                "folder: give one of them another name"
-            )
-        names[scenario.name] = path
+        take_name(names, scenario, path)
         run_one(scenario, options, outcome, figures, live, ending, Course.of(options, scenario))
         return status_of_run(outcome)
     except (Exception, SystemExit) as error:  # whatever it is, the other scenarios are run
-        outcome.error, status = ended_by(error, path)
+        outcome.error, status = ended_by(error, path, several=len(options.scenarios) > 1)
         return status
     except BaseException as error:
         outcome.error = error

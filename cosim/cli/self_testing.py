@@ -8,18 +8,37 @@ from rich.console import Console
 from rich.table import Table
 
 from cosim.cli.console import broken, out, safe, table, taking_a_while, warn
+from cosim.cli.fmi_rules import rules_kept
 from cosim.errors import InputError
 from cosim.fmu.package import open_package
 from cosim.fmu.reference_experiments import read_experiments
 from cosim.fmu.self_test import Replay, replay
 
 
-def self_test(fmu: Path, time_limit: float) -> int:
-    """Replay the reference experiments of an FMU, print how it agrees with them, and return the exit status."""
+def self_test(fmu: Path, time_limit: float, *, strict: bool, every: bool) -> int:
+    """Replay the reference experiments of an FMU, print how it agrees with them, and return the exit status.
+
+    Parameters
+    ----------
+    fmu
+        The FMU.
+    time_limit
+        Of an experiment [s].
+    strict
+        Whether a breach of a rule of FMI is refused, before the FMU is started.
+    every
+        Whether all warnings are printed, however many.
+
+    Raises
+    ------
+    InputError
+        The FMU cannot be opened, has no experiment or breaks a rule that `strict` refuses; or the limit is none.
+    """
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}: expected a number of seconds greater than zero")
     package = open_package(fmu)
     try:
+        rules_kept(package, strict, every=every)
         found = read_experiments(package)
         replays = []
         for number, experiment in enumerate(found.experiments, start=1):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.cli.console import out, report, safe, say, warn
+from cosim.cli.options import refuse
 from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
 from cosim.results.files import load_run
@@ -25,7 +26,9 @@ def show(options: argparse.Namespace) -> int:
     The exit status equals the run's: 0 all expectations hold, 1 one failed, 3 it failed, 130 it was
     interrupted; 2 if there is no such result.
     """
-    if options.figure is not None and len(options.results) > 1:
+    if options.figure is None:
+        refuse(options, ("--panels",), "is about the figure: add --figure FILE.png, or leave it out")
+    elif len(options.results) > 1:
         raise InputError(f"--figure {options.figure}: it draws one result: name one, not {len(options.results)}")
     return max(_shown(path, options.figure, options.panels) for path in options.results)
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from cosim.cli.console import err, say, warn
-from cosim.errors import InputError
+from cosim.cli.options import refuse
 from cosim.master.interrupt import HeldSignals
 
 if TYPE_CHECKING:
@@ -31,9 +31,7 @@ def watched(options: argparse.Namespace) -> Iterator[LiveView | None]:
         The page cannot be served, or an option is for a live page alone.
     """
     if not options.live:
-        for name in ("open", "port", "paused"):
-            if getattr(options, name) not in (None, False):
-                raise InputError(f"--{name} is about the live page: add --live, or leave it out")
+        refuse(options, ("--open", "--port", "--paused"), "is about the live page: add --live, or leave it out")
         yield None
         return
     from cosim.live.view import LiveView

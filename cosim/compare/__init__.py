@@ -1,1 +1,1 @@
-"""Two plants under the same torques: how far apart they are, as numbers and as a figure."""
+"""Two plants under the same commands: how far apart they are, as numbers and as a figure."""

@@ -1,4 +1,4 @@
-"""Two plants under the same torques from the same pose: how far apart they are."""
+"""Two plants under the same commands from the same pose: how far apart they are."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class PlantComparison:
     step : float
         Communication step [s].
     torque_from : str
-        Where the torques come from, in words.
+        Where the commands come from, in words.
     torque : ndarray (T, commands)
         The commands of each step, torques [N.m] if the vehicle takes torques.
     states : tuple of ndarray (T + 1, entries)
@@ -230,7 +230,7 @@ def compare_plants(
     within: Iterable[str] = (),
     isolated: bool = True,
 ) -> PlantComparison:
-    """Drive two plants with the same torques from the same pose.
+    """Drive two plants with the same commands from the same pose.
 
     Parameters
     ----------

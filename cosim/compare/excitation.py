@@ -1,4 +1,4 @@
-"""The torques of a comparison: given by the user, or steps and sines that move a vehicle well."""
+"""The commands of a comparison: given by the user, or steps and sines that move a vehicle well."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def given(
         values = np.array(torque, dtype=np.float64)
         shape = (ticks, len(kind.command))
         if values.shape != shape or not np.isfinite(values).all():
-            raise InputError(f"the torques are an array {values.shape}; expected {shape} finite numbers")
+            raise InputError(f"the {kind.command_word}s are an array {values.shape}; expected {shape} finite numbers")
         return values, "an array"
     where = Location(f"--torque {torque}")
     table = read_table(Path(torque), where)
@@ -63,7 +63,7 @@ def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tupl
     kind
         The kind of vehicle.
     run
-        Drives the plant with torques and returns its states (ticks + 1, entries); None if it failed.
+        Drives the plant with commands and returns its states (ticks + 1, entries); None if it failed.
     step, ticks
         The communication step [s], and how many.
     seed

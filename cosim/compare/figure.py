@@ -1,4 +1,4 @@
-"""How far apart two plants are, drawn: their paths, the torques, and every role with its difference over time."""
+"""How far apart two plants are, drawn: their paths, the commands, and every role with its difference over time."""
 
 from __future__ import annotations
 
@@ -53,11 +53,12 @@ def draw_comparison(comparison: PlantComparison) -> Figure:
     rows = len(comparison.roles)
     figure = Figure(figsize=(13, 5 + 1.9 * rows), layout="constrained")
     names = names_of(comparison)
-    figure.suptitle(f"{names[0]} and {names[1]} under the same torques", fontsize=13, parse_math=False)
+    same = f"under the same {comparison.kind.command_word}s"
+    figure.suptitle(f"{names[0]} and {names[1]} {same}", fontsize=13, parse_math=False)
     grid = figure.add_gridspec(1 + rows, 2, height_ratios=(2.4, *(1.0,) * rows))
     paths = figure.add_subplot(grid[0, 0])
     _draw_paths(paths, comparison, names)
-    _draw_torques(figure, grid[0, 1], comparison)
+    _draw_commands(figure, grid[0, 1], comparison)
     columns: list[Axes | None] = [None, None]
     for row, found in enumerate(comparison.roles, 1):
         left = figure.add_subplot(grid[row, 0], sharex=columns[0])
@@ -99,7 +100,7 @@ def _draw_paths(axes: Axes, comparison: PlantComparison, names: tuple[str, str])
     axes.legend(fontsize="small", loc="best")
 
 
-def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantComparison) -> None:
+def _draw_commands(figure: Figure, place: SubplotSpec, comparison: PlantComparison) -> None:
     last = len(comparison.kind.command) - 1
     grid = place.subgridspec(1 + last, 1)
     for row, role in enumerate(comparison.kind.command):
@@ -109,7 +110,7 @@ def _draw_torques(figure: Figure, place: SubplotSpec, comparison: PlantCompariso
         axes.set_ylabel(f"{role.name} [{role.unit}]")
         axes.grid(alpha=0.3)
         if row == 0:
-            axes.set_title(f"torques: {printable(comparison.torque_from)}", parse_math=False)
+            axes.set_title(f"{comparison.kind.command_word}s: {printable(comparison.torque_from)}", parse_math=False)
         axes.tick_params(labelbottom=row == last)
     axes.set_xlabel("time [s]")
 

@@ -178,7 +178,7 @@ def begin(teams: Sequence[Team], accelerates: bool) -> None:
     Raises
     ------
     InputError
-        A law does not serve its vehicle, or a host fails.
+        A law refuses its team, or a host fails.
     """
     hosts: dict[Host, list[TeamElsewhere]] = {}
     for team in teams:

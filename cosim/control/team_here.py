@@ -21,7 +21,7 @@ class TeamHere(Team):
     Raises
     ------
     InputError
-        The law does not serve this vehicle.
+        The law refuses the team.
     """
 
     def _make(self) -> None:

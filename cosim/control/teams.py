@@ -19,7 +19,7 @@ def team_of(law: Law, *others: Any) -> Team:
     Raises
     ------
     InputError
-        The law does not serve this vehicle; of one in another environment `begin` tells that.
+        The law refuses the team; of one in another environment `begin` tells that.
     """
     return TeamHere(law, *others) if law.host is None else TeamElsewhere(law, *others)
 

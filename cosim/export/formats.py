@@ -54,19 +54,25 @@ class Format:
     module : str
         Its module, whose function ``write(result, path, options)`` writes the file whole or not at all. It is imported
         when it is needed.
+    dated : bool
+        Whether its times can be those of a clock, which the option ``start`` sets.
+    moving : bool
+        Whether it is a moving picture, of which the other options are.
     """
 
     about: str
     module: str
+    dated: bool = False
+    moving: bool = False
 
 
 FORMATS: Mapping[str, Format] = {
-    ".mcap": Format("ROS 2 messages, for Foxglove, PlotJuggler, RViz and ros2 bag", "cosim.export.mcap"),
+    ".mcap": Format("ROS 2 messages, for Foxglove, PlotJuggler, RViz and ros2 bag", "cosim.export.mcap", dated=True),
     ".csv": Format("a wide table with units, for spreadsheets and pandas", "cosim.export.csv"),
     ".mat": Format("structs, for MATLAB, Octave and SciPy", "cosim.export.mat"),
-    ".gif": Format("a moving picture, for pages and slides", "cosim.export.animated"),
-    ".png": Format("a moving picture (APNG), for browsers", "cosim.export.animated"),
-    ".mp4": Format("a film, made by ffmpeg", "cosim.export.mp4"),
+    ".gif": Format("a moving picture, for pages and slides", "cosim.export.animated", moving=True),
+    ".png": Format("a moving picture (APNG), for browsers", "cosim.export.animated", moving=True),
+    ".mp4": Format("a film, made by ffmpeg", "cosim.export.mp4", moving=True),
 }
 """The formats, by the ending of the file's name."""
 

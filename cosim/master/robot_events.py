@@ -43,7 +43,7 @@ def changes_of(
         check_changeable(fmu, values)
         inputs.check_free(values)
         changes.setdefault(tick_at(event.time, scenario.step), []).extend(values)
-    return {tick: tuple(values) for tick, values in changes.items()}
+    return {tick: tuple(values) for tick, values in changes.items() if values}
 
 
 def check_changeable(fmu: Fmu, values: Iterable[ParameterValue]) -> None:

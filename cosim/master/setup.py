@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import formation_controllers as fc
+from formation_controllers.vehicles import is_one_of
 
 from cosim.control.hosts import Hosts
 from cosim.control.law import Law, LawGains, find_law, gains_of
@@ -152,6 +153,7 @@ def set_up(
     with timed(timing, "controllers"):
         gains = tuple(gains_of(laws[follower.controller], follower.gains) for follower in scenario.followers)
     _check_views(leader, followers)
+    _check_kinds(scenario, followers, laws)
     check_velocities(scenario, leader, followers, laws)
     used = set(_plants_of(scenario))
     signals = known.of("", recorded_signals, variables, columns, controlled)
@@ -214,6 +216,18 @@ def _rounded(number: float, up: int) -> float:
 
 def _plants_of(scenario: Scenario) -> list[str]:
     return [scenario.leader.plant, *(follower.plant for follower in scenario.followers)]
+
+
+def _check_kinds(scenario: Scenario, followers: Iterable[RobotSetup], laws: Mapping[str, Law]) -> None:
+    """Refuse followers whose law does not serve their kind of vehicle."""
+    for follower, robot in zip(scenario.followers, followers, strict=True):
+        law = laws[follower.controller]
+        if not is_one_of(law.vehicles, robot.vehicle):
+            raise InputError(
+                f"{robot.name}: the controller {law.source.name!r} serves vehicles of kind {', '.join(law.vehicles)}, "
+                f"not {robot.vehicle.kind}",
+                follower.where,
+            )
 
 
 def _check_views(leader: RobotSetup, followers: Iterable[RobotSetup]) -> None:

@@ -128,7 +128,10 @@ def set_binding(plant: str, file: Path) -> Edit:
 
 
 def set_controller(controller: str, name: str, package: str, version: str) -> Edit:
-    """Return the change of one controller to another law, at that law's default gains: gains belong to a law."""
+    """Return the change of one controller to another law, at that law's default gains: gains belong to a law.
+
+    The gains that followers have of their own go, too. If the controller has that law already, nothing changes.
+    """
     words = f"--controller {_quoted(f'{controller}={name}')}"
     return Edit(words, _set_controller, (controller, name, package, version))
 
@@ -283,8 +286,10 @@ def _set_controller(root: etree._Element, controller: str, name: str, package: s
         element.set(attribute, value)
     for attribute in ("environment", "time_limit"):
         element.attrib.pop(attribute, None)
-    for gain in element.findall("gain"):
-        element.remove(gain)
+    using = [follower for follower in root.findall("follower") if follower.get("controller") == controller]
+    for robot in (element, *using):
+        for gain in robot.findall("gain"):
+            robot.remove(gain)
 
 
 def _set_environment(

@@ -89,7 +89,7 @@ def scenario_text(name: str, vehicle: str, followers: int) -> str:
     example = kind.example
     assert example is not None
     limit = f'limit="{example.limit}"' if example.limit else ""
-    commands = "torque" if kind.takes_torques else "command"
+    commands = kind.command_word
     return _TEXT.format(
         namespace=NAMESPACE,
         name=name,

@@ -211,7 +211,7 @@ def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) 
             return
     for column, bound in enumerate(robot.fmu.binding.of(robot.kind.command)):
         if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-            child = _child(element, "torque" if robot.kind.takes_torques else "command")
+            child = _child(element, robot.kind.command_word)
             text = child.get(bound.role.name)
             stated = 0.0 if text is None else quantity(text, bound.role.unit)
             signals = float(robot.torque[0, column]) - stated  # which add to it

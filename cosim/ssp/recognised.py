@@ -342,7 +342,7 @@ def _inputs(robot: _Robot) -> Iterator[str]:
 
 
 def _commands(robot: _Robot) -> str:
-    tag = "torque" if robot.kind.takes_torques else "command"
+    tag = robot.kind.command_word
     entries = " ".join(f'{r.name}="{robot.command.get(r.name, 0.0)!r} {r.unit}"' for r in robot.kind.command)
     return f"<{tag} {entries}/> <!-- to do: what drives the leader -->"
 

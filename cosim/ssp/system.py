@@ -93,6 +93,8 @@ def system_of(scenario: Scenario, cleanup: ExitStack, *, late: bool = True, vers
     for robot in setup.followers if late else ():
         if np.any(robot.torque):
             parts.note(f"the <input> that adds to the command of {robot.name} acts one communication step late, too")
+        if any(event.stops for event in scenario.events_by_robot.get(robot.name, ())):
+            parts.note(f"the <stop/> of {robot.name} acts one communication step late, too")
     moving = setup.followers if setup.motion is not None else robots
     placed = [_plant(scenario, robot, parts) for robot in moving]
     courses = list(_given_courses(placed, scenario))

@@ -25,11 +25,10 @@ def no_vehicle(kind: Kind, description: ModelDescription, numbers: Numbers) -> s
     needed = len(kind.command)
     if len(found) >= needed:
         return ""
-    what = "a torque" if kind.takes_torques else "a command"
     known = ", ".join(unit for unit in _command_units(kind) if unit != "1")
     return (
-        f"it has {f'only {found[0]}' if found else 'no input'} that could be {what}, in {known}, a pure number or "
-        f"without a unit; {_NUMBERS.get(needed, needed)} {'are' if needed > 1 else 'is'} needed"
+        f"it has {f'only {found[0]}' if found else 'no input'} that could be a {kind.command_word}, in {known}, a pure "
+        f"number or without a unit; {_NUMBERS.get(needed, needed)} {'are' if needed > 1 else 'is'} needed"
     )
 
 

@@ -407,6 +407,17 @@ def test_the_command(run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFix
         (["--start-time=-1"], "from 1970 to 2038"),
         (["--start-time=1e300"], "expected a date"),
         (["--start-time=2099-01-01"], "from 1970 to 2038"),
+        (["--out=a.csv", "--start-time=0"], "--start-time is about .mcap: add --out FILE.mcap, or leave it out"),
+        (["--out=a.csv", "--from", "1 s"], "--from is about moving pictures: add --out FILE.gif, .png or .mp4, or "),
+        (["--out=a.mat", "--to=2 s"], "--to is about moving pictures"),
+        (["--speed=3"], "--speed is about moving pictures"),
+        (["--out=a.csv", "--out=b.mcap", "--fps=20"], "--fps is about moving pictures"),
+        (["--out=a.csv", "--size=800x450"], "--size is about moving pictures"),
+        (["--out=a.csv", "--ssp-version=1.0"], "--ssp-version is about an SSP: add --ssp FILE.ssp, or leave it out"),
+        (["--fmu=a.fmu", "--ssp-version=2.0"], "--ssp-version is about an SSP"),
+        (["--ssp=a.ssp", "--fps=20"], "--fps is about a result, and --ssp and --fmu write a scenario"),
+        (["--fmu=a.fmu", "--start-time=0"], "--start-time is about a result"),
+        (["--ssp=a.ssp", "--out=a.csv"], "--out is about a result"),
     ],
 )
 def test_bad_options(
@@ -422,6 +433,7 @@ def test_bad_options(
     printed = capsys.readouterr().err
     assert re.search(said, printed), printed
     assert "Traceback" not in printed
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_that_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -308,9 +308,25 @@ def test_changes_are_made_in_the_text_that_is_kept() -> None:
         assert piece not in scenario.text
 
 
-def test_the_same_law_keeps_its_gains() -> None:
-    same = set_controller("pid", "neural-adaptive-pid", "formation-controllers", "0.1.0")
-    assert len(read_scenario(EXAMPLE, [same]).controllers["pid"].gains) == 9
+@pytest.mark.parametrize(("name", "kept"), [("neural-adaptive-pid", (9, 1)), ("observer-pid", (0, 0))])
+def test_gains_belong_to_a_law(tmp_path: Path, name: str, kept: tuple[int, int]) -> None:
+    path = tmp_path / "s.xml"
+    own = '<desired range="3 m" bearing="45 deg"/>'
+    path.write_text(EXAMPLE.read_text().replace(own, f'{own}<gain name="K_p" value="7"/>'))
+    scenario = read_scenario(path, [set_controller("pid", name, "formation-controllers", "0.1.0")])
+    assert (len(scenario.controllers["pid"].gains), len(scenario.followers[0].gains)) == kept
+
+
+def test_another_law_leaves_the_gains_of_other_controllers(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    own = '<desired range="3 m" bearing="45 deg"/>'
+    text = EXAMPLE.read_text().replace(own, f'{own}<gain name="K_p" value="7"/>')
+    other = (
+        '<controller id="other" name="lqg" package="formation-controllers" version="~=0.1"/>\n  <controller id="pid"'
+    )
+    path.write_text(text.replace('<controller id="pid"', other))
+    scenario = read_scenario(path, [set_controller("other", "observer-pid", "formation-controllers", "0.1.0")])
+    assert (len(scenario.controllers["pid"].gains), len(scenario.followers[0].gains)) == (9, 1)
 
 
 @pytest.mark.parametrize(

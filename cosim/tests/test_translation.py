@@ -111,8 +111,6 @@ def driven_inputs(vehicle: Vehicle, step: int) -> TickInputs:
     ids=lambda value: value if isinstance(value, str) else getattr(value, "kind", None) or "-".join(value) or "plain",
 )
 def test_law_in_c_has_the_same_bits(law: str, vehicle: Vehicle, gains: dict[str, float], tmp_path: Path) -> None:
-    if law == "lqg":
-        pytest.importorskip("control")
     random = np.random.default_rng(3)
     name = law.replace("-", "_")
     controller = load(law)(Team(vehicle, SIZE, 0.02), load(law).gains_type(**gains))

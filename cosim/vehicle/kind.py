@@ -244,6 +244,11 @@ class Kind:
         """Whether all commands are torques."""
         return all(role.unit == "N.m" for role in self.command)
 
+    @property
+    def command_word(self) -> str:
+        """What one of its commands is called: a torque, or a command if not all are torques."""
+        return "torque" if self.takes_torques else "command"
+
 
 def names(roles: Sequence[Role]) -> tuple[str, ...]:
     """Return the names of roles."""
