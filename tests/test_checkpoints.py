@@ -611,7 +611,6 @@ def test_a_branch_may_change_delays_that_the_run_remembers(short_line: Scenario)
 
 
 def test_a_branch_with_other_gains_has_another_linear_quadratic_design(tmp_path: Path) -> None:
-    pytest.importorskip("control")
     two = cosim.read_scenario(write(tmp_path / "two.xml", followers=("car", "car"), law="lqg", more=""))
     gain = "follower[2]/gain[@name='q_max']/@value="
     own = two.edited([f"{gain}1"])

@@ -336,7 +336,6 @@ def test_the_linearisation_is_that_of_10(vehicle, gains):
 
 
 def test_the_design_is_stable_and_its_filter_too():
-    pytest.importorskip("control")
     _, pose, leader, desired = situation(8, CAR)
     controller = Lqg(Team(CAR, 8, 0.02))
     controller.start(pose, leader, desired)
@@ -348,7 +347,6 @@ def test_the_design_is_stable_and_its_filter_too():
 
 
 def test_a_formation_without_a_design_is_refused_by_robot():
-    pytest.importorskip("control")
     _, pose, leader, desired = situation(2, CAR)
     controller = Lqg(Team(CAR, 2, 0.02))
     for wanted in ([3.0, math.pi / 2], [0.0, 0.5]):

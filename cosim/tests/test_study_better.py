@@ -247,13 +247,13 @@ def test_values_that_are_not_drawn_are_refused_a_confidence(tmp_path: Path, text
 @pytest.mark.parametrize("text", [*CONFIDENT, BETTER])
 def test_seeds_are_draws_of_a_grid_and_so_are_runs_with_a_given_value(tmp_path: Path, text: str) -> None:
     grid = '<sample method="grid"/>'
-    requirements_of(small_study(tmp_path, LAWS + crossed(LOAD) + SEED + ONE_END, grid, LAST + text))
+    assert len(requirements_of(small_study(tmp_path, LAWS + crossed(LOAD) + SEED + ONE_END, grid, LAST + text))) == 1
     tag = text[1:].partition(" ")[0]
     given = text.replace("/>", f'><given vary="load" is="2 m"/></{tag}>')
-    requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, grid, LAST + given))
+    assert len(requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, grid, LAST + given))) == 1
     random = '<sample method="random" runs="9"/>'
-    requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, random, LAST + text))
-    requirements_of(small_study(tmp_path, LAWS + LOAD, grid, LAST + '<worst of="last" below="1 m"/>'))
+    assert len(requirements_of(small_study(tmp_path, LAWS + LOAD + SEED, random, LAST + text))) == 1
+    assert len(requirements_of(small_study(tmp_path, LAWS + LOAD, grid, LAST + '<worst of="last" below="1 m"/>'))) == 1
 
 
 @pytest.mark.parametrize(
