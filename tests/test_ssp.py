@@ -25,6 +25,8 @@ from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from cosim.ssp.exported import export_ssp
 from cosim.ssp.imported import import_ssp
+from cosim.tests.driving import scenario as write_scenario
+from tests.stub.stub import make_fmu
 
 from .ssp_masters import MASTERS, Exported, in_ecos, in_fmpy, written
 
@@ -247,6 +249,31 @@ def test_a_changed_input_has_its_value_beside_the_signals_that_the_scenario_has_
     assert setup.leader.torque[0, 0] == 31.0
     pushed = [robot.samples[0].tolist() for robot in setup.followers]
     assert pushed == [[31.0], *[[20.0]] * (len(pushed) - 1)]
+
+
+def test_a_changed_whole_number_of_an_input_has_its_value_too(tmp_path: Path) -> None:
+    """Signals of whole numbers are added up as well."""
+    fmu = make_fmu(tmp_path / "fmus", fmi="3.0", discrete=True)
+    path = write_scenario(tmp_path / "geared.xml", f'<plant id="car" fmu="{fmu}"/>')
+    text = path.read_text("utf-8").replace("<leader ", '<input name="gear"><constant value="2"/></input><leader ')
+    path.write_text(text, "utf-8")
+    export_ssp(read_scenario(path), tmp_path / "geared.ssp")
+
+    def change(name: str, data: bytes) -> bytes:
+        pattern = rb'(?s)(name="gear">\s*<ssv:\w+ value=")2'
+        return re.sub(pattern, rb"\g<1>3", data) if name.endswith("/follower_1.ssv") else data
+
+    imported = import_ssp(_changed(tmp_path / "geared.ssp", tmp_path / "changed.ssp", change), tmp_path / "changed.xml")
+    with ExitStack() as cleanup:
+        setup = set_up(read_scenario(written(imported)), cleanup, {})
+    assert [[held.value for held in robot.held if held.variable.name == "gear"] for robot in setup.followers] == [[3]]
+
+
+def test_a_command_of_a_follower_is_its_controllers(line: Exported, tmp_path: Path) -> None:
+    torque = '<ssv:Parameter name="tau_drive"><ssv:Real value="3.0" unit="N.m"/></ssv:Parameter></ssv:Parameters>'
+    path = _with(line, tmp_path / "given.ssp", "resources/follower_1.ssv", "</ssv:Parameters>", torque)
+    (note,) = import_ssp(path, tmp_path / "given.xml").notes
+    assert note == "follower_1.tau_drive was changed, which the scenario cannot state: it keeps its own value"
 
 
 _INLINE = """\

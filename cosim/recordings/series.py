@@ -18,6 +18,8 @@ Floats: TypeAlias = NDArray[np.float64]
 NO_UNIT = "-"
 _LONGER = 1.5
 """How many times as long as the usual one an interval is that counts as a gap."""
+_MOSTLY = 0.9
+"""Part of the numbers of a column between which so many cells are empty, where a table has rows of several topics."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +122,8 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     """Return a number at the ticks of a scenario, by straight lines between its samples.
 
     A sample that falls on a tick, to a nanosecond, is taken as it is. Before the first sample and after the last, their
-    values are held for one usual interval at most, as no recording begins and ends on a tick; not if further samples
-    are no numbers.
+    values are held for one usual interval at most, as no recording begins and ends on a tick; not if more samples there
+    are no numbers than mostly lie between two that are, as in a table whose last line is cut off.
 
     Parameters
     ----------
@@ -141,7 +143,8 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     """
     numbers = np.isfinite(values)
     not_numbers = int(len(values) - numbers.sum())
-    everything, time, values = time, time[numbers], values[numbers]
+    places = np.flatnonzero(numbers)
+    time, values = time[numbers], values[numbers]
     back = np.maximum.accumulate(time) - time if len(time) else time
     if len(time) and back.max() > longest_gap:
         at = int(np.argmax(back > longest_gap))
@@ -171,9 +174,10 @@ def sampled(time: Floats, values: Floats, ticks: Floats, longest_gap: float, *, 
     intervals = np.diff(time[within])
     usual = float(np.median(intervals)) if len(intervals) else 0.0
     held = np.zeros(len(ticks), bool)
-    ends = (0, time[0] - ticks, everything.min() == time[0]), (-1, ticks - time[-1], everything.max() == time[-1])
-    for end, late, is_end in ends:
-        if not is_end:
+    mostly = np.quantile(np.diff(places) - 1, _MOSTLY) if len(places) > 1 else 0
+    ends = (0, time[0] - ticks, places[0]), (-1, ticks - time[-1], len(numbers) - 1 - places[-1])
+    for end, late, lacking in ends:
+        if lacking > mostly:
             continue
         near = (late > ROUNDING) & (late <= min(usual, longest_gap) + ROUNDING)
         found[near] = values[end]

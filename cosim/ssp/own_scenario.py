@@ -18,6 +18,7 @@ from cosim.errors import MAX_NAMES, InputError, Location
 from cosim.fmu.binding import BoundVariable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
+from cosim.plant.spec import WHOLE
 from cosim.quantity import quantity
 from cosim.scenario.document import parse_document
 from cosim.scenario.grammar import paths_in
@@ -181,9 +182,11 @@ def _apply(
     for name, parameters in found.items():
         element = root.find("leader") if name == LEADER else _one(root, "follower", "id", name)
         for parameter in parameters.values():
-            if element is not None and name in robots:
-                _of_robot(element, robots[name], parameter)
-            elif not _is_gain(root, gains, parameter):
+            if element is None or name not in robots:
+                stated = _is_gain(root, gains, parameter)
+            else:
+                stated = _of_robot(element, robots[name], parameter)
+            if not stated:
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
 
 
@@ -202,25 +205,29 @@ def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Param
     return True
 
 
-def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> None:
+def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> bool:
+    """Put a changed value of a robot into the scenario; return whether that can state it."""
     for bound in robot.fmu.binding.of(robot.kind.pose):
         assert bound is not None
         assert bound.initial is not None
         if bound.initial.variable.name == parameter.name:
             _child(element, "pose").set(bound.role.name, _in_role(parameter, bound.role, bound.initial))
-            return
+            return True
     for column, bound in enumerate(robot.fmu.binding.of(robot.kind.command)):
         if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
+            if robot.name != LEADER:  # its controller gives it
+                return False
             child = _child(element, robot.kind.command_word)
             text = child.get(bound.role.name)
             stated = 0.0 if text is None else quantity(text, bound.role.unit)
             signals = float(robot.torque[0, column]) - stated  # which add to it
             child.set(bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals))
-            return
+            return True
     if parameter.name in robot.fmu.inputs and parameter.name not in {one.variable.name for one in robot.parameters}:
         insert(element, [_input(robot, parameter)])
     else:
         _named(element, "parameter", parameter.name, _written(parameter))
+    return True
 
 
 def _input(robot: RobotSetup, parameter: Parameter) -> etree._Element:
@@ -232,6 +239,9 @@ def _input(robot: RobotSetup, parameter: Parameter) -> etree._Element:
         if bound.played_by is not None and bound.played_by.variable.name == parameter.name:
             name, text = bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals)
             break
+    for held in robot.held:
+        if held.variable.name == name and held.variable.type in WHOLE:  # signals of these are added up
+            text = str(int(parameter.value) - int(held.value))
     found = etree.Element("input", name=name)
     etree.SubElement(found, "constant", value=text)
     return found

@@ -772,6 +772,16 @@ def test_no_value_is_made_of_samples_that_are_no_numbers(fault: float) -> None:
     assert (found.not_numbers, found.samples, found.bridged) == (2, 3, 0)
 
 
+@pytest.mark.parametrize(("every", "first"), [(2, 0), (2, 1), (5, 2), (10, 3), (10, 9)])
+def test_a_column_that_has_numbers_in_some_rows_alone_is_held_at_its_ends(every: int, first: int) -> None:
+    """As in a table of several topics, of which each has rows of its own."""
+    time = np.arange(1001) * 0.01
+    column = np.where(np.arange(1001) % every == first, time, math.nan)
+    assert np.isfinite(sampled(time, column, time, 0.5).values).all()
+    column[-every:] = math.nan  # one more number is missing, as after a cut
+    assert np.isnan(sampled(time, column, time, 0.5).values[-1])
+
+
 def test_a_clock_that_goes_back() -> None:
     values = np.zeros(4)
     with pytest.raises(ClockGoesBack) as caught:
