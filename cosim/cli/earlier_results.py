@@ -101,10 +101,10 @@ def set_aside(
 def _place(folder: Path, earlier: Provenance) -> Path:
     """Return the folder beside that of a run which an earlier run goes to: one without a run of another file."""
     place = folder.with_name(f"{folder.name}+{label(earlier, folder.name)}")
-    there = _provenance(place / RESULT)
+    there = _provenance(place / RESULT) or _of_checkpoints(place / FOLDER)
     if there is None or there.variant == earlier.variant:
         return place
-    return folder.with_name(f"{folder.name}+{label(earlier, folder.name, str(Path(earlier.file).with_suffix('')))}")
+    return folder.with_name(f"{folder.name}+{label(earlier, folder.name, os.path.splitext(earlier.file)[0])}")
 
 
 def replaced(folder: Path) -> None:

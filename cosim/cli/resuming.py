@@ -119,12 +119,15 @@ def _place(options: argparse.Namespace, found: Checkpoint, scenario: Scenario) -
 def _check_not_before_branch(tick: int, found: Checkpoint, folder: Path) -> None:
     """Refuse a moment of a branch before its first checkpoint: up to there the run had another scenario."""
     branch = next((part for part in reversed(found.origin.parts) if part.scenario), None)
-    if branch is not None and all(tick < own for own in ticks_in(found.path.parent)):
+    if branch is None or any(own <= tick for own in ticks_in(found.path.parent)):
+        return
+    if tick < round(branch.until / found.scenario.step):
         whence = f" from {branch.run}" if branch.run else ""
         raise InputError(
             f"--at {tick * found.scenario.step:g}s: the run in {folder} branched off{whence} at {branch.until:g} s; "
             f"expected a moment from then on, or go on from {branch.run or 'the earlier run'}"
         )
+    raise InputError(f"--at {tick * found.scenario.step:g}s: the branch in {folder} has no checkpoint up to then")
 
 
 def _check_not_complete(folder: Path, scenario: Scenario) -> None:

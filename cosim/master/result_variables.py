@@ -72,6 +72,10 @@ def result_variables_of(
         )
     taken = {*variables, *RESERVED, *(dim for variable in variables.values() for dim in variable.dims)}
     telemetry: dict[str, tuple[object, ResultVariable]] = {}
+    owners: dict[str, list[str]] = {}
+    for follower, its in followers:
+        for signal in its.signals:
+            owners.setdefault(signal.name, []).append(follower)
     for law in laws:
         for signal in law.signals:
             parts = signal.components
@@ -83,7 +87,7 @@ def result_variables_of(
                     law.source.where,
                 )
             about = (signal.unit, signal.description, signal.singular_at_zero, float(signal.singular_below))
-            having = tuple(follower for follower, its in followers if signal in its.signals)
+            having = tuple(owners[signal.name])
             telemetry[signal.name] = (signal, ResultVariable(signal.name, dims, shape, *about, having))
     return (*variables.values(), *(variable for _, variable in telemetry.values()))
 

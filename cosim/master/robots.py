@@ -145,7 +145,8 @@ def _robot(
     kind, where, source = fmu.binding.kind, about.where, scenario.plants[about.plant]
     own = understood(fmu, source, about.parameters, known)
     replaced = {value.variable.identity for value in own}
-    common = understood(fmu, source, source.parameters, known)
+    named = {setting.name for setting in about.parameters}
+    common = understood(fmu, source, [one for one in source.parameters if one.name not in named], known)
     parameters = (*(value for value in common if value.variable.identity not in replaced), *own)
     try:
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))

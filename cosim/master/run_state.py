@@ -98,7 +98,7 @@ class RunState:
                 ),
                 kept=tuple(map(int, facts["kept"])),
             ),
-            given={str(robot): (int(first), int(last)) for robot, (first, last) in facts["given"].items()},
+            given={str(robot): (int(first), int(last)) for robot, (first, last) in facts.get("given", {}).items()},
         )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import formation_controllers as fc
-from formation_controllers.vehicles import is_one_of
+from formation_controllers.vehicles import Vehicle, is_one_of
 
 from cosim.control.hosts import Hosts
 from cosim.control.law import Law, LawGains, find_law, gains_of
@@ -222,12 +222,22 @@ def _check_kinds(scenario: Scenario, followers: Iterable[RobotSetup], laws: Mapp
     """Refuse followers whose law does not serve their kind of vehicle."""
     for follower, robot in zip(scenario.followers, followers, strict=True):
         law = laws[follower.controller]
-        if not is_one_of(law.vehicles, robot.vehicle):
+        if not is_one_of(law.vehicles, robot.vehicle) and not _serves(law, robot.vehicle):
             raise InputError(
                 f"{robot.name}: the controller {law.source.name!r} serves vehicles of kind {', '.join(law.vehicles)}, "
                 f"not {robot.vehicle.kind}",
                 follower.where,
             )
+
+
+def _serves(law: Law, vehicle: Vehicle) -> bool:
+    """Return whether a law says itself that it serves a vehicle; one that fails at that is told where it is made."""
+    if law.controller_type is None:
+        return False
+    try:
+        return bool(law.controller_type.serves(vehicle))
+    except Exception:
+        return True
 
 
 def _check_views(leader: RobotSetup, followers: Iterable[RobotSetup]) -> None:

@@ -165,8 +165,8 @@ def _numbers(
 def _notes(path: Path, cut: bool, timeless: int) -> Iterator[str]:
     if cut:
         yield (
-            f"{path.name}: the last line has no line end, so its last number may be cut off, and is left out; add a "
-            "line end if it is whole"
+            f"{path.name}: the last line has no line end, so its last number may be cut off, and is left out, as "
+            "is what does not follow it; add a line end if it is whole"
         )
     if timeless:
         yield f"{path.name}: {timeless} rows have no time and are left out"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -39,8 +40,10 @@ class Part:
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Self:
         """Return the part of which `as_data` has told."""
-        changes, run = tuple(map(str, data["changes"])), str(data.get("run", ""))
-        return cls(float(data["until"]), changes, str(data["scenario"]), run)
+        until, changes = float(data["until"]), tuple(map(str, data["changes"]))
+        if not math.isfinite(until):
+            raise ValueError(f"a part of the run that ends at {until} s")
+        return cls(until, changes, str(data["scenario"]), str(data.get("run", "")))
 
     @property
     def as_data(self) -> dict[str, Any]:
@@ -82,12 +85,14 @@ class Provenance:
     @classmethod
     def of(cls, attributes: Mapping[Any, Any]) -> Self:
         """Read the attributes of a result."""
-        failure = json.loads(attributes.get("failure", "null"))
+        failure, file = json.loads(attributes.get("failure", "null")), str(attributes.get("scenario_file", ""))
+        if "\0" in file:
+            raise ValueError("a scenario's file with a null byte in its name")
         packages: dict[str, dict[str, None]] = {}  # of controllers, which may have several versions of one
         for law in json.loads(attributes.get("controllers", "[]")):
             packages.setdefault(str(law["package"]), {})[str(law["version"])] = None
         return cls(
-            file=str(attributes.get("scenario_file", "")),
+            file=file,
             changes=tuple(map(str, json.loads(attributes.get("changes", "[]")))),
             seed=int(attributes["seed"]) if "seed" in attributes else None,
             versions={name: str(own) for name, own in json.loads(attributes.get("versions", "{}")).items()}

@@ -150,8 +150,9 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
 def _given(told: Provenance) -> tuple[str, ...]:
     """Say which robots a program drove, which neither the scenario nor its changes tell."""
     return tuple(
-        f"{robot}: a program gave its commands between t = {in_seconds(first)} and t = {in_seconds(last)}, in place of "
-        f"{'the scenario' if robot == LEADER else 'its controller'}; no command repeats this run"
+        f"{robot}: a program gave commands in place of "
+        f"{'the scenario' if robot == LEADER else 'its controller'}, first at t = {in_seconds(first)}"
+        f"{'' if first == last else f' and last at t = {in_seconds(last)}'}; no command repeats this run"
         for robot, (first, last) in told.given.items()
     )
 

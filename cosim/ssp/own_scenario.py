@@ -129,10 +129,10 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
 def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
     """Return the parameters that were changed, by component and in the units that they had, and notes."""
     if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
-        if not any(component.parameters_source in changed for component in structure.components):
-            return {}, [_UNREAD]
+        what = "was changed since the export" if (directory / ALL_PARAMETERS).is_file() else "is missing"
         return {}, [
-            f"{ALL_PARAMETERS} was changed, too, so that no changed value is recognised: change the others only"
+            f"{ALL_PARAMETERS} {what}, so that no changed value is recognised: restore it, and change the sets of the "
+            "components only"
         ]
     written, units = parameters_of(path, directory, ALL_PARAMETERS)
     before = {parameter.name: parameter for parameter in written}
@@ -156,9 +156,6 @@ def _as_before(parameter: Parameter, old: Parameter | None, known: Units) -> Par
         return parameter
     value = parameter.in_unit(old.unit, *known[old.unit], known) if old.unit else parameter.number
     return replace(parameter, type=old.type, value=value, unit=old.unit)
-
-
-_UNREAD = f"{ALL_PARAMETERS} was changed since the export, but only the sets of the components are read: change those"
 
 
 def _experiment(root: etree._Element, structure: Structure) -> None:

@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 from cosim.errors import InputError
+from cosim.unforeseen import Lack
 
 if TYPE_CHECKING:
     from cosim.studies.row import Row
@@ -48,6 +49,8 @@ def make(wanted: Mapping[str, str], task: bytes) -> tuple[list[Row], float]:
     ------
     InputError
         Here are other versions.
+    Lack
+        The machine of this worker lacks what a run needs.
     """
     own = versions()
     for name, other in wanted.items():
@@ -56,7 +59,10 @@ def make(wanted: Mapping[str, str], task: bytes) -> tuple[list[Row], float]:
                 f"the worker on {socket.gethostname()} (process {os.getpid()}) has {_named(name, own.get(name, ''))}, "
                 f"where this command has {_named(name, other)}: its runs could have other numbers"
             )
-    found: tuple[list[Row], float] = _processes().make(pickle.loads(task))
+    try:
+        found: tuple[list[Row], float] = _processes().make(pickle.loads(task))
+    except Lack as lack:
+        raise Lack(f"the worker on {socket.gethostname()}: {lack}") from None
     return found
 
 

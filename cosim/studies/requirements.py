@@ -77,6 +77,7 @@ def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
     """Refuse a confidence if what counts as a draw differs from others in more than its seed, and not by chance."""
     method = study.sample.method
     if not draws.single and method in AT_RANDOM:
+        _check_different(study, written, draws)
         return
     if draws.single and (study.sample.runs or 1) > 1:
         raise InputError(
@@ -94,6 +95,19 @@ def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
             f'with confidence: {crossed}; or name one of them by <given>, give a method that draws, such as "random", '
             "or ask <worst>"
         )
+
+
+def _check_different(study: Study, written: Written, draws: Draws) -> None:
+    """Refuse a confidence if nothing is drawn that draws differ by."""
+    chosen = {index for index, _ in draws.given} | set(study.tune.values if study.tune else ())
+    for index, vary in enumerate(study.vary):
+        one = isinstance(vary.values, Finite) and len(vary.values) == 1
+        if index not in chosen and not vary.crossed and not one and vary.name != written.get("vary"):
+            return
+    raise written.error(
+        f"nothing is drawn by which runs differ, so that <{written.kind}> can say nothing of them with confidence: "
+        "vary the seed besides"
+    )
 
 
 def _probability(study: Study, written: Written, draws: Draws) -> Judged:

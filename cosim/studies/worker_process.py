@@ -80,6 +80,8 @@ class WorkerProcess:
         except Ended as how:
             raise NotBegun(str(how)) from None
         self.has_begun = True
+        if first[0] not in (Told.BEGUN, Told.UNFORESEEN):
+            raise Ended(": its process answers before it has begun")
         while True:
             kind, body = self._answer() if first[0] == Told.BEGUN else first
             try:

@@ -244,6 +244,17 @@ def test_values_that_are_not_drawn_are_refused_a_confidence(tmp_path: Path, text
         requirements_of(same)
 
 
+@pytest.mark.parametrize("text", CONFIDENT)
+def test_runs_that_differ_by_nothing_drawn_are_refused_a_confidence(tmp_path: Path, text: str) -> None:
+    """Of 9 equal runs all pass or none."""
+    one = '<vary name="law" select="//controller/@name"><list values="neural-adaptive-pid"/></vary>'
+    random = '<sample method="random" runs="9"/>'
+    for vary in (one, one + crossed(LOAD)):
+        with pytest.raises(InputError, match="nothing is drawn by which runs differ"):
+            requirements_of(small_study(tmp_path, vary, random, LAST + text))
+    assert len(requirements_of(small_study(tmp_path, one + SEED, random, LAST + text))) == 1
+
+
 @pytest.mark.parametrize("text", [*CONFIDENT, BETTER])
 def test_seeds_are_draws_of_a_grid_and_so_are_runs_with_a_given_value(tmp_path: Path, text: str) -> None:
     grid = '<sample method="grid"/>'

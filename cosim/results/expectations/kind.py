@@ -145,7 +145,7 @@ class Kind(ABC):
     def check_within(self, horizon: float) -> None:
         """Check that the window is within the run."""
         start, stop = self.written.start, self.written.stop
-        if stop > horizon or start > stop or (self.lasts and start == stop):
+        if stop > horizon + ROUNDING or start > stop or (self.lasts and start == stop):
             raise AfterTheEnd(
                 f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s", self.written.where
             )
@@ -168,7 +168,7 @@ class Kind(ABC):
     @property
     def nothing_to_judge(self) -> Verdict:
         """The verdict where no follower has what it is about."""
-        return self.not_judged("", "no follower has what it is about")
+        return self.not_judged("", "no follower has the signal, so that there is nothing to judge")
 
     @property
     def span(self) -> str:

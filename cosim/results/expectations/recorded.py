@@ -75,7 +75,7 @@ def absent(signal: Variable, robots: Sequence[str]) -> list[bool]:
     has one without a sample.
     """
     courses = by_robot(signal)
-    if len(courses) and (named := str(signal.attrs.get("robots", "")).split()):
+    if len(courses) and (named := set(str(signal.attrs.get("robots", "")).split())):
         return [robot not in named for robot in robots]
     return missing(courses)
 

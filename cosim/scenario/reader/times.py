@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from cosim.clock import Clock, whole
+from cosim.clock import ROUNDING, Clock, whole
 from cosim.errors import AfterTheEnd
 from cosim.quantity import whole_steps
 from cosim.scenario.reader.element import Element
@@ -53,7 +53,7 @@ class Times(Clock):
         time = element.not_negative(name, "s")
         if exact:
             self.exact(element, name)
-        if time > self.horizon:
+        if time > self.horizon + ROUNDING:
             raise AfterTheEnd(
                 f"the <{element.kind}> at {time:g} s is after the end of the run at {self.horizon:g} s", element.where
             )
