@@ -160,6 +160,7 @@ def test_a_tolerance_of_what_a_plant_does_not_offer_is_refused(compare, tmp_path
     _, warned = compare("car_like", silent, "--within", within, status=2)
     assert f"within {within}: plant B (silent.fmu) offers no v, so it would hold whatever they do" in warned
     compare("car_like", silent, "--within", "0", status=1)
+    compare("car_like", silent, "--within", "1 km", "--within", "1 mm/s", status=0)
 
 
 def test_what_an_fmu_logs_is_kept(tmp_path: Path) -> None:

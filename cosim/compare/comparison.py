@@ -410,12 +410,14 @@ def _pose(kind: Kind, entries: Mapping[str, float]) -> tuple[float, ...]:
 def _tolerances(kind: Kind, within: Iterable[str], runs: Sequence[_Run]) -> dict[str, float]:
     """Return the tolerance of each role; if any is given, roles without one are not limited.
 
-    A tolerance of nothing that both plants offer is refused.
+    A tolerance of a role that not both plants offer is refused, and so are tolerances of which none is of a role that
+    both offer.
     """
     roles = {role.name: role for role in kind.states}
     offered = set(roles).intersection(*(run.fmu.binding.bound for run in runs))
     general: dict[str, float] = {}
     own: dict[str, float] = {}
+    idle = ""
     for text in within:
         name, equals, value = text.rpartition("=")
         name = name.strip()
@@ -432,9 +434,13 @@ def _tolerances(kind: Kind, within: Iterable[str], runs: Sequence[_Run]) -> dict
                 for run in runs
                 if (names := [name for name in fitting if name not in run.fmu.binding.bound])
             )
-            raise InputError(f"within {text}: {lacking}, so it would hold whatever they do: leave it out")
+            idle = f"within {text}: {lacking}, so it would hold whatever they do: leave it out"
+            if equals:
+                raise InputError(idle)
         given |= fitting
     found = general | own
+    if idle and offered.isdisjoint(found):
+        raise InputError(idle)
     return dict.fromkeys(roles, math.inf) | found if found else dict.fromkeys(roles, TOLERANCE)
 
 
