@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -28,7 +29,7 @@ from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.studies.store import FILE
-from cosim.studies.table import as_csv, as_result
+from cosim.studies.table import _of_value, as_csv, as_result
 from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study, write_study
 
 from .crashing_study import crashing_study
@@ -206,6 +207,23 @@ def test_a_seed_keeps_all_of_its_digits_in_the_table(tmp_path: Path) -> None:
     outcome = here(tmp_path, seeds, '<sample method="random" runs="2"/>')
     assert [line.split(",")[2] for line in as_csv(outcome).splitlines()[1:]] == ["9007199254740993", "9007199254740994"]
     assert as_result(outcome).dataset["seed"].values.tolist() == [2**53 + 1, 2**53 + 2]
+
+
+@pytest.mark.parametrize(
+    ("texts", "values"),
+    [
+        (["1", "2"], [1, 2]),
+        (["7", None], [7.0, math.nan]),
+        ([str(2**53 + 1), None], [str(2**53 + 1), ""]),
+        ([str(2**64), "1"], [float(2**64), 1.0]),
+        ([str(2**64 + 1), "1"], [str(2**64 + 1), "1"]),
+        (["1e20", "1e21"], [1e20, 1e21]),
+    ],
+)
+def test_whole_numbers_are_kept_as_what_holds_them(texts: list[str | None], values: list[object]) -> None:
+    column = _of_value("seed", texts)
+    assert repr(list(column.values)) == repr(values)
+    assert np.asarray(column.values).dtype.kind in "ifU"
 
 
 def rows_of(statuses: Sequence[str], figures: Sequence[float] = (), **about: object) -> list[Row]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 
 from PIL import Image
@@ -35,8 +36,10 @@ def write(result: Result, path: Path, options: Options) -> None:
     # The last frame has the whole of all paths; this method keeps white nearly white.
     palette = frames[-1].quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    shown = 10 * max(round(100 / film.fps), 2) if gif else 1000 / film.fps
-    durations = [shown] * len(others) + [1000 * STAYS]
+    ends = [1000 / film.fps * number for number in range(len(frames))]
+    if gif:  # counts hundredths of a second
+        ends = [10 * round(end / 10) for end in ends]
+    durations = [end - begin for begin, end in itertools.pairwise(ends)] + [1000 * STAYS]
     picture = io.BytesIO()
     first.save(
         picture,

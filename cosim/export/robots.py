@@ -112,7 +112,7 @@ def _robot(result: Result, robot: str, row: int, outline: Outline) -> Robot:
         heading=heading,
         measured=(measured[names[0]], measured[names[1]], _sum(measured, turned_by)) if measured else None,
         speed=_speed(result, row, x, y, heading),
-        turning=_rate(result["time"].values, heading),
+        turning=_rate(result["time"].values, _unwrapped(heading)),
         moving=tuple(moving),
         shapes=tuple(shapes),
     )
@@ -147,6 +147,13 @@ def _speed(result: Result, row: int, x: Floats, y: Floats, heading: Floats) -> F
         return velocity["v"]
     time = result["time"].values
     return np.cos(heading) * _rate(time, x) + np.sin(heading) * _rate(time, y)
+
+
+def _unwrapped(heading: Floats) -> Floats:
+    """Return a heading that counts its turns, as that of an FMU may not; gaps stay."""
+    found, known = heading.copy(), np.isfinite(heading)
+    found[known] = np.unwrap(heading[known])
+    return found
 
 
 def _rate(time: Floats, values: Floats) -> Floats:

@@ -157,8 +157,12 @@ def _values(column: Variable, rows: NDArray[np.int64]) -> list[Any]:
     if values.dtype.kind in "iub":
         return [int(value) for value in values]
     if values.dtype.kind == "f":
-        return [float(f"{value:.6g}") if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
+        return [_short(value) if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
     return [str(value) for value in values.tolist()]
+
+
+def _short(value: float) -> float:
+    return value if value.is_integer() else float(f"{value:.6g}")
 
 
 def _not_finite(value: float) -> str | None:

@@ -101,6 +101,10 @@ def _columns(outcome: StudyOutcome) -> Iterator[Column]:
     yield Column("message", "run", "", [row.message for row in rows], "why the run is broken or has failed")
 
 
+_MOST = 2**63
+"""The whole numbers of a file are less in magnitude."""
+
+
 def _of_value(name: str, texts: Sequence[str | None]) -> Column:
     """Return a varied value: as numbers where all are quantities in one unit."""
     found: list[float] = []
@@ -119,8 +123,12 @@ def _of_value(name: str, texts: Sequence[str | None]) -> Column:
         found.append(number)
     else:
         if unit is not None:
-            if unit == "1" and all(number.is_integer() for number in found):
-                return Column(name, "value", "", [_whole(str(text)) for text in texts])
+            if unit == "1" and all(number.is_integer() for number in found if not math.isnan(number)):
+                whole = [_whole(text) for text in texts if text is not None]
+                if len(whole) == len(texts) and all(-_MOST <= one < _MOST for one in whole):
+                    return Column(name, "value", "", whole)
+                if any(int(float(one)) != one for one in whole):  # a float would be another number
+                    return Column(name, "value", "", ["" if text is None else str(_whole(text)) for text in texts])
             return Column(name, "value", "" if unit == "1" else unit, found)
     return Column(name, "value", "", ["" if text is None else text for text in texts])
 

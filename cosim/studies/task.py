@@ -181,7 +181,7 @@ def _judged(task: Task, base: _Base, run: Run, key: str, verdicts: Sequence[Verd
     own: list[Verdict] = []
     for verdict in verdicts:
         places.get(verdict.where, own).append(verdict)
-    failed = [verdict for verdict in own if not verdict.passed]
+    failed = sorted((verdict for verdict in own if not verdict.passed), key=_over_bound)  # the worst is told
     row = Row(
         key=key,
         number=run.number,

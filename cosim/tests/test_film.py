@@ -13,7 +13,7 @@ from PIL import Image
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError, OutputError
-from cosim.export.film import _pale, _Scene, film_of, frames_of
+from cosim.export.film import STAYS, _pale, _Scene, film_of, frames_of
 from cosim.export.formats import Options
 from cosim.results.files import save
 from cosim.results.outlines import outlined_vehicles
@@ -61,6 +61,19 @@ def test_desired_places_are_those_of_the_errors(mixed: Result) -> None:
     desired, leader = desired_points(mixed), mixed["leader_pose"].values[:, np.newaxis, :2]
     assert np.hypot(*np.moveaxis(leader - desired, -1, 0)) == pytest.approx(mixed["desired_range"].values)
     assert np.hypot(*np.moveaxis(leader - sight_points(mixed), -1, 0)) == pytest.approx(mixed["range"].values)
+
+
+@pytest.mark.parametrize("fps", [12.0, 30.0, 40.0])
+def test_a_gif_plays_as_fast_as_it_says(mixed: Result, tmp_path: Path, fps: float) -> None:
+    """GIF counts hundredths of a second, which is no whole number of frames here."""
+    cosim.export_result(mixed, tmp_path / "a.gif", **SMALL | {"fps": fps, "speed": 0.2})
+    with Image.open(tmp_path / "a.gif") as picture:
+        shown = 0
+        for number in range(picture.n_frames):
+            picture.seek(number)
+            shown += picture.info["duration"]
+    film = film_of(mixed, Options(**SMALL | {"fps": fps, "speed": 0.2}))
+    assert shown - 1000 * STAYS == pytest.approx(1000 * (len(film.samples) - 1) / fps, abs=10)
 
 
 @pytest.mark.parametrize(("suffix", "kind"), [(".gif", "GIF"), (".png", "PNG")])

@@ -1,6 +1,7 @@
 """The table of the variables of an ODE model's FMU, from which modelDescription.xml and config.h are written."""
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
@@ -172,7 +173,7 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
             if number is None:
                 raise ModelError(f"{entry.name} has no item {value!r}; it has {', '.join(i.name for i in entry.items)}")
             return replace(entry, start=number)
-        if not (isinstance(value, float | int) and entry.min <= value <= entry.max):
+        if isinstance(value, str | bool) or not (math.isfinite(value) and entry.min <= value <= entry.max):
             raise ModelError(f"{entry.name} cannot start at {value!r}; it lies from {entry.min:g} to {entry.max:g}")
         return replace(entry, start=float(value))
 

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import math
 import os
 import re
 import stat
@@ -344,6 +345,9 @@ def test_start_values_of_ones_own_are_those_of_the_fmu_and_of_its_binary(tmp_pat
         ({"mass": 1.0}, "no state or parameter 'mass'"),
         ({"drive": "front"}, "drive has no item 'front'; it has as_printed"),
         ({"m_c": -1.0}, "m_c cannot start at -1.0"),
+        ({"m_c": math.inf}, "m_c cannot start at inf"),
+        ({"x": -math.inf}, "x cannot start at -inf"),
+        ({"m_c": True}, "m_c cannot start at True"),
     ],
 )
 def test_a_start_value_that_does_not_fit_is_refused(starts: dict[str, float | str], why: str) -> None:

@@ -1,9 +1,16 @@
 """Directional and adjoint derivatives against differences."""
 
 from collections.abc import Callable
+from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
+import sympy
+from fmpy.fmi3 import FMU3Slave
+
+import plants
+from plants.ode import Input, OdeModel, State
 
 from . import driver
 from .driver import Instance, Refused
@@ -77,3 +84,27 @@ def test_derivatives_while_running(new: Callable, car: Fmu) -> None:
         for unknown, known in wrong:
             with pytest.raises(Refused, match=r"is no (un)?known"):
                 instance.differentiate([car[unknown]], [car[known]], [1.0])
+
+
+def test_a_direction_beside_a_singular_entry_has_its_derivative(tmp_path: Path) -> None:
+    """The outlet of an empty tank: its slope has no bound, and the inflow counts all the same."""
+    h, u = sympy.symbols("h u", real=True)
+    tank = OdeModel(
+        name="tank",
+        description="Tank with an outlet",
+        states=(State(h, "m", "Level"),),
+        derivatives=(u - sympy.sqrt(h),),
+        inputs=(Input(u, "m/s", "Inflow"),),
+    )
+    path = plants.build(tank, fmi="3.0", out=tmp_path)
+    description = fmpy.read_model_description(path)
+    numbers = {variable.name: variable.valueReference for variable in description.modelVariables}
+    instance = FMU3Slave(
+        guid=description.guid, unzipDirectory=fmpy.extract(path, tmp_path), modelIdentifier="tank", instanceName="tank"
+    )
+    instance.instantiate()
+    instance.enterInitializationMode(startTime=0.0)
+    ends = [numbers["der(h)"]], [numbers["u"]]
+    assert list(instance.getDirectionalDerivative(*ends, [1.0])) == [1.0]
+    assert list(instance.getAdjointDerivative(*ends, [1.0])) == [1.0]
+    instance.freeInstance()

@@ -346,7 +346,7 @@ static void add_products(bool adjoint, const Partial table[], const double parti
     for (int k = 0; k < n; k++) {
         const unsigned from = adjoint ? table[k].unknown : table[k].known;
         const unsigned to = adjoint ? table[k].known : table[k].unknown;
-        sums[to] += partials[k] * seeds[from];
+        if (seeds[from] != 0.0) sums[to] += partials[k] * seeds[from]; /* a partial that is not finite may not count */
     }
 }
 
