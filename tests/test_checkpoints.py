@@ -889,7 +889,7 @@ def test_commands_that_a_program_gave_are_told_of_the_run_and_its_forks(short_li
             "follower_1: a program gave commands in place of its controller, first at t = 0.08 s" in note
             for note in summary.notes
         )
-        assert any("t = 0.10 s, in place of the scenario" in note for note in summary.notes)
+        assert any("in place of the scenario, first at t = 0.10 s; no" in note for note in summary.notes)
         page = content_of(Result.of(result))
         assert page["notes"] == list(summary.notes)
         assert page["provenance"]["command"] == ""

@@ -500,7 +500,7 @@ def test_good_expectations(scenario: Scenario) -> None:
         expecting("itae", "1 m.s", signal="speed"),
         expecting("itae", "1 s2", signal="weight_norm"),
         expecting("final", "1 mm", signal="leader_pose", component="x", start=1.0, stop=1.0),
-        expecting("final", "1 m", signal="speed", stop=100.0 + 1e-13),  # a horizon that rounding made shorter
+        expecting("final", "1 km/h", signal="speed", stop=100.0 + 1e-13),  # a horizon that rounding made shorter
         expecting("rms", "1 m", signal="pose", component="x", minus="leader_pose"),
         expecting("rms", "1 m", signal="leader_pose", component="x", minus="pose", minus_robot="follower_2"),
         expecting("rms", "1 m", signal="range_error", minus_robot="follower_2"),
