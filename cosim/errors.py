@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -250,6 +250,11 @@ _LONG_WORD = re.compile(rf"\S{{{_WORD + 10},}}")
 
 MAX_NAMES = 40
 """How many known names are shown."""
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names one after another; of many the first ones alone."""
+    return ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
 
 
 def nearest(name: str, known: list[str]) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import MAX_NAMES, InputError, printable
+from cosim.errors import InputError, listed, printable
 from cosim.master.recorded_signals import courses_of_follower
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -135,9 +135,9 @@ def _start(path: Path, found: Sequence[tuple[Number, Series]], mapping: Mapping,
         if number.signal in DERIVED_FROM and (first := series.first) is not None:
             firsts[number.robot] = max(firsts.get(number.robot, first), first)
     if not firsts.keys() - {LEADER}:
-        shown = ", ".join([*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])])
+        shown = printable(listed(names))
         raise InputError(
-            f"the recording {path} has no pose of any follower of the scenario, but {printable(shown) or 'nothing'}: "
+            f"the recording {path} has no pose of any follower of the scenario, but {shown or 'nothing'}: "
             "write a mapping that names its topics or columns (--map), see docs/robot_tools.md"
         )
     return max(firsts.values()) if mapping.start is None else mapping.start

@@ -216,7 +216,8 @@ def _set_horizon(root: etree._Element, horizon: str) -> None:
     _set_value(root, f"simulation/@horizon={horizon}")
     end = _seconds(horizon)
     begin = "//*[@at or @from][not(self::waypoint or ancestor::expect)]"
-    later = {element for element in root.xpath(begin) if _seconds(element.get("at", element.get("from"))) > end}
+    begins = ((element, _seconds(element.get("at", element.get("from")))) for element in root.xpath(begin))
+    later = dict.fromkeys(element for element, time in begins if time > end)  # in the order of the text
     _keep_streams(root, later)
     for element in later:
         take_out(element)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
-from cosim.errors import MAX_NAMES, InputError, Location
+from cosim.errors import InputError, Location, listed
 from cosim.fmu.binding import BoundVariable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
@@ -145,8 +145,8 @@ def _changes(path: Path, structure: Structure, directory: Path, changed: set[str
             old = before.get(f"{component.name}.{parameter.name}")
             if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
                 found.setdefault(component.name, {})[parameter.name] = _as_before(parameter, old, known)
-    names = ", ".join([*[*gone][:MAX_NAMES], *(["..."] if len(gone) > MAX_NAMES else [])])
-    removed = f"values were removed from the SSP, which the scenario cannot state: it keeps its own of {names}"
+    own = listed([*gone])
+    removed = f"values were removed from the SSP, which the scenario cannot state: it keeps its own of {own}"
     return found, [removed] if gone else []
 
 

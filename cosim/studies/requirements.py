@@ -15,7 +15,7 @@ from cosim.studies import bounds
 from cosim.studies.designs import METHODS
 from cosim.studies.draws import AT_RANDOM, Draws, EarlyTest, check_two_cases, draws_of, is_seed, value_named
 from cosim.studies.row import BROKEN, PASSED, Row
-from cosim.studies.study import Measured, Requirement, Study
+from cosim.studies.study import Measured, Requirement, Study, Vary
 from cosim.studies.values import Finite
 
 
@@ -87,7 +87,7 @@ def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
     for index, vary in enumerate(study.vary):
         if index in chosen or vary.name == written.get("vary") or (vary.crossed and not draws.single):
             continue
-        if is_seed(vary) or (isinstance(vary.values, Finite) and len(vary.values) == 1):
+        if is_seed(vary) or _has_one_value(vary):
             continue
         crossed = "vary the seed besides, not crossed" if draws.single else 'add cross="yes" to it, and vary the seed'
         raise written.error(
@@ -101,13 +101,17 @@ def _check_different(study: Study, written: Written, draws: Draws) -> None:
     """Refuse a confidence if nothing is drawn that draws differ by."""
     chosen = {index for index, _ in draws.given} | set(study.tune.values if study.tune else ())
     for index, vary in enumerate(study.vary):
-        one = isinstance(vary.values, Finite) and len(vary.values) == 1
-        if index not in chosen and not vary.crossed and not one and vary.name != written.get("vary"):
+        crossed = vary.crossed or vary.name == written.get("vary")
+        if not (index in chosen or crossed or _has_one_value(vary)):
             return
     raise written.error(
         f"nothing is drawn by which runs differ, so that <{written.kind}> can say nothing of them with confidence: "
         "vary the seed besides"
     )
+
+
+def _has_one_value(vary: Vary) -> bool:
+    return isinstance(vary.values, Finite) and len(vary.values) == 1
 
 
 def _probability(study: Study, written: Written, draws: Draws) -> Judged:
