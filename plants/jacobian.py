@@ -4,10 +4,12 @@ Each term's derivative gets a name of its own, such as d_M2_11_d_gamma, so that 
 readable as the model is.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from dataclasses import dataclass
 
 import sympy
+from sympy import Abs, Max, Min, Mod, Piecewise, sinc
+from sympy.codegen.cfunctions import Cbrt
 
 from plants import units
 from plants.errors import ModelError
@@ -68,12 +70,14 @@ def differentiate(model: OdeModel, unknowns: Iterable[tuple[str, sympy.Expr, str
     # The derivative of each symbol with respect to each known, where it is not zero.
     chain = {(symbol, name): sympy.Integer(1) for name, symbol in known_symbols.items()}
     derivatives: list[Term] = []
+    switched: set[sympy.Symbol] = set()
 
     def total(expression: sympy.Expr, known: str) -> sympy.Expr:
         result = sympy.Integer(0)
         for symbol in sorted(expression.free_symbols, key=str):
             if (symbol, known) in chain:
-                result += _partial(model, expression, symbol).xreplace(functions) * chain[symbol, known]
+                partial = _partial(model, expression, symbol).xreplace(functions)
+                result += _product(partial, symbol, chain[symbol, known], switched)
         return result
 
     for term in terms:
@@ -85,6 +89,8 @@ def differentiate(model: OdeModel, unknowns: Iterable[tuple[str, sympy.Expr, str
                 name = _free_name(f"d_{term.symbol.name}_d_{known}", taken)
                 unit = str(units.parse(term.unit) / unit_of[known])
                 derivatives.append(Term(sympy.Symbol(name, real=True), derivative, unit))
+                if _is_switched(derivative, switched):
+                    switched.add(derivatives[-1].symbol)
                 derivative = derivatives[-1].symbol
             chain[term.symbol, known] = derivative
 
@@ -105,16 +111,92 @@ def _free_name(name: str, taken: set[str]) -> str:
 
 
 def _partial(model: OdeModel, expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
-    """Differentiate; functions with steps or kinks have the derivative that they have between them."""
-    expression = expression.replace(sympy.Mod, lambda a, b: a - b * sympy.floor(a / b))
-    steps = expression.atoms(sympy.floor, sympy.ceiling, sympy.sign, sympy.Heaviside)
-    constants = {step: sympy.Dummy(real=True) for step in sorted(steps, key=str)}
-    derivative = expression.xreplace(constants).diff(symbol).xreplace({c: step for step, c in constants.items()})
-    derivative = derivative.replace(
-        lambda e: isinstance(e, sympy.Heaviside), lambda e: sympy.Piecewise((0, e.args[0] < 0), (1, True))
-    )
+    """Differentiate; functions with steps or kinks have the derivative that they have beside them."""
+    derivative = _derivative(expression, symbol)
     if derivative.has(sympy.Derivative, sympy.Subs):
         raise ModelError(
             f"model {model.name!r}: {expression} has no derivative with respect to {symbol} that could be written in C"
         )
     return derivative
+
+
+def _derivative(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
+    """Differentiate by the chain rule through the outermost functions that SymPy cannot differentiate as we need."""
+    inner = {part: sympy.Dummy(real=True) for part in _outermost(expression)}
+    outer = expression.xreplace(inner)
+    result = outer.diff(symbol)
+    for part, name in inner.items():
+        if symbol in part.free_symbols:
+            result += _product(outer.diff(name), name, _derivative_of_part(part, symbol))
+    return result.xreplace({name: _beside(part, symbol) for part, name in inner.items()})
+
+
+STEPS = (sympy.floor, sympy.ceiling, sympy.sign, sympy.Heaviside)
+
+
+def _beside(part: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
+    """Return a step without the value that it has at the very point where it steps, if the symbol moves it."""
+    if isinstance(part, (sympy.sign, sympy.Heaviside)) and symbol in part.free_symbols:
+        return Piecewise((-1 if isinstance(part, sympy.sign) else 0, part.args[0] < 0), (1, True))
+    return part
+
+
+def _outermost(expression: sympy.Expr) -> list[sympy.Expr]:
+    parts: dict[sympy.Expr, None] = {}
+    walk = sympy.preorder_traversal(expression)
+    for part in walk:
+        is_cube_root = part.is_Pow and part.exp == sympy.Rational(1, 3)
+        if is_cube_root or isinstance(part, (*STEPS, Abs, Max, Min, Mod, Piecewise, Cbrt, sinc)):
+            parts[part] = None
+            walk.skip()
+    return list(parts)
+
+
+def _derivative_of_part(part: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
+    if isinstance(part, STEPS):
+        return sympy.Integer(0)
+    if isinstance(part, Piecewise):
+        return Piecewise(*((_derivative(value, symbol), condition) for value, condition in part.args))
+    first, *others = part.args
+    derivative = _derivative(first, symbol)
+    if isinstance(part, Abs):
+        return Piecewise((-derivative, first < 0), (derivative, True))
+    if isinstance(part, Mod):
+        return derivative - sympy.floor(first / others[0]) * _derivative(others[0], symbol)
+    if isinstance(part, sinc):
+        slope = (first * sympy.cos(first) - sympy.sin(first)) / first**2
+        return Piecewise((slope, first**2 > 0), (0, True)) * derivative
+    if isinstance(part, (Max, Min)):
+        rest = part.func(*others)
+        is_first = first > rest if isinstance(part, Max) else first < rest
+        return Piecewise((derivative, is_first), (_derivative(rest, symbol), True))
+    # SymPy's own derivative of the cube root is a power with a broken exponent, which a negative number does not have.
+    return _product(1 / (3 * Cbrt(first) ** 2), symbol, derivative)
+
+
+def _product(
+    partial: sympy.Expr, by: sympy.Symbol, derivative: sympy.Expr, switched: Set[sympy.Symbol] = frozenset()
+) -> sympy.Expr:
+    """Multiply a partial derivative by the derivative of what it was taken by, for the chain rule.
+
+    Where a branch makes the second one zero, so is the product, though the first one may be infinite there, as that of
+    sqrt(Max(x, 0)) is where x is negative. ``switched`` are named derivatives with such a branch.
+    """
+    if all(by not in p.free_symbols or (p.exp.is_Integer and p.exp > 0) for p in partial.atoms(sympy.Pow)):
+        return partial * derivative
+    if isinstance(derivative, Piecewise) and _is_switched(derivative, switched):
+        return Piecewise(*((_product(partial, by, value, switched), condition) for value, condition in derivative.args))
+    if derivative in switched:
+        return Piecewise((0, sympy.Eq(derivative, 0)), (partial * derivative, True))
+    return partial * derivative
+
+
+def _is_switched(derivative: sympy.Expr, switched: Set[sympy.Symbol]) -> bool:
+    """Tell whether a branch makes a derivative exactly zero, rather than the values of the states."""
+    if isinstance(derivative, Piecewise):
+        return any(value == 0 or _is_switched(value, switched) for value, _ in derivative.args)
+    if derivative.is_Mul:
+        return any(_is_switched(part, switched) for part in derivative.args)
+    if derivative.is_Add:
+        return all(_is_switched(part, switched) for part in derivative.args)
+    return derivative in switched

@@ -89,7 +89,8 @@ class NumericModel:
         At a kink of a piecewise expression, they belong to the branch in use.
         """
         n, m, k = len(self.model.states), len(self.model.inputs), len(self.model.outputs)
-        entries = _call(self._partials, t, x, u, p)
+        with np.errstate(divide="ignore", invalid="ignore"):  # NumPy evaluates the branches that are not in use, too
+            entries = _call(self._partials, t, x, u, p)
         matrix = entries.reshape(*entries.shape[:-1], n + k, n + m)
         return Jacobians(matrix[..., :n, :n], matrix[..., :n, n:], matrix[..., n:, :n], matrix[..., n:, n:])
 

@@ -106,6 +106,46 @@ def test_mod_has_the_sign_of_the_divisor(load: Callable) -> None:
     instance.free()
 
 
+def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
+    """They are numbers, too, where a chain rule that multiplies zero by infinity has none."""
+    larger, twice = sympy.symbols("larger twice", real=True)
+    slopes = [  # expression, and its slope at some x
+        (sympy.Abs(x), {-2.0: -1.0, 0.0: 1.0}),
+        (sympy.Max(x, -x), {-2.0: -1.0, 0.0: -1.0, 3.0: 1.0}),
+        (sympy.Max(1, x, x**2), {-0.5: 0.0, 3.0: 6.0}),
+        (sympy.Max(-1, sympy.Min(1, 3 * x)), {-1.0: 0.0, 0.2: 3.0, 0.5: 0.0}),
+        (sympy.sqrt(sympy.Max(x, 0)), {-1.0: 0.0, 0.0: math.inf, 4.0: 0.25}),
+        (sympy.sqrt(twice) + x, {-1.0: 1.0, 2.0: 1.5}),
+        (sympy.log(1 + sympy.sqrt(sympy.Max(0, sympy.Min(x, 4)))), {-1.0: 0.0, 1.0: 0.25, 9.0: 0.0}),
+        (1 / sympy.Piecewise((x, x > 1), (5, True)), {0.0: 0.0, 2.0: -0.25}),
+        (sympy.cbrt(x), {-8.0: 1 / 12, 8.0: 1 / 12}),
+        (sympy.real_root(x, 3), {-8.0: 1 / 12, 8.0: 1 / 12}),
+        (sympy.sinc(x), {0.0: 0.0, 1e-200: 0.0, 2.0: (2 * math.cos(2.0) - math.sin(2.0)) / 4}),
+        (x * sympy.sign(x), {-1.0: -1.0, 0.0: 1.0}),
+        (x * sympy.Heaviside(x), {-1.0: 0.0, 0.0: 1.0}),
+        (u * sympy.Heaviside(x) * x**2, {0.0: 0.0, 3.0: 3.0}),
+        (x * sympy.ceiling(x), {1.5: 2.0}),
+    ]
+    model = model_of(
+        *(expression for expression, _ in slopes),
+        terms=(Term(larger, sympy.Max(x, 0), "1"), Term(twice, 2 * larger, "1")),
+    )
+    fmu, functions = load(model), numeric.compile(model)
+    for at in sorted({at for _, wanted in slopes for at in wanted}):
+        instance = Instance(fmu.library, "co_simulation")
+        instance.set({fmu["x"]: at, fmu["u"]: 0.5})
+        instance.initialize()
+        names = [o.name for o in model.outputs]
+        found = np.array(instance.differentiate([fmu[name] for name in names], [fmu["x"]], [1.0]))
+        instance.free()
+        in_numpy = functions.jacobians(0.0, functions.start(x=at), functions.inputs(u=0.5), functions.parameters())
+        assert not np.any(np.isnan(found))
+        np.testing.assert_allclose(in_numpy.C[:, 0], found, rtol=1e-12, atol=1e-13)
+        for (expression, wanted), slope in zip(slopes, found, strict=True):
+            if at in wanted:
+                assert slope == pytest.approx(wanted[at], rel=1e-12), f"{expression} at {at}"
+
+
 def test_functions_whose_names_would_coincide_are_told_apart(load: Callable) -> None:
     """tanh(x + 1) and tanh(x - 1), each used twice, are not the same intermediate result."""
     more, less = sympy.tanh(x + 1), sympy.tanh(x - 1)
