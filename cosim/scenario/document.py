@@ -15,9 +15,9 @@ from pathlib import Path, PurePath
 
 from lxml import etree
 
-from cosim.errors import InputError, Location
+from cosim.errors import InputError, Location, listed
 from cosim.missing_file import absent
-from cosim.scenario.edits import Change, in_words
+from cosim.scenario.edits import Change, Edit, in_words
 from cosim.scenario.grammar import NAMESPACE, local_name, paths_in, violation
 from cosim.scenario.tree_edits import add_namespace, serialised, strip_namespace
 from cosim.scenario.variant import vary
@@ -209,7 +209,7 @@ def _changed(document: Document, changes: Sequence[Change]) -> Document:
     finally:
         add_namespace(root)
     collapse(root.iter("*"))
-    _validate(root, places, changed_by="the command line")
+    _validate(root, places, changed_by=listed([change.words for change in changes if isinstance(change, Edit)]))
     return Document(document.path, serialised(root), root, places)
 
 

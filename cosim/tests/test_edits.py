@@ -164,5 +164,7 @@ def test_the_command_line_has_both(eventful: Path, tmp_path: Path, capsys: pytes
     result = cosim.load_result(tmp_path / "runs" / "example")
     assert result.sizes["time"] == 6
     assert main(["show", str(tmp_path / "runs" / "example")]) == 0
-    assert main(["check", str(eventful), "--horizon", "2"]) == 2
-    assert 'horizon="2" of <simulation> is not a time with its unit' in capsys.readouterr().err
+    assert main(["check", str(eventful), "--horizon", "2", "--seed", "3"]) == 2
+    refused = capsys.readouterr().err
+    assert 'horizon="2" of <simulation> is not a time with its unit' in refused
+    assert refused.endswith("(as changed by --seed 3, --horizon 2)\n")
