@@ -177,11 +177,13 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
             raise ModelError(f"{entry.name} cannot start at {value!r}; it lies from {entry.min:g} to {entry.max:g}")
         return replace(entry, start=float(value))
 
+    parameters = tuple(map(begun, table.parameters))
     begun_table = replace(
         table,
         states=tuple(map(begun, table.states)),
-        parameters=tuple(map(begun, table.parameters)),
+        parameters=parameters,
         integers=tuple(map(begun, table.integers)),
+        tolerance=next(entry.start for entry in parameters if entry.name == TOLERANCE.name),
     )
     if left:
         raise ModelError(f"there is no state or parameter {next(iter(left))!r} that could have a start value")

@@ -330,9 +330,11 @@ def test_without_a_cache_an_fmu_can_still_be_built_elsewhere(
 
 
 def test_start_values_of_ones_own_are_those_of_the_fmu_and_of_its_binary(tmp_path: Path) -> None:
-    fmu = plants.build("car_like", starts={"x": 3.0, "drive": "rear_wheel", "m_c": 30.0})
-    starts = {v.name: v.start for v in fmpy.read_model_description(fmu).modelVariables}
+    fmu = plants.build("car_like", starts={"x": 3.0, "drive": "rear_wheel", "m_c": 30.0, "tolerance": 1e-9})
+    description = fmpy.read_model_description(fmu)
+    starts = {v.name: v.start for v in description.modelVariables}
     assert (starts["x"], starts["m_c"]) == ("3.0", "30.0")
+    assert float(description.defaultExperiment.tolerance) == 1e-9, "an importer would set the other one"
     result = fmpy.simulate_fmu(str(fmu), stop_time=0.02, output=["x", "m_c", "drive"])
     assert [result[name][0] for name in ("x", "m_c", "drive")] == [3.0, 30.0, int(starts["drive"])]
     assert int(starts["drive"]) > 1
