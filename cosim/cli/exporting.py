@@ -90,7 +90,7 @@ def _export_scenario(options: argparse.Namespace) -> int:
 
 def _late(step: float) -> str:
     return (
-        f"the torques act one communication step late, under every master: compare with a run that has "
+        f"the commands act one communication step late, under every master: compare with a run that has "
         f'<delay time="{step:g} s"/> in its <actuator>'
     )
 

@@ -138,7 +138,12 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
         smallest_distance_between=nearest.between if nearest else None,
         smallest_distance_of_bodies=bodies.distance if bodies else None,
         smallest_distance_of_bodies_between=bodies.between if bodies else None,
-        notes=(*_given(told), *_singularities(result), *json.loads(result.attrs["plant_messages"])),
+        notes=(
+            *_given(told),
+            *_singularities(result),
+            *_lost_turns(result),
+            *json.loads(result.attrs["plant_messages"]),
+        ),
         verdicts=verdicts,
         title=result.attrs["title"],
         provenance=told,
@@ -170,8 +175,7 @@ def _singularities(result: Result) -> tuple[str, ...]:
             near, least = _near(values, below)
             said = []
             if changes:
-                times = f"{changes} times, first" if changes > 1 else "once,"
-                said.append(f"changes sign {times} at t = {in_seconds(time[change])}")
+                said.append(f"changes sign {_times(changes, float(time[change]))}")
             if near is not None:
                 said.append(
                     f"is within {below:g} of zero first at t = {in_seconds(time[near])}, "
@@ -180,6 +184,38 @@ def _singularities(result: Result) -> tuple[str, ...]:
             if said:
                 notes.append(f"{robot}: {name} {', and '.join(said)}; where it is zero, {meaning}")
     return tuple(notes)
+
+
+def _times(number: int, first: float) -> str:
+    return f"{number} times, first at t = {in_seconds(first)}" if number > 1 else f"once, at t = {in_seconds(first)}"
+
+
+def _lost_turns(result: Result) -> tuple[str, ...]:
+    """Say whose angles jump by a whole turn from one sample to the next, as those of some FMUs do."""
+    notes = []
+    time = result["time"].values
+    robots = [(robot, "pose") for robot in result.robots]
+    for robot, name in [(LEADER, "leader_pose"), *robots] if "leader_pose" in result else robots:
+        pose = result[name].values if robot == LEADER else result.of_robot(name, robot)
+        for component, course in zip(result.components(name)[2:], pose.T[2:], strict=True):  # after x and y
+            if len(jumps := _jumps_of_a_turn(course)):
+                when = _times(len(jumps), float(time[jumps[0]]))
+                notes.append(
+                    f"{robot}: {component} jumps by a whole turn {when}; its plant must count turns, as controllers take "
+                    "the jump for motion"
+                )
+    return tuple(notes)
+
+
+def _jumps_of_a_turn(course: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the samples of an angle (T,) that lie a turn, or nearly one, from the sample before."""
+    found = [
+        block.start
+        + 1
+        + np.flatnonzero(np.abs(np.abs(np.diff(course[block.start : block.stop + 1])) - 2 * math.pi) < 0.5)
+        for block in blocks(len(course))
+    ]
+    return np.concatenate(found) if found else np.empty(0, dtype=np.intp)
 
 
 def _near(values: NDArray[np.float64], below: float) -> tuple[int | None, int]:

@@ -144,6 +144,19 @@ def test_a_note_is_about_any_component_of_a_signal(scenario: Scenario) -> None:
     assert note.startswith("b: gap changes sign once, at t = 0.04 s, and is within 0.1 of zero first at t = 0.04 s,")
 
 
+def test_a_note_says_whose_heading_jumps_by_a_turn(scenario: Scenario) -> None:
+    result = (
+        made_up(np.zeros(5), np.zeros(5)).drop_vars("det_R").assign_coords(pose_component=["x", "y", "psi", "gamma"])
+    )
+    result["pose"].values[:, 0, 2] = [3.1, 3.14, 3.18 - 2 * math.pi, -3.0, 3.2]
+    result["pose"].values[:, 0, 3] = [0.0, 3.14, 0.0, 0.0, math.nan]
+    result["pose"].values[:, 1, 0] = [0.0, 6.28, 0.0, 0.0, 0.0]
+    assert summarise(scenario, result).notes == (
+        "a: psi jumps by a whole turn 2 times, first at t = 0.04 s; "
+        "its plant must count turns, as controllers take the jump for motion",
+    )
+
+
 def test_a_run_cut_short_before_the_steady_part_has_no_steady_figures(scenario: Scenario) -> None:
     summary = summarise(scenario, made_up(np.zeros(10), np.zeros(10), status="incomplete"))
     assert math.isnan(summary.followers[0].range_rms)
