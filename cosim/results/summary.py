@@ -201,8 +201,8 @@ def _lost_turns(result: Result) -> tuple[str, ...]:
             if len(jumps := _jumps_of_a_turn(course)):
                 when = _times(len(jumps), float(time[jumps[0]]))
                 notes.append(
-                    f"{robot}: {component} jumps by a whole turn {when}; its plant must count turns, as controllers take "
-                    "the jump for motion"
+                    f"{robot}: {component} jumps by a whole turn {when}; "
+                    "its plant must count turns, as controllers take the jump for motion"
                 )
     return tuple(notes)
 
