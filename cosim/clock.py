@@ -63,6 +63,11 @@ class Clock:
             f"or {(before + 1) * self.step:.12g} s"
         )
 
+    def meant(self, time: float) -> float:
+        """Return the time of the tick that a time [s] is meant to be, as 0.6666666667 min is; any other time stays."""
+        tick = whole(time / self.step)
+        return time if tick is None or abs(time - tick * self.step) <= ROUNDING else tick * self.step
+
     def samples_within(self, start: float, stop: float) -> int:
         """Return how many communication points lie in a window [s], both of its ends included."""
         first = math.ceil((start - ROUNDING) / self.step)
@@ -72,7 +77,10 @@ class Clock:
 
 def tick_at(time: float, step: float) -> int:
     """Return the first tick at or after a time [s]; `NEVER` for an infinite time."""
-    return math.ceil(time / step - ROUNDING) if math.isfinite(time) else NEVER
+    if not math.isfinite(time):
+        return NEVER
+    meant = whole(time / step)
+    return math.ceil(time / step) if meant is None else meant
 
 
 def whole(number: float) -> int | None:

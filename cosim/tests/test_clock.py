@@ -28,6 +28,16 @@ def test_rounding_never_moves_a_time_off_its_tick(tick: int) -> None:
         assert tick_at(time, 0.1) == tick
 
 
+@pytest.mark.parametrize(("minutes", "tick"), [(0.6666666667, 2000), (0.01666666667, 50), (1666.6666666667, 5_000_000)])
+def test_a_rounded_time_acts_at_the_tick_that_it_is_taken_for(minutes: float, tick: int) -> None:
+    clock, time = Clock(0.02, 10_000_000), 60 * minutes
+    assert time > tick * 0.02
+    assert clock.off_tick(time) == ""
+    assert tick_at(time, 0.02) == tick
+    assert abs(clock.meant(time) - tick * 0.02) <= 1e-9
+    assert clock.meant(1.011) == 1.011
+
+
 def test_a_time_between_two_ticks_is_told_both() -> None:
     problem = "falls between two ticks, which are 0.02 s apart: write 1 s or 1.02 s"
     assert Clock(0.02, 100).off_tick(1.011) == problem

@@ -193,6 +193,19 @@ LEADING = '<torque tau_drive="8 N.m" tau_steer="0 N.m"/>'
             "11:3",
             'period="101 s" of <simulation> is longer than the run of 100 s',
         ),
+        *(
+            ("<noise ", f'<noise x="0 m"/><{own} from="1 s" to="1 s"/><noise ', "36:21", "the end must be later")
+            for own in ('bias x="1 mm"', 'quantisation x="1 mm"', 'dropout probability="1"')
+        ),
+        *(
+            (
+                "<leader ",
+                f'<input name="tau_d_y">\n<{wave} from="1 s" to="1 s"/></input><leader ',
+                "43:1",
+                "must be later",
+            )
+            for wave in ('ramp value="1 N"', 'pulse value="1 N"', 'sine value="1 N" period="1 s"')
+        ),
         # changes of places
         (END, f'{END[:-2]}><change from="9 s" to="7 s" range="1 m"/></desired>', "49:43", "ends at 7 s, before"),
         (END, f'{END[:-2]}><change from="9 s" to="9 s" range="1 m"/></desired>', "49:43", "the end must be later"),

@@ -20,7 +20,7 @@ def effects(elements: Iterable[Element], times: Times) -> tuple[EffectSource, ..
 
 
 def _effect(element: Element, times: Times) -> EffectSource:
-    start, stop = times.window(element)
+    start, stop = times.span(element, exact=True)
     if element.kind in _OF_ENTRIES:
         check_names(element, "pose", _WINDOW)
     return EffectSource(element.kind, element.attributes, element.where, element.folder, start, stop)

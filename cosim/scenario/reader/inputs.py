@@ -27,7 +27,7 @@ def _constant(element: Element) -> WaveSource:
 
 
 def _wave(element: Element, times: Times) -> WaveSource:
-    start, stop = times.window(element, exact=element.kind != "ramp")
+    start, stop = times.span(element, exact=element.kind != "ramp")
     if "at" in element:
         start = times.beginning(element, "at")
     return WaveSource(element.kind, element.attributes, element.where, element.folder, start, stop)

@@ -18,7 +18,7 @@ def changes(desired: Element, times: Times) -> tuple[PlaceChange, ...]:
     place = desired_place(desired)
     before = 0.0
     for element in desired.children("change"):
-        start, stop = times.span(element)
+        start, stop = times.span(element, exact=False)
         if start < before:
             raise element.error(f"the change from {start:g} s begins before {before:g} s, when the one before it ends")
         if "range" not in element and "bearing" not in element:

@@ -46,11 +46,11 @@ class Times(Clock):
         time = element.quantity(name, "s")
         if problem := self.off_tick(time):
             raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> {problem}')
-        return time
+        return self.meant(time)
 
     def beginning(self, element: Written, name: str, *, exact: bool = True) -> float:
         """Return the time [s] at which an element begins; refuse a time after the end of the run."""
-        time = element.not_negative(name, "s")
+        time = self.meant(element.not_negative(name, "s"))
         if exact:
             self.exact(element, name)
         if time > self.horizon + ROUNDING:
@@ -68,16 +68,16 @@ class Times(Clock):
         start = self.beginning(element, "from", exact=exact) if "from" in element else 0.0
         stop = end
         if "to" in element:
-            stop = _not_too_long(element, "to", element.quantity("to", "s"))
+            stop = self.meant(_not_too_long(element, "to", element.quantity("to", "s")))
             if exact:
                 self.exact(element, "to")
         if start > stop:
             raise element.error(f"the window ends at {stop:g} s, before it begins at {start:g} s")
         return start, stop
 
-    def span(self, element: Written) -> tuple[float, float]:
-        """Return when a change that takes its time begins and ends [s]."""
-        start, stop = self.window(element, exact=False)
+    def span(self, element: Written, *, exact: bool) -> tuple[float, float]:
+        """Return the window of what takes its time, so that its end must be later than its begin."""
+        start, stop = self.window(element, exact=exact)
         if start == stop:
             raise element.error(f"it begins and ends at {start:g} s: the end must be later")
         return start, stop

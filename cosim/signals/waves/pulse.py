@@ -9,4 +9,3 @@ class Pulse(Kept):
     """``<pulse>``."""
 
     element = "pulse"
-    lasts = True

@@ -12,7 +12,6 @@ class Ramp(Wave):
     """``<ramp>``."""
 
     element = "ramp"
-    lasts = True
 
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
         """Return the values."""

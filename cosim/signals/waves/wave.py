@@ -48,18 +48,13 @@ class Wave(ABC):
         The element's name; empty for a base of several kinds.
     keeps_a_value : bool
         Whether it has one value as long as it acts, so that this may be true, an item or a text.
-    lasts : bool
-        Whether it must last longer than an instant.
     """
 
     element: ClassVar[str] = ""
     keeps_a_value: ClassVar[bool] = False
-    lasts: ClassVar[bool] = False
 
     def __init__(self, written: WaveSource) -> None:
         self.written = written
-        if self.lasts and written.start == written.stop:
-            raise written.error(f"it begins and ends at {written.start:g} s: the end must be later")
 
     @abstractmethod
     def samples(self, sampling: Sampling) -> NDArray[np.float64]:
