@@ -83,6 +83,27 @@ def test_the_loop_has_the_bits_of_our_own(made: Callable[..., Made], tmp_path: P
     assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
 
 
+def test_one_function_may_do_several_things(tmp_path: Path) -> None:
+    """Noise and bias are added by the same one, and so are the torques of two followers of one law and two sizes."""
+    text = (ROOT / "scenarios" / "convoy.xml").read_text(encoding="utf-8")
+    for old, new in (
+        ("<noise ", '<bias x="5 cm" from="0.5 s" to="1 s"/><noise '),
+        (
+            '<plant id="car" model="car_like">',
+            '<plant id="long" model="car_like"><parameter name="a" value="1.5 m"/></plant>{}',
+        ),
+        ('<follower id="follower_2" plant="car"', '<follower id="follower_2" plant="long"'),
+    ):
+        assert text.count(old) == 1, old
+        text = text.replace(old, new.format(old))
+    path = tmp_path / "several.xml"
+    path.write_text(text, encoding="utf-8")
+    with ExitStack() as cleanup:
+        own = make_fmus(read_scenario(path), cleanup, tmp_path)
+        result = closed_loop(own, slaves(own, tmp_path), tmp_path, TICKS)
+        assert compare(result, reference(own.scenario), own.setup) > 5 * len(own.setup.followers)
+
+
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_fmpy_finds_no_fault(made: Callable[..., Made], fmi: str) -> None:
     for fmu in made("mixed_team", "2.0").fmus + made("formation_change", "3.0").fmus:

@@ -59,7 +59,7 @@ class Shared:
         self._layouts: dict[tuple[str, Any], Layout] = {}
         self._constants: dict[tuple[Any, ...], Constant] = {}
         self._helpers: dict[str, str] = {}
-        self._functions: dict[tuple[FunctionType, tuple[Kind, ...], frozenset[int] | None], Translated] = {}
+        self._functions: dict[tuple[FunctionType, tuple[Kind, ...], frozenset[int] | str], Translated] = {}
         self._in_progress: list[FunctionType] = []
         self.public: list[Struct | Several | Layout] = []
         self.dtypes: dict[str, np.dtype[Any]] = {}
@@ -103,7 +103,7 @@ class Shared:
         kinds = tuple(self._kind_of(argument, name, where) for name, argument in zip(names, arguments, strict=True))
         name = self._names.new(f"{self.name}_{identifier(entry_name)}")
         translated = self._translated(source, kinds, frozenset(), name, True)
-        self._functions[function, kinds, None] = translated
+        self._functions[function, kinds, name] = translated  # others, also of the same function, have other names
         self._publish(translated.result)
         return translated
 
