@@ -75,13 +75,50 @@ def test_one_fmu_with_the_whole_formation(line: Exported, tmp_path: Path) -> Non
     path = tmp_path / "formation.fmu"
     export_fmu(line.scenario, path)
     result = fmpy.simulate_fmu(
-        str(path),
-        stop_time=line.scenario.horizon,
-        output_interval=line.scenario.step,
-        step_size=line.scenario.step,
-        output=line.names,
+        str(path), output_interval=line.scenario.step, step_size=line.scenario.step, output=line.names
     )
     assert line.apart({name: result[name][1:] for name in line.names}) < 1e-9
+    description = fmpy.read_model_description(path)
+    assert float(description.defaultExperiment.stopTime) == line.scenario.horizon == result["time"][-1]
+    assert not description.coSimulation.canHandleVariableCommunicationStepSize
+
+
+SAME_NAMES = """<scenario xmlns="urn:formation-cosim:scenario:1" name="same_names"><title>Names</title>
+<simulation horizon="2 s" step="20 ms" seed="1"/>
+<plant id="mine" fmu="car.fmu"/><plant id="heavy" model="car_like"><parameter name="m_c" value="90 kg"/></plant>
+<controller id="mine" name="feedback-linearisation" package="formation-controllers" version="~=0.1.0"/>
+<actuator><saturation limit="30 N.m" to="1 s"/></actuator>
+<leader plant="mine"><pose x="2.5 m" y="5.5 m" psi="0 deg" gamma="0 deg"/>
+<torque tau_drive="0 N.m" tau_steer="0 N.m"/>
+<input name="tau_drive"><step value="8 N.m" at="0.5 s"/></input></leader>
+<follower id="mine" plant="heavy" controller="mine"><pose x="-2 m" y="3 m" psi="0 deg" gamma="0 deg"/>
+<desired range="3 m" bearing="45 deg"/></follower>
+<follower id="inputs" plant="mine" controller="mine"><pose x="-2 m" y="8 m" psi="0 deg" gamma="0 deg"/>
+<desired range="3 m" bearing="-45 deg"/></follower></scenario>"""
+
+
+def test_what_has_the_same_name_in_a_scenario_stays_apart(tmp_path: Path) -> None:
+    """A plant of a file, a controller, a robot and the courses each have a file in the SSP."""
+
+    def exported(to: str) -> Exported:
+        folder = tmp_path / to
+        folder.mkdir()
+        shutil.copy(plants.build("car_like"), folder / "car.fmu")
+        (folder / "same_names.xml").write_text(SAME_NAMES.replace('to="1 s"', f'to="{to}"'))
+        return Exported(read_scenario(folder / "same_names.xml"), folder)
+
+    one = exported("1 s")
+    assert exported("1.02 s").apart(in_fmpy(one)) < 1e-9
+    window = "the window of <saturation> in the actuator of {} is one communication step late, too"
+    assert {window.format(name) for name in ("mine", "inputs")} < set(one.notes)
+    sources = [c.get("source") for c in _description(one.path).iterfind(".//{*}Component")]
+    assert sorted(sources) == [
+        f"resources/{name}.fmu" for name in ("given_inputs", "mine", "plant_mine", "plant_mine", "team_mine")
+    ]
+    path = one.path.with_name("parameters.xml")
+    path.write_text(SAME_NAMES.replace('id="inputs"', 'id="parameters"'))
+    with pytest.raises(InputError, match=r"parameters\.xml:11:1: no robot of an SSP can be called 'parameters'"):
+        export_ssp(read_scenario(path), tmp_path / "parameters.ssp")
 
 
 MIRRORED = """<binding vehicle="car_like">

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+
+from lxml import etree
 
 from cosim.errors import InputError
 from cosim.ssp.structure import Structure
@@ -61,4 +64,22 @@ def write_container(file: Path, structure: Structure, content: Mapping[str, Path
         node.make_fmu(folder, fmi_version=2)
     except FMUContainerError as error:
         raise InputError(f"the FMU Manipulation Toolbox refuses the system: {error.reason}") from None
-    (folder / "formation.fmu").replace(file)
+    with zipfile.ZipFile(folder / "formation.fmu") as made, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for entry in made.infolist():
+            content_of_entry = made.read(entry)
+            if entry.filename == "modelDescription.xml":
+                content_of_entry = _described(content_of_entry, structure)
+            archive.writestr(entry, content_of_entry)
+
+
+def _described(text: bytes, structure: Structure) -> bytes:
+    """Return the description with what the toolbox takes from the first FMU, or promises without need."""
+    root = etree.fromstring(text)
+    for interface in root.iter("CoSimulation"):
+        # Its own steps are of constant length: after a communication step that is no multiple, outputs are older.
+        interface.set("canHandleVariableCommunicationStepSize", "false")
+    for experiment in root.iter("DefaultExperiment"):
+        experiment.set("stopTime", f"{structure.stop:.12g}")
+        experiment.set("stepSize", f"{structure.step:.12g}")
+    described: bytes = etree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return described

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from cosim.plant.spec import CO_SIMULATION, FLOAT_TYPES
 from cosim.scenario.scenario import LEADER, Scenario
 from cosim.ssp.carried import carried, content_of
 from cosim.ssp.courses import Course, courses_fmu
+from cosim.ssp.document import ALL_PARAMETERS
 from cosim.ssp.plant_components import Number, PlantComponent, connector_of
 from cosim.ssp.structure import RESOURCES, Component, Connection, Connector, Parameter, Structure
 from cosim.ssp.teams import TeamFmu, team_fmus
@@ -52,13 +54,30 @@ class System:
 
 @dataclass
 class _Parts:
-    """The parts of a system, as they come together."""
+    """The parts of a system, as they come together.
 
+    Attributes
+    ----------
+    names : set of str
+        Those of components, and of files in the folder of resources, so that none has the name of another.
+    plants : dict
+        The FMUs that Formation has not built, by the ids of the plants: their names in the folder of resources.
+    """
+
+    names: set[str]
+    plants: dict[str, str] = field(default_factory=dict)
     components: list[Component] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     content: dict[str, Path | bytes] = field(default_factory=dict)
     units: dict[str, tuple[tuple[int, ...], float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+
+    def name(self, wanted: str, prefix: str) -> str:
+        """Return a name that nothing has yet: the wanted one, if need be with prefixes."""
+        while wanted in self.names:
+            wanted = prefix + wanted  # no suffix, as FMPy takes mine_team.x for a parameter of mine
+        self.names.add(wanted)
+        return wanted
 
     def note(self, sentence: str) -> None:
         """Keep a sentence, once."""
@@ -88,8 +107,12 @@ def system_of(scenario: Scenario, cleanup: ExitStack, *, late: bool = True, vers
     setup = set_up(scenario, cleanup, {})
     robots = (setup.leader, *setup.followers)
     _check(scenario, robots)
-    parts = _Parts()
-    teams = team_fmus(scenario, setup, late=late)
+    parts = _Parts({robot.name for robot in robots} | {Path(ALL_PARAMETERS).stem})
+    for follower in scenario.followers if late else ():
+        for kind in dict.fromkeys(e.kind for e in follower.actuator if e.start > 0.0 or math.isfinite(e.stop)):
+            parts.note(f"the window of <{kind}> in the actuator of {follower.id} is one communication step late, too")
+    of_courses = parts.name(COURSES, "given_")
+    teams = [replace(team, name=parts.name(team.name, "team_")) for team in team_fmus(scenario, setup, late=late)]
     for robot in setup.followers if late else ():
         if np.any(robot.torque):
             parts.note(f"the <input> that adds to the command of {robot.name} acts one communication step late, too")
@@ -106,7 +129,7 @@ def system_of(scenario: Scenario, cleanup: ExitStack, *, late: bool = True, vers
     if setup.motion is not None:
         outputs[LEADER] = _leading(scenario, setup, parts)
     _teams(teams, placed, outputs, scenario, cleanup, parts)
-    _inputs(courses, placed, scenario, parts)
+    _inputs(of_courses, courses, placed, scenario, parts)
     content, notes = carried(scenario)
     structure = Structure(
         name=scenario.name,
@@ -140,6 +163,12 @@ def _check(scenario: Scenario, robots: Iterable[RobotSetup]) -> None:
                 "event out to export the rest",
                 event.where,
             )
+    for follower in scenario.followers:
+        if follower.id == Path(ALL_PARAMETERS).stem:
+            raise InputError(
+                f"no robot of an SSP can be called {follower.id!r}, as the parameters of all are in {ALL_PARAMETERS}",
+                follower.where,
+            )
     for robot in robots:
         if robot.changes:
             raise InputError(
@@ -171,7 +200,9 @@ def _plant(scenario: Scenario, robot: RobotSetup, parts: _Parts) -> PlantCompone
         plant = PlantComponent(robot, begun.source, baked, scenario.horizon)
     else:
         assert source.fmu is not None
-        plant = PlantComponent(robot, f"{RESOURCES}/{source.id}.fmu", {}, scenario.horizon)
+        if source.id not in parts.plants:
+            parts.plants[source.id] = parts.name(source.id, "plant_")
+        plant = PlantComponent(robot, f"{RESOURCES}/{parts.plants[source.id]}.fmu", {}, scenario.horizon)
         fmu = content_of(source.fmu)
         _note_limits(plant, parts)
     parts.content[plant.source] = fmu
@@ -227,15 +258,10 @@ def _teams(
     parts: _Parts,
 ) -> None:
     plants_of = {plant.robot.name: plant for plant in placed}
-    taken = {*outputs, COURSES}
     for team in teams:
         package = open_package(team.path)
         cleanup.callback(package.close)
-        name = team.name
-        while name in taken:
-            name += "_team"
-        taken.add(name)
-        source = f"{RESOURCES}/{name}.fmu"
+        source = f"{RESOURCES}/{team.name}.fmu"
         parts.content[source] = team.path
         variables = [v for v in package.description.modelVariables if v.causality in ("input", "output")]
         connectors = tuple(connector_of(package.description, v, v.causality) for v in variables)
@@ -245,24 +271,24 @@ def _teams(
             if connector.kind == "input":
                 number = outputs[robot][entry]
                 parts.connections.append(
-                    Connection((robot, number.variable), (name, connector.name), number.scale, number.offset)
+                    Connection((robot, number.variable), (team.name, connector.name), number.scale, number.offset)
                 )
                 value = number.scale * number.start + number.offset
                 begun.append(Parameter(connector.name, "Real", value, connector.unit))
             elif (plant := plants_of.get(robot)) is not None and entry in plant.inputs:
                 number = plant.inputs[entry]
                 parts.connections.append(
-                    Connection((name, connector.name), (robot, number.variable), *number.from_role)
+                    Connection((team.name, connector.name), (robot, number.variable), *number.from_role)
                 )
         gains = [_start(v) for v in package.description.modelVariables if v.causality == "parameter"]
         _define_plain(parts, (*connectors, *gains))
         parts.components.append(
             Component(
-                name=name,
+                name=team.name,
                 source=source,
                 connectors=connectors,
                 parameters=(*begun, *gains),
-                parameters_source=f"{RESOURCES}/{name}.ssv",
+                parameters_source=f"{RESOURCES}/{team.name}.ssv",
                 description=f"sensors, control law and actuators of {', '.join(team.robots)}",
             )
         )
@@ -317,16 +343,18 @@ def _connected(plant: PlantComponent, courses: Iterable[_Given], teams: Iterable
         yield from (role.name for role in robot.kind.command if role.name in plant.inputs)
 
 
-def _inputs(courses: Sequence[_Given], placed: Iterable[PlantComponent], scenario: Scenario, parts: _Parts) -> None:
+def _inputs(
+    name: str, courses: Sequence[_Given], placed: Iterable[PlantComponent], scenario: Scenario, parts: _Parts
+) -> None:
     if not courses:
         return
     plants_of = {plant.robot.name: plant for plant in placed}
     text = f"Inputs of the plants over time, from the scenario {scenario.name}"
-    parts.components.append(_course_component(COURSES, text, [given.course for given in courses], scenario, parts))
+    parts.components.append(_course_component(name, text, [given.course for given in courses], scenario, parts))
     for given in courses:
         number = plants_of[given.robot].inputs[given.role]
         parts.connections.append(
-            Connection((COURSES, given.course.name), (given.robot, number.variable), *number.from_role)
+            Connection((name, given.course.name), (given.robot, number.variable), *number.from_role)
         )
 
 
