@@ -21,7 +21,7 @@ def test_the_overview(scenarios: Path, capsys: pytest.CaptureFixture[str]) -> No
         "follower_1 car (car_like) pid (neural-adaptive-pid) 2.5 m, 0 deg",
         "follower_2 car (car_like) pid (neural-adaptive-pid) 3 m, 30 deg "
         "actuator: saturation 200 N.m; effectiveness 0.5 (tau_drive) from 35 s",
-        "sensor of followers without one of their own: noise 0.001 m (x, y); noise 0.001 rad (psi, gamma)",
+        "sensor of followers, where no other is shown: noise 0.001 m (x, y); noise 0.001 rad (psi, gamma)",
         "expected: settled by 75 s within 0.1 m, 2 deg",
     ):
         assert line in lines

@@ -77,7 +77,7 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     for text in _described_laws(setup):
         say(console, safe(text))
     for what, text in (("sensor", sensors), ("actuator", actuators)):
-        say(console, f"{what} of followers without one of their own: {safe(text)}")
+        say(console, f"{what} of followers, where no other is shown: {safe(text)}")
     for text in _inputs(scenario.inputs):
         say(console, f"{safe(text)}, for every follower")
     for event in scenario.events:
