@@ -47,7 +47,7 @@ from ours import Ours
 from serve import OUTPUTS, Job
 
 RUNS = {1: (5001, 9), 100: (1024, 5), 1000: (512, 3)}
-"""Ticks and rounds, from that many followers on. Ours draws its noise for 256 ticks at once, or 1,024 of few followers."""
+"""Ticks and rounds, from that many followers on. Our loop draws the noise of 256 ticks at once, or of 1,024."""
 TEAM = 100  # of the law alone
 IN_TURN = 4  # runs in C for each of ours
 AGREEMENT = 1e-10  # differences of 4e-15 in every measurement make 7e-12 [N.m] of torques
