@@ -40,6 +40,12 @@ def fill(into, value):
         into[place] = value + place
 
 
+def clear(of, value):
+    for one in range(of.shape[0]):
+        for other in range(of.shape[1]):
+            of[one, other] = value + one - other
+
+
 def row(of, at):
     return of[at]
 
@@ -93,7 +99,7 @@ class Text:
         self._lines.append("    " * depth + text)
 
     def _statement(self, depth: int, room: int) -> None:
-        choice = self._random.randrange(18)
+        choice = self._random.randrange(21)
         if choice <= 2 or room == 0:
             self._add(depth, f"{self._random.choice(FLOATS)} = {self._float(2)}")
         elif choice == 3:
@@ -123,7 +129,8 @@ class Text:
         elif choice == 11:
             self._count += 1
             view = f"r_{self._count}"
-            self._add(depth, f"{view} = {self._random.choice(('row(m, 1)', 'm[:, 2]', 'm[n % 2]', 'a[1:]'))}")
+            views = ("row(m, 1)", "m[:, 2]", "m[n % 2]", "a[1:]", "a[: i % 3 + 2]", "m[1, : i % 2 + 2]")
+            self._add(depth, f"{view} = {self._random.choice(views)}")
             self._add(depth, f"{view}[1] = {self._float(1)} + {view}[0]")
         elif choice == 13:
             name = self._random.choice(("far", "ε", "epsilon", "place", "t_1", "t_2", "double"))
@@ -156,6 +163,20 @@ class Text:
             self._add(depth, f"while {steps} < {self._random.randint(1, 4)} and ({self._test(1)}):")
             self._add(depth + 1, f"{steps} += 1")
             self._statement(depth + 1, room - 1)
+        elif choice == 18:
+            self._count += 1
+            view = f"part_{self._count}"
+            self._add(depth, f"{view} = {self._random.choice(('m[:, 1:]', 'm[:2, :2]', 'm[:, : i % 2 + 1]', 'm[:1]'))}")
+            self._add(depth, f"clear({self._random.choice((view, 'm[:, :2]', 'm[1:, : i % 3]'))}, {self._float(1)})")
+            self._add(depth, f"{view}[0, 0] += {view}[-1, -1]")
+        elif choice == 19:
+            places = ("a[: i % 4]", "a[: int(a[0]) % 4]", "m[k[0] % 2, :]", "m[int(m[0, 0]) % 2, :]", "k[k[0] % 3 :]")
+            place = self._random.choice(places)
+            self._add(depth, f"{place} = {'2' if place[0] == 'k' else self._float(1)}")
+        elif choice == 20:
+            self._add(depth, f"for place in range({self._random.choice(('k[0] % 4', 'int(a[3]) % 4'))}):")
+            self._add(depth + 1, f"{self._random.choice(('k[0] += 1', 'a[3] = 1.0', 'k[1] = place'))}")
+            self._add(depth + 1, "a[place] = u")
         else:
             self._add(depth, f"k[{self._integer(1)} % 3] = {self._integer(1)} % 100")
 

@@ -249,6 +249,7 @@ REFUSED = {
     "return push(a) + a[0]": 'push(a)" writes into an array|push writes into an array',
     "b = a[0:2] if x > 0.0 else a[2:4]\n    return b[0]": "is not a number",
     "b = a[i % 2:]\n    i = 1\n    return b[0]": "the place of this view may change",
+    "b = a[int(a[0]) % 4:]\n    a[0] = 1.0\n    return b[0]": "the place of this view may change",
     "q = a\n    q = a[1:]\n    return q[0]": "q names several arrays",
     "return a[7]": "there are only 4 entries",
     "return unknown": "unknown is not known here",
@@ -404,6 +405,86 @@ def like_a_type(x, i, a):
 
 def two(x, y):
     return x * y, x - y
+
+
+def head_by_name(x, i, a):
+    n = i % 4
+    head = a[:n]
+    head[:] = 7.0
+    same = head
+    total = 0.0
+    for j in range(len(same)):
+        total += same[j] + 0.5
+    return total
+
+
+def head_of_a_row(x, i, a):
+    n = i % 3
+    m = np.zeros((2, 2))
+    row = m[1, :n]
+    for j in range(len(row)):
+        row[j] = 9.0
+    return m[0, 0] + 10.0 * m[0, 1] + 100.0 * m[1, 0] + 1000.0 * m[1, 1]
+
+
+def counted(of):
+    again = of
+    total = 0.0
+    for j in range(len(again)):
+        total += 1.0
+        again[j] += 1.0
+    return total
+
+
+def head_in_another_function(x, i, a):
+    first = counted(a[: i % 4])
+    second = counted(a[:2])
+    return first + 10.0 * second
+
+
+def nines(m):
+    for j in range(m.shape[0]):
+        for k in range(m.shape[1]):
+            m[j, k] = 9.0
+
+
+def corner(x, i, a):
+    m = np.zeros((3, 3))
+    part = m[0:2, 0:2]
+    part[0, 1] = x
+    nines(m[:2, 1:])
+    nines(m[1:, :2])
+    a[0] = m[0, 1]
+    a[1] = m[0, 2]
+    a[2] = m[1, 0]
+    a[3] = m[2, 1] + 10.0 * m[2, 2]
+    return m[0, 0]
+
+
+def end_of_a_loop_in_an_array(x, i, a):
+    for j in range(int(a[2])):
+        a[2] = 0.0
+        a[j] += 1.0
+    return a[0]
+
+
+def row_chosen_by_itself(x, i, a):
+    m = np.zeros((3, 2))
+    m[0, 0] = i % 3
+    m[int(m[0, 0]), :] = 2.0
+    a[:] = m[int(a[1]), 1]
+    a[0] = 1.0
+    a[: int(a[0]) + 1] = 3.0
+    return m[0, 0] + m[1, 0] * 10.0 + m[1, 1] * 100.0 + m[2, 0] * 1000.0
+
+
+def row_chosen_by_what_is_written(x, i, a):
+    table = np.zeros((2, 4))
+    table[1, :] = 5.0
+    table[0, :] = 1.0
+    a[0] = 0.0
+    a[:] = table[int(a[0]), :]
+    return a[3]
 
 
 def with_for(x, i, a):

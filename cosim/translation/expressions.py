@@ -894,8 +894,10 @@ def is_gapless(array: ArrayValue) -> bool:
     if array.is_flat:
         return len(array.axes) == 1 and array.axes[0].start.constant == 0 and array.axes[0].step.constant == 1
     free = array.free
-    return free == tuple(range(len(array.axes) - len(free), len(array.axes))) and all(
-        array.axes[place].start.constant == 0 and array.axes[place].step.constant == 1 for place in free
+    return (
+        free == tuple(range(len(array.axes) - len(free), len(array.axes)))
+        and all(array.axes[place].start.constant == 0 and array.axes[place].step.constant == 1 for place in free)
+        and all(array.axes[place].size.constant == array.axes[place].native for place in free[1:])
     )
 
 

@@ -81,7 +81,7 @@ class Function(Expressions):
         self._parameters: dict[str, Value] = {}
         for own, kind in zip(self._names, self._kinds, strict=True):
             value = self._parameter(own, kind)
-            if not times_stored(self._statements, own):
+            if not times_stored(self._statements, own) and not isinstance(value, ArrayValue):
                 self.fixed.add(self.c_name(own))
                 if isinstance(value, Number) and len(self._parameters) in naturals:
                     value = replace(value, is_natural=True)
@@ -690,6 +690,10 @@ class Function(Expressions):
         elif any(overlap(place.root, read) for read in value.reads):
             value = self._kept_value(target, value)
             assert isinstance(value, Number)
+        # What is written may change no index, as Python takes them before the first entry is written.
+        root = place.root
+        place = self._placed_now(target, place, root)
+        value = self._placed_now(target, value, root) if isinstance(value, ArrayValue) else value
         if (value.item if isinstance(value, ArrayValue) else value.kind) is FLOAT and place.item is INT:
             self.refuse(target, "floats in the place of whole numbers")
         self.write(target, place.root, place.is_const)
@@ -708,6 +712,24 @@ class Function(Expressions):
         given = as_float(given) if into.kind is FLOAT else given
         block.add(f"{into.text} = {given.text};")
         self.block = outer
+
+    def _placed_now(self, node: ast.expr, array: ArrayValue, written: Root) -> ArrayValue:
+        """Return an array whose place no longer depends on what is written: such numbers get names of their own."""
+
+        def now(number: Number) -> Number:
+            if not any(overlap(written, read) for read in number.reads):
+                return number
+            kept = self._kept_value(node, number)
+            assert isinstance(kept, Number)
+            return kept
+
+        axes = (
+            replace(axis, index=now(axis.index))
+            if axis.index is not None
+            else replace(axis, start=now(axis.start), step=now(axis.step), size=now(axis.size))
+            for axis in array.axes
+        )
+        return replace(array, axes=tuple(axes))
 
     def _entry(self, array: ArrayValue, indices: Sequence[Number]) -> Number:
         axes = list(array.axes)
@@ -790,7 +812,7 @@ class Function(Expressions):
 
     def _named_array(self, target: ast.Name, c: str, value: ArrayValue) -> ArrayValue:
         item, free = value.item.value, value.free
-        gapless = is_gapless(value)
+        gapless = is_gapless(value) and all(size.constant is not None for size in value.sizes)
         if gapless and len(free) == 1:
             line = self.block.add("", c)
             place = _bare(self.pointer(value))
