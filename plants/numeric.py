@@ -65,13 +65,19 @@ class NumericModel:
     def parameters(self, **values: npt.ArrayLike | str) -> Array:
         """Return p with some parameters set by name, the others at their defaults, (..., parameters).
 
-        A variant of an enumeration is given by its name: ``parameters(m_c=20, drive="front_wheel")``.
+        A variant of an enumeration is given by its name: ``parameters(m_c=20, drive="front_wheel")``. Whether a number
+        lies within its parameter's bounds is not asked.
+
+        Raises
+        ------
+        ModelError
+            There is no such parameter or variant, or a value is no number.
         """
         defaults = {p.name: 1.0 if isinstance(p, Enumeration) else p.start for p in self.model.parameters}
         variants = {p.name: p for p in self.model.enumerations}
         numbers = {
-            name: variants[name].number(v) if isinstance(v, str) and name in variants else v
-            for name, v in values.items()
+            name: _number_of_variant(variants[name], value) if name in variants else value
+            for name, value in values.items()
         }
         return _vector("parameter", defaults, numbers)
 
@@ -152,9 +158,21 @@ def _call(function: Function, t: npt.ArrayLike, *vectors: npt.ArrayLike) -> Arra
     return result
 
 
+def _number_of_variant(enumeration: Enumeration, value: npt.ArrayLike | str) -> npt.ArrayLike:
+    """Return the numbers that stand for variants, which may be given by name."""
+    if isinstance(value, str):
+        return enumeration.number(value)
+    if not np.isin(value, np.arange(1, len(enumeration.items) + 1)).all():
+        known = ", ".join(f"{number} ({item})" for number, item in enumerate(enumeration.items, 1))
+        raise ModelError(f"{enumeration.name} has no variant {value}; it has {known}")
+    return value
+
+
 def _vector(kind: str, defaults: dict[str, float], values: Mapping[str, npt.ArrayLike | str]) -> Array:
     unknown = set(values) - set(defaults)
     if unknown:
         raise ModelError(f"there is no {kind} {min(unknown)!r}; there are {', '.join(defaults)}")
+    if texts := [name for name, value in values.items() if isinstance(value, str)]:
+        raise ModelError(f"{kind} {texts[0]!r} is {values[texts[0]]!r}, it must be a number")
     entries = [np.asarray(values.get(name, default), dtype=float) for name, default in defaults.items()]
     return np.stack(np.broadcast_arrays(*entries), axis=-1) if entries else np.empty(0)

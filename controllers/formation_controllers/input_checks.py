@@ -42,10 +42,14 @@ def converted(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return a value as an array that `fits`, or refuse it by name."""
     if fits(value, shape):
         return value  # type: ignore[return-value]
+    if np.ma.is_masked(value):
+        raise ControllerError(f"{name} has masked numbers, which no law can use")
     try:
         if not (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
             value = np.asarray(value)
             if value.dtype.kind not in "biufO":  # a complex number, a text, a date
+                raise TypeError
+            if value.dtype.kind == "O" and any(isinstance(item, str | bytes) for item in value.flat):
                 raise TypeError
         array = np.asarray(value, dtype=float, order="C")
     except (TypeError, ValueError, OverflowError):

@@ -59,7 +59,9 @@ TORQUE_SIGNALS: Final = (
         singular_at_zero="the law is singular",
         singular_below=NEAR,
     ),
-    Signal("det_R", "1", "determinant of R, (8), (55): cos_bearing over cos_steering"),
+    Signal(
+        "det_R", "1", "determinant of R, (8), (55), as the law uses it: cos_bearing over cos_steering unless guarded"
+    ),
     Signal(
         "relative_range",
         "1",

@@ -380,6 +380,8 @@ def test_nothing_works_before_the_start_or_after_a_reset(call):
         ({"pose": POSE[:, :3]}, r"pose has shape \(3, 3\): expected \(3, 4\)"),
         ({"pose": [["a"] * 4] * 3}, "pose is not an array of numbers"),
         ({"pose": [["1"] * 4] * 3}, "pose is not an array of numbers"),
+        ({"pose": np.array([["1"] * 4] * 3, dtype=object)}, "pose is not an array of numbers"),
+        ({"pose": np.ma.masked_greater(POSE, POSE.min())}, "pose has masked numbers"),
         ({"pose": POSE + 0j}, "pose is not an array of numbers"),
         ({"pose": (POSE + 1j).tolist()}, "pose is not an array of numbers"),
         ({"pose": [[10**400] * 4] * 3}, "pose is not an array of numbers"),

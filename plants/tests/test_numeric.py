@@ -122,6 +122,21 @@ def test_parameters_and_states_by_name_may_be_batches() -> None:
         functions.start(speed=1.0)
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"drive": 0}, r"drive has no variant 0; it has 1 \(as_printed\), 2 \(front_wheel\), 3 \(rear_wheel\)"),
+        ({"drive": np.array([1, 2, 7])}, r"drive has no variant \[1 2 7\]"),
+        ({"drive": 2.5}, "drive has no variant 2.5"),
+        ({"drive": np.nan}, "drive has no variant nan"),
+        ({"m_c": "20"}, "parameter 'm_c' is '20', it must be a number"),
+    ],
+)
+def test_values_that_are_none_are_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        numeric.compile(plants.load("car_like")).parameters(**values)
+
+
 def test_a_sweep_is_one_call() -> None:
     """A sweep over 1,000 masses in one call: heavier robots accelerate less."""
     functions = numeric.compile(plants.load("car_like"))
