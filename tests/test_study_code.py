@@ -10,8 +10,8 @@ import pytest
 
 from cosim.control import host
 from cosim.errors import InputError
+from cosim.master.code import check_code, check_laws
 from cosim.scenario.reader import read_scenario
-from cosim.studies.code import check_code, check_laws
 from cosim.studies.conduct import check_study, conduct
 from cosim.studies.crew import Crew
 from cosim.studies.engine import Workers

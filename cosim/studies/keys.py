@@ -11,11 +11,11 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import InputError
+from cosim.master.code import code_of, code_of_law, code_of_vehicles
 from cosim.master.setup import Setup, set_up
 from cosim.scenario.edits import split_setting
 from cosim.scenario.grammar import local_name, paths_in
 from cosim.scenario.scenario import Expectation, Scenario
-from cosim.studies.code import code_of, code_of_law, code_of_vehicles
 from cosim.studies.compared_cases import COMPARED
 from cosim.studies.elsewhere import LIBRARIES
 from cosim.studies.plan import Run
@@ -66,7 +66,7 @@ class RunKeys:
     scenarios : dict
         The checksum of each scenario, with what is measured; by the indices of cases.
     code : dict
-        The code of all runs up to now; see `cosim.studies.code.code_of`.
+        The code of all runs up to now; see `cosim.master.code.code_of`.
     """
 
     def __init__(self, study: Study) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from cosim.errors import FormationError, InputError, Location, OtherStructure
+from cosim.master.code import OtherCode, check_code, check_laws, code_of
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
@@ -20,7 +21,6 @@ from cosim.results.result import Result
 from cosim.results.verdict import Verdict
 from cosim.scenario.reader import Variations
 from cosim.scenario.scenario import Expectation, Scenario
-from cosim.studies.code import OtherCode, check_code, check_laws, code_of
 from cosim.studies.courses import Envelope
 from cosim.studies.measuring import figure_over
 from cosim.studies.plan import Run
@@ -53,7 +53,7 @@ class Task:
     keys : tuple of str
         Of each run.
     code : dict
-        With which the runs have to be made; see `cosim.studies.code`.
+        With which the runs have to be made; see `cosim.master.code`.
     alone : bool
         Whether each is run as ``formation run`` does, where a process of its own shows which FMU has ended it.
     """
