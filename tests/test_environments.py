@@ -34,7 +34,6 @@ from cosim.master.setup import set_up
 from cosim.master.simulation import Simulation
 from cosim.plant import bells, protocol
 from cosim.studies.conduct import check_study, conduct
-from cosim.studies.keys import RunKeys
 from cosim.studies.reader import read_study
 from cosim.tests.studies import write_study
 from cosim.unforeseen import status_of
@@ -838,8 +837,8 @@ def test_another_version_in_an_environment_that_a_value_names_makes_its_runs_ane
         shutil.rmtree(tmp_path / "laws")
         distribution(tmp_path / "laws", "faulty-laws", version, ["faulty = faulty_laws:Faulty"], FAULTY)
         study = read_study(path)
-        plan, scenarios, _ = check_study(study)
-        keys.append([RunKeys(study, scenarios).of(run) for run in plan])
+        plan, of_runs, _ = check_study(study)
+        keys.append([of_runs.of(run) for run in plan])
     assert keys[0] == keys[2]
     assert keys[0][0] == keys[1][0]
     assert len({key for found in keys for key in found}) == 3

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import os
 import shutil
 from collections.abc import Iterator
@@ -288,6 +289,19 @@ def test_a_point_of_a_study_leads_to_its_run(study: Path, opened: Any) -> None:
     assert command.endswith(f" --keep {found + 1}")
     page.get_by_role("button", name="close", exact=True).click()
     assert page.locator("#chosen-run").is_hidden()
+
+
+@pytest.mark.parametrize(("worst", "told"), [(-math.inf, "-∞"), (math.inf, "∞")])
+def test_a_run_without_a_figure_is_told_with_its_sign(opened: Any, tmp_path: Path, worst: float, told: str) -> None:
+    write_study_folder(tmp_path, 40, none=worst)
+    save_study_report(tmp_path, tmp_path / "report.html")
+    page = opened(tmp_path / "report.html")
+    spread = page.get_by_role("row").filter(has_text="settling [s]").filter(has_text="68.5").inner_text().split("\t")
+    assert (spread[1], spread[5]) == (("-∞", "71.9") if worst < 0 else ("65", "∞"))
+    assert told in _column(page, 6)
+    numbers = "numbersOf({ isNumber: true, values: Float64Array.of(1, 3, 10, 30, 100, %s, NaN) }).numbers"
+    shown = page.evaluate(f"Array.from({numbers % ('-Infinity' if worst < 0 else 'Infinity')})")
+    assert (shown[2], shown[5], math.isnan(shown[6])) == (1.0, worst, True)  # by logarithms
 
 
 def test_runs_of_a_study_are_played_and_compared(study: Path, opened: Any) -> None:

@@ -12,12 +12,15 @@ from cosim.cli import main
 from cosim.errors import InputError
 from cosim.studies import cluster, elsewhere
 from cosim.studies.conduct import conduct
+from cosim.studies.reader import read_study
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.tests.studies import small_study, write_study
 from cosim.unforeseen import Lack
 
 from .crashing_study import crashing_study
 from .dask_cluster import Cluster
+from .environments import distribution
+from .test_own_law import LAW
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are killed by signals")
@@ -80,6 +83,27 @@ def test_another_version_on_a_worker_is_refused(tmp_path: Path) -> None:
         elsewhere.make({"Python": "2.7"}, b"")
     with pytest.raises(InputError, match=r"has no dask-of-old, where this command has dask-of-old 1"):
         elsewhere.make({"dask-of-old": "1"}, b"")
+
+
+def test_another_law_on_a_worker_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has the same name, package and version."""
+    for place, text in (("here", LAW), ("there", LAW.replace("np.zeros", "np.ones"))):
+        distribution(tmp_path / place, "my-law", "1.0", ["mine = my_law:MyLaw"], text)
+    monkeypatch.syspath_prepend(str(tmp_path / "here"))
+    path = write_study(tmp_path)
+    base = tmp_path / "base.xml"
+    law = '<controller id="pid" name="mine" package="my-law" version="==1.0"/>'
+    base.write_text(re.sub("(?s)<controller.*?</controller>", law, base.read_text("utf-8")), "utf-8")
+    led = Cluster(tmp_path)
+    try:
+        led.add_worker(str(tmp_path / "there"))
+        with pytest.raises(
+            InputError, match=r"the worker on .* has my-law 1\.0 \(files .*command has my-law 1\.0 \(files"
+        ):
+            conduct(read_study(path), tmp_path, scheduler=led.address)
+    finally:
+        led.close()
+        sys.modules.pop("my_law", None)
 
 
 def test_a_scheduler_that_is_not_there_is_refused(

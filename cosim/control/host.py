@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import base64
 import ctypes
+import hashlib
 import inspect
 import json
 import mmap
@@ -30,6 +31,8 @@ import time
 import traceback
 from collections import namedtuple
 from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # a host starts without
@@ -76,6 +79,8 @@ _LINE = 64
 _WORDS = 3
 
 _OLDEST = (3, 11)
+_NOT_RUN = ("__pycache__", "tests", "scenarios")
+"""Folders of a package on which no run depends."""
 
 
 # Words about laws, for laws of this process and of a host alike -----------------------------------------------------
@@ -97,6 +102,38 @@ def described(law: Any) -> dict[str, Any]:
             field.name: {"default": field.default, **asdict(field.metadata["gain"])} for field in fields(law.gains_type)
         },
     }
+
+
+def content_of(*modules: str) -> str:
+    """Return a checksum of all files of the packages that modules belong to.
+
+    They count as they were when they were first asked for, as Python imports them once. Tests, compiled Python, hidden
+    files, and the scenarios that a wheel of Formation brings as examples do not count.
+    """
+    digest = hashlib.sha256()
+    for package in sorted(set(map(_package, modules))):
+        with suppress(ImportError, ValueError):  # it is gone, or was no file ever
+            spec = find_spec(package)
+            for root in () if spec is None else spec.submodule_search_locations or [spec.origin or ""]:
+                digest.update(_content(root))
+    return digest.hexdigest()
+
+
+@cache
+def _content(root: str) -> bytes:
+    digest = hashlib.sha256()
+    for file in [root] if os.path.isfile(root) else sorted(_files_in(root)):
+        with suppress(OSError), open(file, "rb") as opened:  # an editor may have links to nowhere beside them
+            data = opened.read()
+            name = os.path.relpath(file, os.path.dirname(root)).replace(os.sep, "/")
+            digest.update(f"{name}\0{len(data)}\0".encode("utf-8", "surrogateescape") + data)
+    return digest.digest()
+
+
+def _files_in(root: str) -> Iterator[str]:
+    for folder, inside, files in os.walk(root):
+        inside[:] = [name for name in inside if name not in _NOT_RUN and not name.startswith(".")]
+        yield from (os.path.join(folder, name) for name in files if not name.startswith("."))
 
 
 class GainFault(Exception):
@@ -807,7 +844,7 @@ class _Host:
             self._laws[name] = law = load(name)
         except Exception as error:
             return {**about, "fault": not_imported(error, found.entry_point.module)}
-        return {**about, **described(law)}
+        return {**about, "content": content_of(found.entry_point.module, PUBLIC), **described(law)}
 
     def _make(self, about: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Make the teams of a run; return what is wrong with the first one that cannot be made."""

@@ -114,8 +114,8 @@ class Host:
     def described(self, name: str) -> dict[str, Any]:
         """Return what a law states about itself, each part checked.
 
-        That is ``package`` and ``version``; ``interface``, ``vehicles``, ``needs``, ``signals`` and ``gain_facts``, or
-        a ``fault``. If there is no such law, the names that are ``known``.
+        That is ``package`` and ``version``; ``content``, ``interface``, ``vehicles``, ``needs``, ``signals`` and
+        ``gain_facts``, or a ``fault``. If there is no such law, the names that are ``known``.
 
         Raises
         ------
@@ -303,6 +303,7 @@ def _checked(told: dict[str, Any]) -> dict[str, Any]:
         raise ValueError
     return {
         **about,
+        "content": printable(str(told["content"])),
         "interface": printable(str(told["interface"])),
         "vehicles": tuple(printable(str(kind)) for kind in told["vehicles"]),
         "needs": tuple(str(need) for need in told["needs"]),

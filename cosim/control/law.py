@@ -12,7 +12,7 @@ from formation_controllers.controller import Controller
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from cosim.control.environment import environment_at
-from cosim.control.host import GainFault, checked_gains, described, not_imported
+from cosim.control.host import PUBLIC, GainFault, checked_gains, content_of, described, not_imported
 from cosim.control.hosts import Host, Hosts
 from cosim.control.installed_laws import installed
 from cosim.errors import InputError, nearest
@@ -33,6 +33,8 @@ class Law:
         The controller in the scenario.
     package, version : str
         The distribution that it comes from.
+    content : str
+        A checksum of the files of its package and of `formation_controllers`.
     interface : str
         The version of the controllers' interface that it speaks.
     vehicles, needs : tuple of str
@@ -52,6 +54,7 @@ class Law:
     source: ControllerSource
     package: str
     version: str
+    content: str
     interface: str
     vehicles: tuple[str, ...]
     needs: tuple[str, ...]
@@ -125,7 +128,13 @@ def _here(source: ControllerSource) -> Law:
     except fc.ControllerError as error:
         raise InputError(not_imported(error, found.entry_point.module)) from None
     gains = _gains(source.id, law, source.gains)
-    return Law(source, found.package, found.version, **_stated(law), gains=gains, controller_type=law)
+    content = content_here(found)
+    return Law(source, found.package, found.version, content, **_stated(law), gains=gains, controller_type=law)
+
+
+def content_here(found: fc.Installed) -> str:
+    """Return the checksum of the files of an installed law; see `Law`."""
+    return content_of(found.entry_point.module, PUBLIC)
 
 
 @lru_cache(maxsize=64)

@@ -140,6 +140,11 @@ class Prepared(Closing):
                 return anew
             return outcome
 
+    @property
+    def setup(self) -> Setup:
+        """The set-up of the scenario itself."""
+        return self._setup
+
     def close(self) -> None:
         """End all plants and remove unpacked files."""
         self._cleanup.close()

@@ -60,6 +60,7 @@ def study_of(folder: Path) -> tuple[Json, list[Json]]:
     rows = _rows(table, {*kept, *to_see})
     content = {
         **summary,
+        "measures": [_with_infinite(measure, table) for measure in summary["measures"]],
         "rows": len(rows),
         "table": _packed(_columns(table, rows)),
         "cases": _cases(folder / "cases.csv"),
@@ -102,6 +103,14 @@ def _summary(folder: Path) -> Json:
         }
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} is not the summary of a study: {type(error).__name__}: {error}") from None
+
+
+def _with_infinite(measure: Mapping[str, Any], table: Result) -> Json:
+    """Return a measure with infinite quantiles as texts; the summary leaves them out, the runs have their sign."""
+    name = str(measure.get("measure"))
+    infinite = table[name].values if name in table else np.empty(0)
+    sign = _not_finite(-math.inf if np.isneginf(infinite).any() else math.inf)
+    return {key: sign if value is None else value for key, value in measure.items()}
 
 
 def _verdict(data: Mapping[str, Any]) -> Json:

@@ -20,7 +20,7 @@ from cosim.studies.crews import crew_of
 from cosim.studies.duration import keep_pace
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.horizons import timed_scenarios, told_for
-from cosim.studies.keys import RunKeys, key_of_measures, key_of_scenario, key_with_envelopes
+from cosim.studies.keys import RunKeys
 from cosim.studies.making import Maker, in_order
 from cosim.studies.plan import Plan
 from cosim.studies.possible import check_possible
@@ -89,8 +89,8 @@ class StudyOutcome:
         return sensitivities(self.study, self.rows)
 
 
-def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Judged]]:
-    """Check everything that can be checked before a run; return the runs, each scenario's key, and what must hold.
+def check_study(study: Study) -> tuple[Plan, RunKeys, list[Judged]]:
+    """Check everything that can be checked before a run; return the runs, their keys, and what must hold.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
     check_compared(study)
     if plan.design is not None:
         check_installed(study.sample.where)
-    keys = {}
+    keys = RunKeys(study)
     for cases, timed in timed_scenarios(study, plan).items():
         with ExitStack() as cleanup:
             for scenario in timed:
@@ -116,8 +116,7 @@ def check_study(study: Study) -> tuple[Plan, dict[tuple[int, ...], str], list[Ju
                     check_envelopes(study.envelopes, scenario, setup.signals)
                 except InputError as error:
                     raise told_for(error, study, cases, scenario) from None
-            key = key_of_measures(key_of_scenario(study.bases[cases], setup), study.measures)
-            keys[cases] = key_with_envelopes(key, study.envelopes)
+            keys.add(cases, setup)
     check_possible(study, plan)
     return plan, keys, judged
 
@@ -166,7 +165,7 @@ def conduct(
     plan, keys, requirements = check_study(study)
     with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
         kept = frozenset(store.rows)
-        maker = Maker(study, RunKeys(study, keys), store, crew)
+        maker = Maker(study, keys, store, crew)
         try:
             if study.tune is not None:
                 outcome = _tune(study, study.tune, maker, requirements, runs, progress)

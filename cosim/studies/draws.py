@@ -1,13 +1,13 @@
 """The runs of a draw: they share its values and its noise, so that in what must hold a draw counts once.
 
 Two laws that are run on the same twenty draws make forty runs, and twenty independent ones. If every value is crossed,
-each run counts by itself. Of a grid, the seeds alone are draws.
+each run counts by itself. Of a grid, the seeds alone are draws: two whose runs are the same are one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from cosim.errors import nearest
@@ -19,6 +19,9 @@ from cosim.studies.values import Finite
 
 AT_RANDOM = ("random", "latin_hypercube", "sobol")
 """Methods whose runs show, with a confidence, what others would be like."""
+
+ENUMERATED = ("grid", "one_at_a_time")
+"""Methods that take values one by one: a draw that comes again is no other one."""
 
 
 @dataclass(frozen=True)
@@ -35,18 +38,30 @@ class Draws:
         How many runs of a draw count.
     single : bool
         Whether each run counts by itself, as nothing is drawn.
+    once : bool
+        Whether draws with the same runs count once. By chance, they may come twice.
     """
 
     given: tuple[tuple[int, str], ...]
     crossed: tuple[int, ...]
     size: int
     single: bool
+    once: bool = False
 
     def of(self, rows: Sequence[Row]) -> list[list[Row]]:
         """Return the runs that count, those of a draw together."""
         found: dict[int, list[Row]] = {}
         for row in filter(self.counts, rows):
             found.setdefault(self.key(row), []).append(row)
+        return self.different(found.values())
+
+    def different(self, draws: Iterable[list[Row]]) -> list[list[Row]]:
+        """Return the draws that count: without those whose runs are all the same as those of one before."""
+        if not self.once:
+            return list(draws)
+        found: dict[tuple[str, ...], list[Row]] = {}
+        for own in draws:
+            found.setdefault(tuple(row.key for row in own), own)
         return list(found.values())
 
     def key(self, row: Row) -> int:
@@ -75,7 +90,8 @@ def draws_of(study: Study, given: Sequence[Written]) -> Draws:
     single = len(crossed) == len(study.vary)
     others = tuple(index for index in crossed if index not in dict(fixed))
     sizes = [len(values) for values in (study.vary[index].values for index in others) if isinstance(values, Finite)]
-    return Draws(tuple(fixed), others, 1 if single else math.prod(sizes), single)
+    once = single or study.sample.method in ENUMERATED
+    return Draws(tuple(fixed), others, 1 if single else math.prod(sizes), single, once)
 
 
 def is_seed(vary: Vary) -> bool:
@@ -131,7 +147,8 @@ class EarlyTest:
     def __init__(self, draws: Draws, passes: Callable[[Row], bool], bound: float, confidence: float) -> None:
         self._draws, self._passes = draws, passes
         self._test = Sequential(bound, confidence)
-        self._begun: dict[int, list[bool]] = {}
+        self._begun: dict[int, list[Row]] = {}
+        self._seen: set[tuple[str, ...]] = set()
         self.passed = 0
 
     @property
@@ -149,8 +166,14 @@ class EarlyTest:
         if self.above is not None or not self._draws.counts(row):
             return
         begun = self._begun.setdefault(self._draws.key(row), [])
-        begun.append(self._passes(row))
+        begun.append(row)
         if len(begun) == self._draws.size:
-            self.passed += all(begun)
-            self._test.add(all(begun))
             del self._begun[self._draws.key(row)]
+            if self._draws.once:
+                runs = tuple(own.key for own in begun)
+                if runs in self._seen:
+                    return
+                self._seen.add(runs)
+            passed = all(map(self._passes, begun))
+            self.passed += passed
+            self._test.add(passed)

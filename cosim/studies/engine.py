@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TypeAlias
 
@@ -34,6 +34,8 @@ class Workers:
         The study.
     crew
         Who makes them.
+    code
+        See `Task.code`; it may grow.
 
     Attributes
     ----------
@@ -43,14 +45,14 @@ class Workers:
         Of each chunk that was made: the time [s] of a run.
     """
 
-    def __init__(self, study: Study, crew: Crew) -> None:
+    def __init__(self, study: Study, crew: Crew, code: Mapping[str, str]) -> None:
         self.usual = 0.0
         self.paces: list[float] = []
         self._measures = made_by_runs(study.measures)
         self._envelopes = study.envelopes
         self._bases = {cases: pickle.dumps(scenario) for cases, scenario in study.bases.items()}
         self._mark = hashlib.sha256(pickle.dumps((self._bases, self._measures, self._envelopes))).hexdigest()
-        self._crew = crew
+        self._crew, self._code = crew, code
         self._each = 1  # runs of a chunk
 
     def run(self, ask: Callable[[int], Sequence[Pending]], take: Callable[[Sequence[Row]], bool]) -> None:
@@ -86,4 +88,5 @@ class Workers:
         """Return a chunk as a task."""
         runs, keys = zip(*chunk, strict=True)
         bases = {run.cases: self._bases[run.cases] for run in runs}
-        return Task(self._mark, bases, self._measures, self._envelopes, self.usual, runs, keys, alone)
+        code = dict(self._code)
+        return Task(self._mark, bases, self._measures, self._envelopes, self.usual, runs, keys, code, alone)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import InputError
+from cosim.master.code import code_of, code_of_law, code_of_vehicles
 from cosim.master.setup import Setup, set_up
 from cosim.scenario.edits import split_setting
 from cosim.scenario.grammar import local_name, paths_in
@@ -28,8 +29,8 @@ _OF_MANY_PARTS = ("compare", "controller")
 def key_of_scenario(scenario: Scenario, setup: Setup) -> str:
     """Return the checksum of all that determines the runs of a scenario, but for its changes.
 
-    That is the resolved text without comments, title and description, the content of each file that it names, and the
-    versions of the packages.
+    That is the resolved text without comments, title and description, the content of each file that it names, the
+    versions of the packages, and the files of Formation and of what brings laws and kinds of vehicle.
     """
     return _digest(_determining(scenario, setup))
 
@@ -53,22 +54,37 @@ class RunKeys:
 
     Whatever a path leads to is looked at once, however many runs have it.
 
+    Legal call order: `add` of each scenario, then `of` runs.
+
     Parameters
     ----------
     study
         The study.
-    scenarios
+
+    Attributes
+    ----------
+    scenarios : dict
         The checksum of each scenario, with what is measured; by the indices of cases.
+    code : dict
+        The code of all runs up to now; see `cosim.master.code.code_of`.
     """
 
-    def __init__(self, study: Study, scenarios: Mapping[tuple[int, ...], str]) -> None:
-        self._study, self._scenarios = study, scenarios
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self.scenarios: dict[tuple[int, ...], str] = {}
+        self.code: dict[str, str] = {}
         self._contents: dict[Path, str] = {}
         self._edited: dict[tuple[tuple[int, ...], tuple[str, ...]], str] = {}
 
+    def add(self, cases: tuple[int, ...], setup: Setup) -> None:
+        """Add the scenario of some cases, which is set up."""
+        key = key_of_measures(key_of_scenario(self._study.bases[cases], setup), self._study.measures)
+        self.scenarios[cases] = key_with_envelopes(key, self._study.envelopes)
+        self.code |= code_of(setup)
+
     def of(self, run: Run) -> str:
         """Return the checksum of a run."""
-        return _digest([self._scenarios[run.cases], *run.changes, *self._behind(run)])
+        return _digest([self.scenarios[run.cases], *run.changes, *self._behind(run)])
 
     def _behind(self, run: Run) -> Iterator[str]:
         if not self._study.naming:
@@ -94,7 +110,9 @@ class RunKeys:
             try:
                 with ExitStack() as cleanup:
                     scenario = self._study.bases[cases].edited(edits)
-                    key = key_of_scenario(scenario, set_up(scenario, cleanup, {}))
+                    setup = set_up(scenario, cleanup, {})
+                    key = key_of_scenario(scenario, setup)
+                    self.code |= code_of(setup)
             except InputError as error:  # which breaks its runs, until it is mended
                 key = str(error)
             self._edited[cases, edits] = key
@@ -104,9 +122,8 @@ class RunKeys:
 def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
     for library in LIBRARIES:
         yield f"{library} {version(library)}"
-    for name, law in setup.laws.items():
-        yield f"law {name} {law.package} {law.version}"
-        yield from (f"of {name} {library} {its}" for library, its in law.environment.items())
+    yield from (f"code {name} {its}" for name, its in code_of_vehicles(setup).items())
+    yield from (f"law {name} {code_of_law(law)}" for name, law in setup.laws.items())
     for name, fmu in setup.opened.items():
         yield f"plant {name} {fmu.sha256}"
     for path, (other, its) in setup.others.items():

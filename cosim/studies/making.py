@@ -56,7 +56,7 @@ class Maker:
         self._bases = study.bases
         self._measures = study.measures
         self._store = store
-        self._workers = Workers(study, crew)
+        self._workers = Workers(study, crew, keys.code)
         self.made = 0
 
     @property

@@ -14,10 +14,8 @@ from cosim.quantity import split
 from cosim.studies.designs import Design, design_of
 from cosim.studies.sizes import MOST_RUNS, too_many
 from cosim.studies.study import Study, Target, Vary
-from cosim.studies.values import Count, Finite, written
+from cosim.studies.values import NEXT_TO_0, NEXT_TO_1, Count, Finite, written
 from plants import UnitError, units
-
-_NEXT_TO_0, _NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ class Plan:
             self._shape = tuple(sizes[index] for index in drawn)
             draws = math.prod(self._shape)
         elif method == "one_at_a_time":
-            self._steps = [(index, step) for index in drawn for step in range(sizes[index]) if not self._counts(index)]
+            self._steps = [(index, step) for index in drawn for step in range(sizes[index])]
             draws = 1 + len(self._steps)
         elif self.design is not None:
             draws = self.design.groups * self.design.size
@@ -133,7 +131,7 @@ class Plan:
                 chosen[at] = own[1] if own[0] == at else None
             else:
                 fraction = float(self._fractions[draw, column])
-                chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
+                chosen[at] = values.at(min(max(fraction, NEXT_TO_0), NEXT_TO_1))
             column += not isinstance(values, Count)
         return chosen
 
@@ -145,7 +143,7 @@ class Plan:
             if isinstance(values, Count):
                 chosen[at] = values.at(design.count_at(draw, fraction))
             else:
-                chosen[at] = values.at(min(max(fraction, _NEXT_TO_0), _NEXT_TO_1))
+                chosen[at] = values.at(min(max(fraction, NEXT_TO_0), NEXT_TO_1))
         return chosen
 
 
@@ -172,7 +170,9 @@ def run_of(study: Study, number: int, draw: int, values: Sequence[str | None]) -
                 entries[target.entry - 1] = text
                 text = " ".join(entries)
             given[target.select] = text
-    return Run(number, draw, cases, tuple(kept), tuple(f"{select}={text}" for select, text in given.items()))
+    own = study.own.get(cases, {})  # a change to it is none: the run is the scenario's own
+    changes = tuple(f"{select}={text}" for select, text in given.items() if text != own.get(select))
+    return Run(number, draw, cases, tuple(kept), changes)
 
 
 def _size(vary: Vary) -> int:

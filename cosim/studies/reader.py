@@ -164,6 +164,13 @@ def _sample(element: Element, vary: Sequence[Vary]) -> Sample:
                 "grid or a range, or another method",
                 one.where,
             )
+        if isinstance(one.values, Count) and method == "one_at_a_time":
+            raise InputError(
+                f"{one.name!r} grows from run to run, so that no run would be the scenario as it is, and its effect "
+                f'would be taken for that of others: give a <range>, which method="{method}" of <sample> varies alone, '
+                "or leave it out",
+                one.where,
+            )
     if "second_order" in element and method != "saltelli":
         raise element.error('second_order="yes" of <sample> is about indices: only method="saltelli" has them')
     return Sample(

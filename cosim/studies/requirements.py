@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -16,7 +16,7 @@ from cosim.studies.designs import METHODS
 from cosim.studies.draws import AT_RANDOM, Draws, EarlyTest, check_two_cases, draws_of, is_seed, value_named
 from cosim.studies.row import BROKEN, PASSED, Row
 from cosim.studies.study import Measured, Requirement, Study, Vary
-from cosim.studies.values import Finite
+from cosim.studies.values import Finite, has_spread
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,10 @@ def _judged(study: Study, requirement: Requirement) -> Judged:
     given = [Written("given", own.attributes, own.where, Path()) for own in requirement.given]
     written = Written(requirement.kind, requirement.attributes, requirement.where, Path())
     draws = draws_of(study, given)
+    if requirement.kind == "worst":
+        return _worst(study, written, replace(draws, once=False))
     judged = _KINDS[requirement.kind](study, written, draws)
-    if requirement.kind != "worst":
-        _check_drawn(study, written, draws)
+    _check_drawn(study, written, draws)
     return judged
 
 
@@ -84,10 +85,14 @@ def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
             'every value is crossed, so that all draws are the same: give method="grid"', study.sample.where
         )
     chosen = {index for index, _ in draws.given}
+    seeds = []
     for index, vary in enumerate(study.vary):
         if index in chosen or vary.name == written.get("vary") or (vary.crossed and not draws.single):
             continue
-        if is_seed(vary) or _has_one_value(vary):
+        if _has_one_value(vary) and (vary.crossed or method != "one_at_a_time"):  # which has the scenario's own, too
+            continue
+        if is_seed(vary):
+            seeds += [vary] * (isinstance(vary.values, Finite) and _counts(study, written, draws, vary))
             continue
         crossed = "vary the seed besides, not crossed" if draws.single else 'add cross="yes" to it, and vary the seed'
         raise written.error(
@@ -95,19 +100,39 @@ def _check_drawn(study: Study, written: Written, draws: Draws) -> None:
             f'with confidence: {crossed}; or name one of them by <given>, give a method that draws, such as "random", '
             "or ask <worst>"
         )
+    if len(seeds) > 1:
+        raise written.error(
+            f"the seeds {seeds[0].name!r} and {seeds[1].name!r} do not vary together, so that runs which share one of "
+            f"them depend on each other, and <{written.kind}> can say nothing of them with confidence: let one <vary> "
+            "have both places, by <also>"
+        )
 
 
 def _check_different(study: Study, written: Written, draws: Draws) -> None:
-    """Refuse a confidence if nothing is drawn that draws differ by."""
+    """Refuse a confidence if nothing is drawn by which those draws differ that count."""
     chosen = {index for index, _ in draws.given} | set(study.tune.values if study.tune else ())
     for index, vary in enumerate(study.vary):
         crossed = vary.crossed or vary.name == written.get("vary")
-        if not (index in chosen or crossed or _has_one_value(vary)):
+        if index in chosen or crossed or not has_spread(vary.values):
+            continue
+        if _counts(study, written, draws, vary):
             return
     raise written.error(
         f"nothing is drawn by which runs differ, so that <{written.kind}> can say nothing of them with confidence: "
         "vary the seed besides"
     )
+
+
+def _counts(study: Study, written: Written, draws: Draws, vary: Vary) -> bool:
+    """Return whether a value is one of the runs that count: not of a case alone that none of them has."""
+    given = dict(draws.given)
+    for index, one in enumerate(study.vary):
+        if one.cases and isinstance(one.values, Finite) and vary.case in one.values.texts:
+            compared = (written.get("case"), written.get("than")) if one.name == written.get("vary") else ()
+            counting = [given[index]] if index in given else compared or one.values.texts
+            if vary.case in counting:
+                return True
+    return not vary.case
 
 
 def _has_one_value(vary: Vary) -> bool:
@@ -239,16 +264,17 @@ def _better(study: Study, written: Written, draws: Draws) -> Judged:
         return sign * row.measures[index] if row.status != BROKEN and math.isfinite(row.measures[index]) else math.inf
 
     def judge(rows: Sequence[Row]) -> Verdict:
-        pairs: dict[tuple[object, ...], dict[str, float]] = {}
+        pairs: dict[tuple[object, ...], dict[str, Row]] = {}
         for row in filter(draws.counts, rows):
             of: tuple[object, ...] = (0 if draws.single else row.draw, *(row.values[other] for other in others))
-            pairs.setdefault(of, {})[str(row.values[place])] = figure_of(row)
-        won: dict[object, int] = {}  # of each draw, how many more pairs are won than lost
+            pairs.setdefault(of, {})[str(row.values[place])] = row
+        found: dict[object, list[Row]] = {}  # of each draw, its pairs one after the other
         for named, own in pairs.items():
             if case in own and than in own:
-                draw = named if draws.single else named[0]
-                won[draw] = won.get(draw, 0) + (own[case] < own[than]) - (own[case] > own[than])
-        least, detail = bounds.sign_test([(-more, 0) for more in won.values()], confidence, what)
+                found.setdefault(named if draws.single else named[0], []).extend((own[case], own[than]))
+        figures = [list(map(figure_of, own)) for own in draws.different(found.values())]
+        won = [sum((one < two) - (one > two) for one, two in zip(own[::2], own[1::2], strict=True)) for own in figures]
+        least, detail = bounds.sign_test([(-more, 0) for more in won], confidence, what)
         return _verdict(written, text, least, 0.5, "", least > 0.5, detail)
 
     return Judged(text, judge)
@@ -273,7 +299,6 @@ _KINDS: Mapping[str, Callable[[Study, Written, Draws], Judged]] = {
     "probability": _probability,
     "quantile": _quantile,
     "mean": _mean,
-    "worst": _worst,
     "better": _better,
 }
 

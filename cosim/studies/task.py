@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from cosim.errors import FormationError, InputError, Location, OtherStructure
+from cosim.master.code import OtherCode, check_code, check_laws, code_of
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.supervised import whole_run
@@ -51,6 +52,8 @@ class Task:
         The runs.
     keys : tuple of str
         Of each run.
+    code : dict
+        With which the runs have to be made; see `cosim.master.code`.
     alone : bool
         Whether each is run as ``formation run`` does, where a process of its own shows which FMU has ended it.
     """
@@ -62,6 +65,7 @@ class Task:
     usual: float
     runs: tuple[Run, ...]
     keys: tuple[str, ...]
+    code: Mapping[str, str]
     alone: bool = False
 
     def answers(self) -> Iterator[str]:
@@ -86,16 +90,28 @@ class _Base:
         self._record = {name for envelope in self.envelopes for name in envelope.signals({})} or None
         self.variations = Variations(scenario)
         self.prepared: Prepared | None = None
+        self._code: Mapping[str, str] = {}
+        self._looked_for: Mapping[str, str] | None = None
 
-    def run(self, scenario: Scenario) -> RunOutcome:
+    def run(self, scenario: Scenario, code: Mapping[str, str]) -> RunOutcome:
+        """Run a scenario with the code that is wanted; raises as `Prepared.run`, and OtherCode."""
         if self.prepared is not None:
+            check_code(code, self._code)
             try:
                 return self.prepared.run(scenario)
             except OtherStructure:
                 self.close()
         # This process may end, at the cost of one run
         self.prepared = Prepared(scenario, self._record, isolate=False)
+        self._code = code_of(self.prepared.setup)
+        check_code(code, self._code)
         return self.prepared.run(scenario)
+
+    def check_laws(self, code: Mapping[str, str]) -> None:
+        """Refuse to say that the scenario cannot be run if its laws are others than is wanted; raises OtherCode."""
+        if self.prepared is None and self._looked_for != code:
+            check_laws(code, self.scenario)
+            self._looked_for = code
 
     def placed(self, row: Row, where: Location | None) -> Row:
         """Return a row whose message begins with a place; with its element, if it is one of the scenario's."""
@@ -124,7 +140,7 @@ def rows_of(task: Task) -> Iterator[Row]:
     Raises
     ------
     FormationError
-        The machine lacks what a run needs, which says nothing about the run: it has no row.
+        The machine lacks what a run needs, or has other code, which says nothing about the run: it has no row.
     """
     for run, key in zip(task.runs, task.keys, strict=True):
         base = _base(task, run.cases)
@@ -152,7 +168,7 @@ def _together(task: Task, base: _Base, run: Run, key: str) -> Row:
     """Run with the plants of the run before, where the structure is the same."""
     try:
         scenario = base.variations.edited(run.changes)
-        outcome = base.run(scenario)
+        outcome = base.run(scenario, task.code)
     except FormationError as error:
         return _broken_by(task, base, run, key, error)
     if outcome.failure is not None:
@@ -165,6 +181,7 @@ def _alone(task: Task, base: _Base, run: Run, key: str) -> Row:
     try:
         scenario = base.scenario.edited(run.changes)
         with whole_run(scenario) as whole:
+            check_code(task.code, code_of(whole.setup))
             result = whole.run_to_end()
             verdicts = judge(scenario.expectations, result, lambda path: run_other(whole.setup, path))
     except FormationError as error:
@@ -222,9 +239,19 @@ def _over_bound(verdict: Verdict) -> float:
 
 
 def _broken_by(task: Task, base: _Base, run: Run, key: str, error: FormationError) -> Row:
-    """Return the row of a run that an error has ended, unless the machine lacks something: then raise the error."""
-    if lack_of(error):
+    """Return the row of a run that an error has ended, unless it says nothing about the run: then raise it.
+
+    Raises
+    ------
+    FormationError
+        The machine lacks something.
+    OtherCode
+        The code here is not the one that is wanted, or it lacks a law.
+    """
+    if lack_of(error) or isinstance(error, OtherCode):
         raise error
+    if isinstance(error, InputError):
+        base.check_laws(task.code)
     row = broken_row(task, run, key, str(error))
     return base.placed(row, error.where) if isinstance(error, InputError) else row
 

@@ -20,6 +20,9 @@ from cosim.quantity import quantity, split
 from cosim.scenario.written_element import Written
 from cosim.studies.sizes import MOST_RUNS, too_many
 
+NEXT_TO_0, NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
+"""The ends of what a random value is drawn by: its quantiles there are finite."""
+
 
 @dataclass(frozen=True)
 class Finite:
@@ -78,6 +81,24 @@ class Count:
 
 
 Values = Finite | Random | Count
+
+
+def has_spread(values: Values) -> bool:
+    """Return whether draws of it differ: not those of a range without width, or of one value in several writings."""
+    if isinstance(values, Random):
+        return values.at(NEXT_TO_0) != values.at(NEXT_TO_1)
+    return isinstance(values, Count) or any(not _same(values.texts[0], text) for text in values.texts)
+
+
+def _same(one: str, other: str) -> bool:
+    """Return whether two texts are equal, or equal quantities."""
+    if one == other:
+        return True
+    try:
+        number, unit = split(one)
+        return math.isclose(number, quantity(other, unit), rel_tol=1e-10)
+    except ValueError:
+        return False
 
 
 def written(number: float, unit: str) -> str:

@@ -20,6 +20,7 @@ from enum import IntEnum
 from typing import TypeVar
 
 from cosim import process_tree
+from cosim.errors import InputError
 from cosim.plant.protocol import exactly, out_of_reach, send
 from cosim.undisturbed import stay_deaf
 from cosim.unforeseen import foreseen, lack_of
@@ -38,7 +39,7 @@ _T = TypeVar("_T")
 class Told(IntEnum):
     """Kinds of frames: a task has begun, an answer, it is done with the time that it took, or an error has ended it.
 
-    Such an error is a lack of the machine, or nobody foresaw it.
+    Such an error is a lack of the machine, or of the code that is wanted, or nobody foresaw it.
     """
 
     BEGUN, ANSWER, DONE, UNFORESEEN = range(4)
@@ -69,7 +70,9 @@ def main() -> None:
     except BaseException as error:
         lacks = bool(lack_of(error))
         message = str(foreseen(error)) if lacks else f"{type(error).__name__}: {error}"
-        told = {"lacks": lacks, "message": message, "traceback": traceback.format_exc()}
+        refuses = not lacks and isinstance(error, InputError)
+        message = str(error) if refuses else message
+        told = {"lacks": lacks, "refuses": refuses, "message": message, "traceback": traceback.format_exc()}
         send(answers, Told.UNFORESEEN, json.dumps(told).encode())
     os._exit(0)  # without the FMUs' exit handlers
 

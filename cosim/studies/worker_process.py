@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from cosim import process_tree
+from cosim.errors import InputError
 from cosim.plant.interpreter import environment, how_it_ended, kill, launch, wait
 from cosim.plant.protocol import HEADER, MOST, exactly
 from cosim.studies.kept_run import KeptRun
@@ -67,10 +68,14 @@ class WorkerProcess:
         Raises
         ------
         NotBegun, Ended
-            The process has ended before the task, or in it; it remains to be closed.
+            The process has ended before the task, or in it; it remains to be closed. One that was there before the task
+            and has other code than it wants counts as ended before: a new one may have that code.
         Lack
             The machine lacks what the task needs.
+        InputError
+            The machine has other code than the task wants.
         """
+        may_be_outdated = self.has_begun
         with suppress(BrokenPipeError):
             data = memoryview(len(task).to_bytes(LENGTH, "little") + task)
             while data:
@@ -87,15 +92,21 @@ class WorkerProcess:
             try:
                 if kind == Told.ANSWER:
                     yield read(body.decode())
+                    may_be_outdated = False
                 elif kind == Told.DONE:
                     yield float(json.loads(body))
                     return
                 else:
                     told = json.loads(body)
                     lacks, message, where = bool(told["lacks"]), str(told["message"]), str(told["traceback"])
+                    refuses = bool(told["refuses"])
             except (ValueError, TypeError, LookupError, RecursionError):
                 raise Ended(": its process answers with bytes that are no reply") from None
             if kind not in (Told.ANSWER, Told.DONE):
+                if refuses and may_be_outdated:
+                    raise NotBegun(f": {message}")
+                if refuses:
+                    raise InputError(message)
                 kept = "; the runs so far are kept, and the same command goes on"
                 error = Lack(message + kept) if lacks else RuntimeError(message)
                 error.add_note(where)

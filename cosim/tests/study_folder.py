@@ -15,14 +15,19 @@ LIMIT = 30.0
 """Runs with a greater mass have failed."""
 
 
-def write_study_folder(folder: Path, runs: int, *, message: str = "heavy", title: str = "Many", **more: Any) -> None:
-    """Write table and summary of a study: run 1 is broken, run 2 has no figure, and heavy ones have failed."""
+def write_study_folder(
+    folder: Path, runs: int, *, message: str = "heavy", title: str = "Many", none: float = np.inf, **more: Any
+) -> None:
+    """Write table and summary of a study: run 1 is broken, run 2 has no figure, and heavy ones have failed.
+
+    `none` is the figure of a run without one, the worst there is.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     number = np.arange(1, runs + 1)
     mass = 25.0 + 7.0 * (number * 0.618034 % 1.0)
     status = np.where(mass > LIMIT, "failed", "passed").astype(object)
     settling = 40.0 + mass
-    status[0], settling[0], settling[1] = "broken", np.nan, np.inf
+    status[0], settling[0], settling[1] = "broken", np.nan, none
     told = np.where(status == "passed", "", message).astype(object)
     variables = {
         "status": Variable(("run",), status, {"kind": "run"}),
@@ -48,6 +53,9 @@ def write_study_folder(folder: Path, runs: int, *, message: str = "heavy", title
         "quarter": 66.0,
         "median": 68.5,
         "three_quarters": 70.0,
+        "greatest": 71.9,
+        "worst_run": 2,
+        "least" if none < 0 else "greatest": None,
     }
     counts = {name: int((status == name).sum()) for name in ("passed", "failed", "broken")}
     summary = {

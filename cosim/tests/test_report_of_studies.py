@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zlib
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,17 @@ def test_content(tmp_path: Path, kept: Result) -> None:
     assert table["settling"]["values"][:2] == [None, "Infinity"]
     assert (table["mass"]["kind"], table["mass"]["unit"]) == ("value", "kg")
     assert all((mass > LIMIT) == (end == "failed") for mass, end in zip(*_pairs(table), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("worst", "end", "told"), [(-math.inf, "least", "-Infinity"), (math.inf, "greatest", "Infinity")]
+)
+def test_an_infinite_quantile_has_the_sign_of_the_worst_figure(
+    tmp_path: Path, worst: float, end: str, told: str
+) -> None:
+    write_study_folder(tmp_path, 40, none=worst)
+    (measure,) = study_of(tmp_path)[0]["measures"]
+    assert {name for name, value in measure.items() if value == told} == {end}
 
 
 def _pairs(table: dict[str, dict[str, Any]]) -> tuple[list[float], list[str]]:

@@ -6,6 +6,7 @@ Figures are made up, and go through the study's own verdict.
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -17,6 +18,7 @@ from scipy import stats
 
 from cosim.errors import InputError
 from cosim.results.verdict import Verdict
+from cosim.studies.plan import Plan
 from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
 from cosim.tests.studies import LAST, SEEDS, small_study
@@ -210,7 +212,7 @@ def test_each_run_counts_if_nothing_is_drawn() -> None:
             small_study(Path(folder), LAWS + seeds, '<sample method="grid"/>', rest=LAST + better)
         )
     runs = [
-        Row("", number, 1, (law, str(seed)), PASSED, (float(place),), (), "")
+        Row(f"run {number}", number, 1, (law, str(seed)), PASSED, (float(place),), (), "")
         for number, (seed, (place, law)) in enumerate(product(range(1, 10), enumerate(("one", "other"))), 1)
     ]
     assert judged.judge(runs).detail == "in 9 of 9 pairs"
@@ -253,6 +255,87 @@ def test_runs_that_differ_by_nothing_drawn_are_refused_a_confidence(tmp_path: Pa
         with pytest.raises(InputError, match="nothing is drawn by which runs differ"):
             requirements_of(small_study(tmp_path, vary, random, LAST + text))
     assert len(requirements_of(small_study(tmp_path, one + SEED, random, LAST + text))) == 1
+
+
+OF_ONE = '<vary name="mass" case="{}" select="plant/parameter[@name=\'m_c\']/@value">{}</vary>'
+UNIFORM = '<uniform from="25 kg" to="40 kg"/>'
+
+
+@pytest.mark.parametrize("text", CONFIDENT)
+def test_values_that_do_not_reach_the_runs_that_count_are_no_draws(tmp_path: Path, text: str) -> None:
+    """Of 9 equal runs of a case all pass or none, however the other case's differ."""
+    tag = text[1:].partition(" ")[0]
+    random = '<sample method="random" runs="9"/>'
+    for law, said in (("one", ""), ("other", "nothing is drawn by which runs differ")):
+        given = text.replace("/>", f'><given vary="law" is="{law}"/></{tag}>')
+        for laws in (LAWS, LAWS.replace(' cross="yes"', "")):
+            study = small_study(tmp_path, laws + OF_ONE.format("one", UNIFORM), random, LAST + given)
+            with pytest.raises(InputError, match=said) if said else nullcontext():
+                requirements_of(study)
+
+
+def test_laws_are_compared_on_values_of_their_own(tmp_path: Path) -> None:
+    laws = LAWS.replace("</vary>", '<case name="third"/></vary>')
+    random = '<sample method="random" runs="9"/>'
+    for case in ("one", "other"):
+        study = small_study(tmp_path, laws + OF_ONE.format(case, UNIFORM), random, LAST + BETTER)
+        assert len(requirements_of(study)) == 1
+    with pytest.raises(InputError, match="nothing is drawn by which runs differ"):
+        requirements_of(small_study(tmp_path, laws + OF_ONE.format("third", UNIFORM), random, LAST + BETTER))
+
+
+@pytest.mark.parametrize("text", CONFIDENT)
+@pytest.mark.parametrize(
+    "values",
+    [
+        '<uniform from="30 kg" to="30 kg"/>',
+        '<log_uniform from="30 kg" to="30 kg"/>',
+        '<uniform from="30 kg" to="30.0000000001 kg"/>',
+        '<grid from="30 kg" to="30 kg" points="4"/>',
+        '<list values="30 kg, 30.0 kg, 30000 g"/>',
+    ],
+)
+def test_values_without_spread_are_no_draws(tmp_path: Path, text: str, values: str) -> None:
+    vary = OF_ONE.format("", values).replace(' case=""', "")
+    with pytest.raises(InputError, match="nothing is drawn by which runs differ"):
+        requirements_of(small_study(tmp_path, vary, '<sample method="random" runs="9"/>', LAST + text))
+
+
+GIVEN_OTHER = '<given vary="law" is="other"/>'
+SEED_OF_ONE = '<vary name="own" case="one" select="simulation/@seed"><range from="1" to="9"/></vary>'
+SEED_OF_OTHER = SEED_OF_ONE.replace('"own" case="one"', '"others" case="other"')
+
+
+@pytest.mark.parametrize(
+    ("vary", "method", "detail"),
+    [
+        (LAWS + SEED_OF_ONE, "grid", "1 of 1 runs"),
+        (LAWS + crossed(SEED_OF_ONE), "grid", "1 of 1 runs"),
+        (LAWS + SEED_OF_ONE + SEED_OF_OTHER, "grid", "9 of 9 runs"),
+        (LAWS + crossed(SEED_OF_ONE) + crossed(SEED_OF_OTHER), "grid", "9 of 9 runs"),
+        (LAWS + SEED_OF_ONE + SEED_OF_OTHER, "one_at_a_time", "9 of 9 runs"),
+    ],
+)
+@pytest.mark.parametrize("early", ["", ' stop="early"'])
+def test_runs_that_are_the_same_count_once(tmp_path: Path, vary: str, method: str, detail: str, early: str) -> None:
+    """The scenario's own seed is 1, as is the first one of each range."""
+    ask = f'<probability of="passed" above="0.9" confidence="0.999"{early}>{GIVEN_OTHER}</probability>'
+    study = small_study(tmp_path, vary, f'<sample method="{method}"/>', LAST + ask)
+    (judged,) = requirements_of(study)
+    own = next(index for index, one in enumerate(study.vary) if one.cases)
+    rows = [
+        Row("|".join((run.values[own] or "", *run.changes)), run.number, run.draw, run.values, PASSED, (1.0,), (), "")
+        for run in Plan(study)
+    ]
+    assert detail.partition(" of ")[2] in judged.judge(rows).detail
+
+
+def test_seeds_that_do_not_vary_together_are_refused_a_confidence(tmp_path: Path) -> None:
+    """Each run shares a seed with others: 81 runs tell as much as 9, if the other seed has no effect."""
+    for vary in (LAWS + SEED_OF_ONE + SEED_OF_OTHER, LAWS + crossed(SEED_OF_ONE) + crossed(SEED_OF_OTHER)):
+        with pytest.raises(InputError, match="the seeds 'own' and 'others' do not vary together") as caught:
+            requirements_of(small_study(tmp_path, vary, '<sample method="grid"/>', LAST + BETTER))
+        assert caught.value.where is not None
 
 
 @pytest.mark.parametrize("text", [*CONFIDENT, BETTER])

@@ -70,6 +70,13 @@ def test_one_at_a_time_leaves_the_others_as_they_are(tmp_path: Path) -> None:
     assert runs[0].changes == ()
 
 
+def test_a_value_that_the_scenario_has_is_the_scenario_as_it_is(tmp_path: Path) -> None:
+    seeds = SEEDS.replace('<count from="7"/>', '<range from="1" to="2"/>')
+    runs = plan(tmp_path, seeds, '<sample method="one_at_a_time"/>')
+    assert values(runs) == [(None,), ("1",), ("2",)]
+    assert [run.changes for run in runs] == [(), (), ("simulation/@seed=2",)]
+
+
 @pytest.mark.parametrize("method", ["random", "sobol"])
 def test_more_draws_leave_the_first_ones_as_they_are(tmp_path: Path, method: str) -> None:
     few, many = (plan(tmp_path, UNIFORM + SEEDS, f'<sample method="{method}" runs="{n}" seed="3"/>') for n in (5, 70))
@@ -182,6 +189,7 @@ BAD_STUDIES = {
     "case twice": ((LAWS.replace("stiff", "soft"),), "the case 'soft' is given twice"),
     "case of nothing": ((LAWS.replace("K_p", "K_q").replace("//gain", "//nogain"),), "selects nothing"),
     "random grid": ((UNIFORM, GRID), "is random"),
+    "another seed for each value": ((X + SEEDS, GRID.replace("grid", "one_at_a_time")), "give a <range>"),
     "runs of a grid": ((X, '<sample method="grid" runs="3"/>'), "leave runs=... out"),
     "no runs": ((X, '<sample method="random"/>'), "needs runs"),
     "crossed random": ((UNIFORM.replace("<vary", '<vary cross="yes"'),), "has no end"),

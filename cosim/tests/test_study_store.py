@@ -19,7 +19,6 @@ from cosim.studies.conduct import check_study
 from cosim.studies.crew import Crew
 from cosim.studies.crews import crew_of
 from cosim.studies.engine import Workers
-from cosim.studies.keys import RunKeys
 from cosim.studies.making import Maker
 from cosim.studies.plan import Plan, Run
 from cosim.studies.row import Row
@@ -154,7 +153,7 @@ def test_a_search_asks_for_runs_when_it_has_the_rows_before(tmp_path: Path) -> N
         asked: list[Run] = []
         told.clear()
         with Store(tmp_path, "small") as store, crew_of(workers=0) as crew:
-            maker = Maker(study, RunKeys(study, keys), store, crew)
+            maker = Maker(study, keys, store, crew)
             maker.make(ask, take)
         assert (told, maker.made) == ([1, 2, 3, 4, 5, 6, 7], made)
 
@@ -178,7 +177,7 @@ def test_a_process_that_ends_in_a_chunk_costs_no_row(
 
     monkeypatch.setattr(Processes, "answers", answers)
     runs = [(run, str(run.number)) for run in islice(Plan(study), 4)]
-    made, _ = Processes().make(Workers(study, Crew(lambda task: Future(), lambda: 1)).task(runs))
+    made, _ = Processes().make(Workers(study, Crew(lambda task: Future(), lambda: 1), {}).task(runs))
     assert [one.number for one in made] == [1, 2, 3, 4]
     assert [(len(task.runs), task.alone) for task in tasks[1:2]] == [(1, True)] * (ended_after < 4)
 
@@ -198,7 +197,7 @@ def test_a_process_that_is_ended_while_it_starts_is_replaced(
 
     monkeypatch.setattr(worker_process, "WorkerProcess", Short)
     study = small_study(tmp_path)
-    task = Workers(study, Crew(lambda task: Future(), lambda: 1)).task([(Plan(study)[0], "key")])
+    task = Workers(study, Crew(lambda task: Future(), lambda: 1), {}).task([(Plan(study)[0], "key")])
     processes = Processes()
     try:
         if fault:

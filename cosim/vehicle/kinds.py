@@ -27,13 +27,17 @@ _OURS = "formation-cosim"
 
 @dataclass(frozen=True)
 class InstalledKind:
-    """A kind of vehicle with the distribution that brings it; without the kind, why it cannot be used."""
+    """A kind of vehicle with the distribution that brings it, and its module there unless it is ours.
+
+    Without the kind, why it cannot be used.
+    """
 
     name: str
     package: str
     version: str
     kind: Kind | None
     fault: str = ""
+    module: str = ""
 
 
 def kinds() -> Iterator[Kind]:
@@ -117,7 +121,8 @@ def _others() -> tuple[InstalledKind, ...]:
         except Exception as error:  # a foreign module can raise anything when it is imported
             loaded, fault = None, f"cannot be imported: {type(error).__name__}: {error}"
         sentence = f"{which} {fault}" if fault else ""
-        found[point.name] = InstalledKind(point.name, package, version, None if fault else loaded, sentence)
+        kind = None if fault else loaded
+        found[point.name] = InstalledKind(point.name, package, version, kind, sentence, point.module)
     return tuple(found.values())
 
 

@@ -23,6 +23,7 @@ START_LIMIT = 0.5
 LAW: dict[str, Any] = {
     "package": "formation-controllers",
     "version": "0.1.0",
+    "content": "0c5f",
     "interface": "1.0",
     "vehicles": ["car_like"],
     "needs": [],

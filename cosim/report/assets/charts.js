@@ -204,7 +204,7 @@ class Histogram extends Chart {
 function numbersOf(column) {
   if (column.isNumber) {
     if (!isLogarithmic(column.values)) return { numbers: column.values, scaled: (value) => value };
-    const numbers = column.values.map((value) => (value === Infinity ? value : Math.log10(value)));
+    const numbers = column.values.map((value) => (Math.abs(value) === Infinity ? value : Math.log10(value)));
     return { numbers, scaled: Math.log10, ticks: decades(rangeOf(numbers)) };
   }
   const names = [...new Set(column.values)];

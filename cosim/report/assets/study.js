@@ -175,12 +175,13 @@ function showRequirements(place, study) {
 function showSpreads(place, study, choose) {
   if (!study.measures.length) return;
   const quantiles = [["least", "least"], ["quarter", "25 %"], ["median", "median"], ["three_quarters", "75 %"], ["greatest", "greatest"]];
+  const told = (value) => ({ Infinity: "∞", "-Infinity": "-∞" }[value] || figure(value));
   const rows = study.measures.map((measure) => {
     const button = element("button", { class: "outcome" }, String(measure.worst_run));
     button.addEventListener("click", () => choose(measure.worst_run));
     return element("tr", {}, [
       element("td", {}, measure.unit ? `${measure.measure} [${measure.unit}]` : measure.measure),
-      ...quantiles.map(([name]) => element("td", { class: "number" }, measure[name] === null ? "∞" : figure(measure[name]))),
+      ...quantiles.map(([name]) => element("td", { class: "number" }, told(measure[name]))),
       element("td", { class: "number" }, button),
     ]);
   });
