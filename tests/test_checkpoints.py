@@ -712,6 +712,20 @@ def test_a_law_of_another_version(left: Path, capsys: pytest.CaptureFixture[str]
     assert "from formation-controllers 0.0.9: install that version" in told
 
 
+def test_a_law_whose_files_were_edited_since(left: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def edited(origin: dict) -> None:  # type: ignore[type-arg]
+        origin["laws"]["law"][2] = "0" * 64
+
+    def untold(origin: dict) -> None:  # type: ignore[type-arg]
+        del origin["laws"]["law"][2]
+
+    altered(left / FOLDER / name_of(25), edited)
+    told = failed(capsys, 2, "resume", str(left))
+    assert "the files of formation-controllers, from which the controller 'law' comes, were edited since" in told
+    altered(left / FOLDER / name_of(25), untold)
+    command(capsys, "resume", str(left))
+
+
 def test_a_scenario_that_was_edited_since(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / "cars.xml")
     command(capsys, "run", path, "--out", tmp_path, "--until", "0.3 s", *LEAST)

@@ -35,7 +35,7 @@ class Origin:
     fmus : dict
         Name of the file, and SHA-256, of the FMU of each plant.
     laws : dict
-        Package and version of each controller's law.
+        Package, version and checksum of the files of each controller's law; no checksum in older checkpoints.
     environments : dict
         Versions of the libraries in the environment of each law, by the controller; empty for a law without one.
     versions : dict
@@ -49,7 +49,7 @@ class Origin:
     scenario: Scenario
     files: Mapping[str, str]
     fmus: Mapping[str, tuple[str, str]]
-    laws: Mapping[str, tuple[str, str]]
+    laws: Mapping[str, tuple[str, str, str]]
     environments: Mapping[str, Mapping[str, str]]
     versions: Mapping[str, str]
     machine: Mapping[str, str]
@@ -62,7 +62,7 @@ class Origin:
             scenario=scenario,
             files={str(path): _checksum(path) for path in _files(scenario) if path.is_file()},
             fmus={name: (fmu.path.name, fmu.sha256) for name, fmu in setup.fmus.items()},
-            laws={name: (law.package, law.version) for name, law in setup.laws.items()},
+            laws={name: (law.package, law.version, law.content) for name, law in setup.laws.items()},
             environments={name: dict(law.environment) for name, law in setup.laws.items()},
             versions=json.loads(versions()),
             machine=_machine(),
@@ -109,7 +109,10 @@ class Origin:
             scenario=scenario,
             files=dict(about["files"]),
             fmus={name: (str(file), str(checksum)) for name, (file, checksum) in about["fmus"].items()},
-            laws={name: (str(package), str(version)) for name, (package, version) in about["laws"].items()},
+            laws={
+                name: (str(package), str(version), str(*content))
+                for name, (package, version, *content) in about["laws"].items()
+            },
             environments={name: dict(own) for name, own in about["environments"].items()},
             versions=dict(about["versions"]),
             machine=dict(about["machine"]),
@@ -144,7 +147,7 @@ class Origin:
                 )
 
     def check_parts(self, setup: Setup, path: Path) -> None:
-        """Refuse other FMUs, and laws of other packages or versions, or with other libraries in their environments.
+        """Refuse other FMUs, and laws of other packages, versions or files, or with other libraries around them.
 
         Raises
         ------
@@ -160,10 +163,15 @@ class Origin:
                 )
         for name, law in self.laws.items():
             found = setup.laws.get(name)
-            if found is not None and (found.package, found.version) != law:
+            if found is not None and (found.package, found.version) != law[:2]:
                 raise InputError(
                     f"the controller {name!r} comes from {found.package} {found.version}, in the checkpoint {path} "
-                    f"from {' '.join(law)}: install that version, or run the scenario again"
+                    f"from {' '.join(law[:2])}: install that version, or run the scenario again"
+                )
+            if found is not None and law[2] and found.content != law[2]:
+                raise InputError(
+                    f"the files of {found.package}, from which the controller {name!r} comes, were edited since the "
+                    f"checkpoint {path} was written: restore them, or run the scenario again"
                 )
             if found is not None and (others := _others(found.environment, self.environments.get(name, {}))):
                 raise InputError(
