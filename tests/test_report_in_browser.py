@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import io
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -143,6 +144,30 @@ def test_robots_are_drawn_where_the_result_puts_them(line: tuple[Result, Path], 
                 column, row = page.evaluate("([x, y]) => formation.playback.toScreen(x, y)", [float(x), float(y)])
                 near = picture[round(row) - 2 : round(row) + 3, round(column) - 2 : round(column) + 3, :3]
                 assert np.abs(near - colour).max(axis=-1).min() < 40, (robot, x, y)
+
+
+def test_robots_far_from_the_origin_are_where_the_result_puts_them(opened: Any, tmp_path: Path) -> None:
+    text = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
+
+    def moved(pose: re.Match[str]) -> str:  # as in coordinates of a national grid
+        return f'<pose x="{float(pose[1]) + 500_000!r} m" y="{float(pose[2]) + 5_000_000!r} m"'
+
+    text, poses = re.subn(r'<pose x="(\S+) m" y="(\S+) m"', moved, text)
+    assert poses == 5
+    (tmp_path / "far.xml").write_text(text, encoding="utf-8")
+    result = cosim.run(cosim.read_scenario(tmp_path / "far.xml").edited(horizon=2.0, expectations=False))
+    save_report([result], tmp_path / "report.html")
+
+    page = opened(tmp_path / "report.html", "#t=2")
+
+    places = page.evaluate("formation.runs[0].vehicles.map((_, k) => poseAt(formation.runs[0], k, 2))")
+    assert [place["x"] for place in places[1:]] == pytest.approx(result["pose"].values[-1, :, 0].tolist(), abs=1e-3)
+    assert [place["y"] for place in places[1:]] == pytest.approx(result["pose"].values[-1, :, 1].tolist(), abs=1e-3)
+    assert page.locator("#warning").inner_text() == ""
+    page.evaluate("['x', 'y'].forEach((axis) => formation.panels.show(`leader_pose/${axis}`))")
+    told = page.locator("#panels figure").all_inner_texts()[-2:]
+    shown = [float(re.search(r"leader ([\d.]+) m", one)[1]) for one in told]
+    assert shown == pytest.approx(result["leader_pose"].values[-1, :2].tolist(), abs=0.01)
 
 
 def test_a_verdict_leads_to_its_moment(line: tuple[Result, Path], opened: Any) -> None:

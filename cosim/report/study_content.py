@@ -152,17 +152,26 @@ def _columns(table: Result, rows: NDArray[np.int64]) -> list[Json]:
 
 
 def _values(column: Variable, rows: NDArray[np.int64]) -> list[Any]:
-    """Return whole numbers and texts as they are, others with six digits; of what JSON lacks, the infinite as texts."""
+    """Return whole numbers and texts as they are, others with six digits; of what JSON lacks, the infinite as texts.
+
+    Numbers that are nearer to one another than to zero have as many digits as six of their distances need.
+    """
     values = column.values[rows]
     if values.dtype.kind in "iub":
         return [int(value) for value in values]
     if values.dtype.kind == "f":
-        return [_short(value) if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
+        finite = values[np.isfinite(values)].tolist()
+        apart = max(finite) - min(finite) if finite else 0.0
+        return [_short(value, apart) if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
     return [str(value) for value in values.tolist()]
 
 
-def _short(value: float) -> float:
-    return value if value.is_integer() else float(f"{value:.6g}")
+def _short(value: float, apart: float) -> float:
+    if value.is_integer():
+        return value
+    if 0.0 < apart < abs(value):
+        return round(value, 5 - math.floor(math.log10(apart)))
+    return float(f"{value:.6g}")
 
 
 def _not_finite(value: float) -> str | None:

@@ -8,15 +8,16 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.report import study_content
-from cosim.report.study_content import study_of
+from cosim.report.study_content import _values, study_of
 from cosim.results.files import save
-from cosim.results.result import Result
+from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
 from cosim.tests.studies import LAST, write_study
 from cosim.tests.study_folder import LIMIT, write_study_folder
@@ -140,3 +141,13 @@ def test_a_study_has_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     (folder / "report.html").unlink()
     assert main([*command, "--no-report"]) == 0
     assert not (folder / "report.html").exists()
+
+
+def test_numbers_near_to_one_another_keep_the_digits_that_tell_them_apart() -> None:
+    places = np.array([5_000_000.125, 5_000_001.5, 5_000_002.75, np.nan])
+    assert _values(Variable(("run",), places), np.arange(4)) == [*places[:3], None]
+    assert _values(Variable(("run",), np.array([1.23456789, -2.0, np.inf])), np.arange(3)) == [
+        1.23457,
+        -2.0,
+        "Infinity",
+    ]

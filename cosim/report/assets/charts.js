@@ -253,6 +253,6 @@ function rangeOf(numbers) {
 function ticks([low, high], most) {
   const step = niceStep((high - low) / most);
   const found = [];
-  for (let at = Math.ceil(low / step) * step; at <= high; at += step) found.push([at, String(Number(at.toPrecision(6)))]);
+  for (let at = Math.ceil(low / step) * step; at <= high; at += step) found.push([at, String(Number(at.toPrecision(12)))]);
   return found;
 }

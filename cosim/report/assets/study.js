@@ -6,6 +6,7 @@ async function prepareStudy(study) {
   for (const column of study.columns) {
     column.isNumber = column.values.every((value) => value === null || typeof value === "number" || /^-?Infinity$/.test(value));
     if (column.isNumber) column.values = Float64Array.from(column.values, (value) => (value === null ? NaN : Number(value)));
+    if (column.isNumber) column.range = spreadOf([column.values]);
   }
   study.column = (name) => study.columns.find((column) => column.name === name);
   study.rowOf = new Map(Array.from(study.column("run").values, (number, row) => [number, row]));
@@ -122,10 +123,11 @@ function showStudy(study, runs) {
   if (study.cases.length > 1) {
     const [headings, ...cases] = study.cases;
     const number = headings.map((_, k) => cases.every((row) => row[k] === "" || Number.isFinite(Number(row[k])) || /^-?inf$/.test(row[k])));
+    const ranges = headings.map((_, k) => (number[k] ? spreadOf([cases.map((row) => (row[k] === "" ? NaN : Number(row[k])))]) : Infinity));
     get("cases").append(element("h2", {}, "By case"), table(
       headings.map((heading, k) => [heading, number[k] ? "number" : ""]),
       cases.map((row) => element("tr", {}, row.map((text, k) => element("td", { class: number[k] ? "number" : "" },
-        number[k] && Number.isFinite(Number(text)) && text !== "" ? figure(Number(text)) : text)))),
+        number[k] && Number.isFinite(Number(text)) && text !== "" ? figure(Number(text), ranges[k]) : text)))),
     ));
   }
   showStudyOrigin(get("study-origin"), study);
@@ -165,7 +167,7 @@ function showRequirements(place, study) {
     return element("tr", {}, [
       element("td", { class: `outcome ${kind}` }, word),
       element("td", {}, [verdict.expectation, element("div", { class: "dim" }, [verdict.detail, known].filter(Boolean).join("; "))]),
-      ...["figure", "bound", "margin"].map((name) => element("td", { class: "number" }, inUnit(verdict[name], verdict.unit))),
+      ...["figure", "bound", "margin"].map((name) => element("td", { class: "number" }, inUnit(verdict[name], verdict.unit, name === "margin" ? Infinity : toBound(verdict)))),
     ]);
   });
   place.append(table([["verdict"], ["what must hold"], ["figure", "number"], ["bound", "number"], ["margin", "number"]], rows));
@@ -180,7 +182,7 @@ function showSpreads(place, study, choose) {
     button.addEventListener("click", () => choose(measure.worst_run));
     return element("tr", {}, [
       element("td", {}, measure.unit ? `${measure.measure} [${measure.unit}]` : measure.measure),
-      ...quantiles.map(([name]) => element("td", { class: "number" }, measure[name] === null ? "∞" : figure(measure[name]))),
+      ...quantiles.map(([name]) => element("td", { class: "number" }, measure[name] === null ? "∞" : figure(measure[name], measure.greatest === null ? Infinity : measure.greatest - measure.least))),
       element("td", { class: "number" }, button),
     ]);
   });
