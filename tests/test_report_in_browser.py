@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import os
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -344,6 +346,64 @@ def test_texts_of_a_study_stay_texts(opened: Any, tmp_path: Path) -> None:
     page.get_by_role("button", name="show run 1", exact=True).click()
     assert hostile in page.locator("#chosen-run").inner_text()
     assert page.evaluate("window.taken === undefined && document.images.length === 1")
+
+
+def test_inputs_that_are_no_text_of_the_scenario_are_compared_and_what_is_not_is_said(
+    opened: Any, tmp_path: Path
+) -> None:
+    text = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
+    push = '<input name="tau_drive"><table file="push.csv" column="push"/></input>'
+    (tmp_path / "pushed.xml").write_text(text.replace("<leader ", f"{push}<leader ", 1), encoding="utf-8")
+    scenario = cosim.read_scenario(tmp_path / "pushed.xml").edited(horizon=0.2, expectations=False)
+    results = {}
+    for name, torque in (("gentle", 1), ("hard", 300)):
+        (tmp_path / "push.csv").write_text(f"time [s],push [N.m]\n0,0\n0.6,{torque}\n", encoding="utf-8")
+        results[name] = cosim.run(scenario)
+    with cosim.Simulation(scenario) as simulation:
+        while not simulation.finished:
+            simulation.step({"follower_1": (-5.0, 0.0)} if simulation.time < 0.1 else None)
+        results["given"] = simulation.result()
+    for name, result in list(results.items()):
+        older = results[f"old {name}"] = result.copy()
+        del older.attrs["files"]
+
+    def told(*names: str) -> str:
+        save_report([results[name] for name in names], tmp_path / "compared.html")
+        page = opened(tmp_path / "compared.html")
+        text = page.locator("#compared").inner_text()
+        page.set_viewport_size({"width": 380, "height": 900})
+        assert page.evaluate("document.getElementById('compared').scrollWidth") <= 380
+        page.close()
+        return str(text[text.index("What differs") : text.index("Largest distance")])
+
+    nothing = "Nothing of what is compared: the scenarios with their changes, the files that they name, the seeds"
+    assert nothing in told("hard", "hard")
+    checksums = [json.loads(results[name].attrs["files"])["push.csv"][:16] for name in ("gentle", "hard")]
+    assert f"SHA-256 of push.csv\t{checksums[0]}\t{checksums[1]}" in told("gentle", "hard")
+    given = told("hard", "given")
+    assert "commands of a program to follower_1\tnone\tfrom 0.00 s to 0.08 s" in given
+    assert "gave commands to follower_1 in run 2; of these only their times are compared" in given
+    older = told("old gentle", "old hard")
+    assert "Nothing of what is compared: the scenarios with their changes, the seeds" in older
+    assert "Run 1, of an older version, does not tell what push.csv held" in older
+    assert f"SHA-256 of push.csv\tunknown\t{checksums[1]}" in told("old gentle", "hard")
+
+
+def test_elements_are_compared_however_they_are_written(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    result, _ = line
+    peak = '<peak signal="range_error" below="20 m"/>'
+    text = str(result.attrs["scenario"])
+    assert peak in text
+    settled = text[text.index("<settled") : text.index(peak)]
+
+    def told(other: str) -> str:
+        save_report([result, replace(result, attrs={**result.attrs, "scenario": other})], tmp_path / "compared.html")
+        page = opened(tmp_path / "compared.html")
+        return str(page.locator("#compared").inner_text())
+
+    assert "Nothing of what is compared" in told(text)
+    assert "expect/regular\tnone\tthere" in told(text.replace(peak, f"{peak}<regular/>"))
+    assert "order of the elements\tas in 1\tanother" in told(text.replace(settled + peak, peak + settled))
 
 
 def test_differences_of_runs(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
