@@ -67,6 +67,7 @@ def as_json(outcome: StudyOutcome) -> str:
     """Return the summary as JSON; numbers that are not finite are null."""
     data = {
         "study": outcome.study.name,
+        "mark": outcome.mark,
         "title": outcome.study.title,
         "scenario": str(next(iter(outcome.study.bases.values())).path),
         "changes": [*map(as_setting, outcome.study.changes)],

@@ -97,6 +97,24 @@ def test_a_kept_result_that_cannot_be_shown_has_no_playback(tmp_path: Path, kept
     assert [*study["kept"]] == [1, 2]
 
 
+def test_files_of_other_runs_are_refused_or_left_out(tmp_path: Path, kept: Result) -> None:
+    write_study_folder(tmp_path, 5, mark="this")
+    with pytest.raises(InputError, match=r"summary.json and runs.nc are not of the same study and runs"):
+        study_of(tmp_path)
+
+    table = Result.of(cosim.load_result(tmp_path / "runs.nc"))
+    keys = Variable(("run",), np.array([f"key {number}" for number in range(1, 6)]), {"kind": "run"})
+    save(Result({**table.data_vars, "key": keys}, table.coords, {**table.attrs, "mark": "this"}), tmp_path / "runs.nc")
+    for number, key in ((1, "key 1 in full"), (2, "key 3"), (9, "key 9")):
+        (tmp_path / "kept" / f"run_{number}").mkdir(parents=True)
+        of_run = Result(kept.data_vars, kept.coords, {**kept.attrs, "study_run": key})
+        save(of_run, tmp_path / "kept" / f"run_{number}" / "result.nc")
+    study, runs = study_of(tmp_path)
+    assert [run["number"] for run in runs] == [*study["kept"]] == [1]
+    assert study["left_out"] == [f"{tmp_path}/kept/run_2"]
+    assert "key" not in columns(study)
+
+
 def test_the_command_of_a_first_look_makes_no_more_runs(tmp_path: Path) -> None:
     write_study_folder(tmp_path / "runs" / "many", 5, planned=512, changes=["simulation/@horizon=1 s"])
     assert study_of(tmp_path / "runs" / "many")[0]["keep"] == (

@@ -1,5 +1,7 @@
 /* The page of a study: what must hold, all runs in figures and a table, and runs that are played. */
 
+const MOST_LEFT_OUT = 5;
+
 /** Return a study whose table is unpacked, with its columns by name. */
 async function prepareStudy(study) {
   study.columns = JSON.parse(new TextDecoder().decode(await unpacked(study.table)));
@@ -238,10 +240,15 @@ function showSensitivity(place, study) {
 
 /** Show the runs to look at: the worst, failed and broken ones, and those that are kept. */
 function showToSee(place, study, played, choose, play) {
+  if (study.left_out.length) {
+    const some = study.left_out.slice(0, MOST_LEFT_OUT).join(", ");
+    const more = study.left_out.length > MOST_LEFT_OUT ? ` and ${study.left_out.length - MOST_LEFT_OUT} more` : "";
+    place.append(element("p", { class: "dim" }, `Left out, as they are of other runs than those of the table: ${some}${more}.`));
+  }
   const numbers = [...new Set([...Object.keys(study.kept), ...Object.keys(study.to_see)].map(Number))]
     .filter((number) => study.rowOf.has(number));
   if (!numbers.length) {
-    place.append(element("p", { class: "dim" }, "None: no run failed or broke, and no full result is kept."));
+    place.append(element("p", { class: "dim" }, "None: no run failed or broke, and no full result of these runs is kept."));
     return;
   }
   const rank = (number) => [!isWorst(study, number), ["broken", "failed", "passed"].indexOf(statusOf(study, number)), number];
