@@ -273,6 +273,21 @@ def _column(page: Any, number: int) -> list[str]:
     return cells
 
 
+def test_a_bound_that_is_of_some_runs_alone_says_of_which_on_the_page(opened: Any, tmp_path: Path) -> None:
+    pictures = []
+    for given in ({}, {"given": "given law stiff"}):
+        folder = tmp_path / f"many {len(given)}"
+        bound = {"measure": "settling", "kind": "quantile", "below": 71.0, **given}
+        write_study_folder(folder, 40, bounds=[bound])
+        save_study_report(folder, folder / "report.html")
+        page = opened(folder / "report.html")
+        told = page.evaluate("formation.scatter.bounds(formation.study.column('settling'), (value) => 10 * value)")
+        assert told == [{"at": 710.0, "of": "bound given law stiff" if given else ""}]
+        pictures.append([page.locator(chart).screenshot() for chart in ("#scatter", "#histogram")])
+    for of_all, of_some in zip(*pictures, strict=True):
+        assert of_all != of_some, "the text is drawn"
+
+
 def test_the_runs_of_a_study_are_sorted_and_filtered(study: Path, opened: Any) -> None:
     page = opened(study)
     assert page.locator("#ends").inner_text().startswith("many, 10,000 runs: ")
