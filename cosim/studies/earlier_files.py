@@ -16,14 +16,8 @@ from cosim.errors import OutputError
 from cosim.studies.kept_run import RESULT, SCENARIO, key_in
 from cosim.studies.row import Row
 
-SUMMARY, TABLE, CASES, TRIALS, KEPT, TO_SEE = (
-    "summary.json",
-    "runs.nc",
-    "cases.csv",
-    "trials.csv",
-    "kept",
-    "runs_to_see",
-)
+SUMMARY, TABLE, CASES, TRIALS = "summary.json", "runs.nc", "cases.csv", "trials.csv"
+KEPT, TO_SEE = "kept", "runs_to_see"
 BEFORE = "files.before"
 """The files of an earlier study, until those of a new one are complete."""
 _FILES = (SUMMARY, TABLE, "runs.csv", CASES, TRIALS, "figure.png", "envelope.png", "report.html")
@@ -60,7 +54,7 @@ def take_back(folder: Path, mark: str) -> None:
     """Move the files in `BEFORE` back if they have a mark: the study and its runs are the same."""
     before = folder / BEFORE
     if _told(before).get("mark") == mark:
-        _move(list(_made(before)), before, folder)
+        _move(reversed(list(_made(before))), before, folder)  # the summary last, as it has the verdict
         replaced(folder)
 
 
