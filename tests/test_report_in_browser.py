@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import math
 import os
+import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +149,30 @@ def test_robots_are_drawn_where_the_result_puts_them(line: tuple[Result, Path], 
                 assert np.abs(near - colour).max(axis=-1).min() < 40, (robot, x, y)
 
 
+def test_robots_far_from_the_origin_are_where_the_result_puts_them(opened: Any, tmp_path: Path) -> None:
+    text = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
+
+    def moved(pose: re.Match[str]) -> str:  # as in coordinates of a national grid
+        return f'<pose x="{float(pose[1]) + 500_000!r} m" y="{float(pose[2]) + 5_000_000!r} m"'
+
+    text, poses = re.subn(r'<pose x="(\S+) m" y="(\S+) m"', moved, text)
+    assert poses == 5
+    (tmp_path / "far.xml").write_text(text, encoding="utf-8")
+    result = cosim.run(cosim.read_scenario(tmp_path / "far.xml").edited(horizon=2.0, expectations=False))
+    save_report([result], tmp_path / "report.html")
+
+    page = opened(tmp_path / "report.html", "#t=2")
+
+    places = page.evaluate("formation.runs[0].vehicles.map((_, k) => poseAt(formation.runs[0], k, 2))")
+    assert [place["x"] for place in places[1:]] == pytest.approx(result["pose"].values[-1, :, 0].tolist(), abs=1e-3)
+    assert [place["y"] for place in places[1:]] == pytest.approx(result["pose"].values[-1, :, 1].tolist(), abs=1e-3)
+    assert page.locator("#warning").inner_text() == ""
+    page.evaluate("['x', 'y'].forEach((axis) => formation.panels.show(`leader_pose/${axis}`))")
+    told = page.locator("#panels figure").all_inner_texts()[-2:]
+    shown = [float(re.search(r"leader ([\d.]+) m", one)[1]) for one in told]
+    assert shown == pytest.approx(result["leader_pose"].values[-1, :2].tolist(), abs=0.01)
+
+
 def test_a_verdict_leads_to_its_moment(line: tuple[Result, Path], opened: Any) -> None:
     result, path = line
     page = opened(path)
@@ -247,6 +274,21 @@ def _column(page: Any, number: int) -> list[str]:
     return cells
 
 
+def test_a_bound_that_is_of_some_runs_alone_says_of_which_on_the_page(opened: Any, tmp_path: Path) -> None:
+    pictures = []
+    for given in ({}, {"given": "given law stiff"}):
+        folder = tmp_path / f"many {len(given)}"
+        bound = {"measure": "settling", "kind": "quantile", "below": 71.0, **given}
+        write_study_folder(folder, 40, bounds=[bound])
+        save_study_report(folder, folder / "report.html")
+        page = opened(folder / "report.html")
+        told = page.evaluate("formation.scatter.bounds(formation.study.column('settling'), (value) => 10 * value)")
+        assert told == [{"at": 710.0, "of": "bound given law stiff" if given else ""}]
+        pictures.append([page.locator(chart).screenshot() for chart in ("#scatter", "#histogram")])
+    for of_all, of_some in zip(*pictures, strict=True):
+        assert of_all != of_some, "the text is drawn"
+
+
 def test_the_runs_of_a_study_are_sorted_and_filtered(study: Path, opened: Any) -> None:
     page = opened(study)
     assert page.locator("#ends").inner_text().startswith("many, 10,000 runs: ")
@@ -333,6 +375,64 @@ def test_texts_of_a_study_stay_texts(opened: Any, tmp_path: Path) -> None:
     page.get_by_role("button", name="show run 1", exact=True).click()
     assert hostile in page.locator("#chosen-run").inner_text()
     assert page.evaluate("window.taken === undefined && document.images.length === 1")
+
+
+def test_inputs_that_are_no_text_of_the_scenario_are_compared_and_what_is_not_is_said(
+    opened: Any, tmp_path: Path
+) -> None:
+    text = SCENARIOS[0].with_name("clmr_line.xml").read_text(encoding="utf-8")
+    push = '<input name="tau_drive"><table file="push.csv" column="push"/></input>'
+    (tmp_path / "pushed.xml").write_text(text.replace("<leader ", f"{push}<leader ", 1), encoding="utf-8")
+    scenario = cosim.read_scenario(tmp_path / "pushed.xml").edited(horizon=0.2, expectations=False)
+    results = {}
+    for name, torque in (("gentle", 1), ("hard", 300)):
+        (tmp_path / "push.csv").write_text(f"time [s],push [N.m]\n0,0\n0.6,{torque}\n", encoding="utf-8")
+        results[name] = cosim.run(scenario)
+    with cosim.Simulation(scenario) as simulation:
+        while not simulation.finished:
+            simulation.step({"follower_1": (-5.0, 0.0)} if simulation.time < 0.1 else None)
+        results["given"] = simulation.result()
+    for name, result in list(results.items()):
+        older = results[f"old {name}"] = result.copy()
+        del older.attrs["files"]
+
+    def told(*names: str) -> str:
+        save_report([results[name] for name in names], tmp_path / "compared.html")
+        page = opened(tmp_path / "compared.html")
+        text = page.locator("#compared").inner_text()
+        page.set_viewport_size({"width": 380, "height": 900})
+        assert page.evaluate("document.getElementById('compared').scrollWidth") <= 380
+        page.close()
+        return str(text[text.index("What differs") : text.index("Largest distance")])
+
+    nothing = "Nothing of what is compared: the scenarios with their changes, the files that they name, the seeds"
+    assert nothing in told("hard", "hard")
+    checksums = [json.loads(results[name].attrs["files"])["push.csv"][:16] for name in ("gentle", "hard")]
+    assert f"SHA-256 of push.csv\t{checksums[0]}\t{checksums[1]}" in told("gentle", "hard")
+    given = told("hard", "given")
+    assert "commands of a program to follower_1\tnone\tfrom 0.00 s to 0.08 s" in given
+    assert "gave commands to follower_1 in run 2; of these only their times are compared" in given
+    older = told("old gentle", "old hard")
+    assert "Nothing of what is compared: the scenarios with their changes, the seeds" in older
+    assert "Run 1, of an older version, does not tell what push.csv held" in older
+    assert f"SHA-256 of push.csv\tunknown\t{checksums[1]}" in told("old gentle", "hard")
+
+
+def test_elements_are_compared_however_they_are_written(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    result, _ = line
+    peak = '<peak signal="range_error" below="20 m"/>'
+    text = str(result.attrs["scenario"])
+    assert peak in text
+    settled = text[text.index("<settled") : text.index(peak)]
+
+    def told(other: str) -> str:
+        save_report([result, replace(result, attrs={**result.attrs, "scenario": other})], tmp_path / "compared.html")
+        page = opened(tmp_path / "compared.html")
+        return str(page.locator("#compared").inner_text())
+
+    assert "Nothing of what is compared" in told(text)
+    assert "expect/regular\tnone\tthere" in told(text.replace(peak, f"{peak}<regular/>"))
+    assert "order of the elements\tas in 1\tanother" in told(text.replace(settled + peak, peak + settled))
 
 
 def test_differences_of_runs(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:

@@ -333,6 +333,53 @@ def test_the_command_with_two_workers_gives_the_same_rows(
     assert xr.load_dataset("runs/small/runs.nc").identical(dataset)
 
 
+def test_no_file_of_an_earlier_study_is_taken_for_one_of_a_new_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    few, of_cases = '<sample method="random" runs="2"/>', LAST + '<envelope signal="range_error" unit="m"/>'
+    own = ["notes.txt", "tuned-mine.xml"]
+    folder = tmp_path / "runs" / "small"
+
+    def files(within: Path = folder) -> list[str]:
+        return sorted(path.relative_to(within).as_posix() for path in within.rglob("*") if path.is_file())
+
+    write_study(tmp_path, UNIFORM + CASES, few, of_cases)
+    assert main(["study", "study.xml", "--workers", "1", "--keep", "1 to 4"]) == 0
+    for name in own:
+        (folder / name).write_text("mine")
+    assert {"cases.csv", "envelope.png", "figure.png", "kept/run_4/result.nc"} <= set(files())
+
+    bounded = LAST + '<worst of="last" below="99 m"/>'
+    write_study(tmp_path, UNIFORM, few, bounded)
+    assert main(["study", "study.xml", "--workers", "1", "--no-figure"]) == 0
+    made = ["report.html", "runs.csv", "runs.nc", "summary.json"]
+    stays = [*own, "kept/run_4/result.nc", "pace.json", "rows.jsonl"]
+    assert not any((folder / name).exists() for name in ("cases.csv", "envelope.png", "figure.png", "files.before"))
+    assert {*made, *stays} <= set(files())
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert '"cases":[],"pictures":[]' in page
+    assert '"kept":{}' in page, "there is no run 4 any more"
+
+    rows = len((folder / FILE).read_text().splitlines())
+    write_study(tmp_path, UNIFORM, few, LAST + '<worst of="last" below="99 kg"/>')
+    assert main(["study", "study.xml"]) == 2
+    assert not {*made} & set(files()), "nothing can be taken for a verdict of the study that is refused"
+    assert {*made} <= set(files(folder / "files.before"))
+    assert {*stays} <= set(files())
+    capsys.readouterr()
+    assert main(["report", str(folder)]) == 2
+    assert "holds no summary.json; expected the folder of a study" in capsys.readouterr().err
+
+    write_study(tmp_path, UNIFORM, few, bounded)
+    cosim.study("study.xml", out="runs", workers=0)
+    assert {*made, *stays} <= set(files()), "they are of the same study and runs"
+    assert len((folder / FILE).read_text().splitlines()) == rows, "no run is made again"
+    cosim.study("study.xml", ["simulation/@horizon=0.3 s"], out="runs", workers=0, runs=1)
+    assert not {*made} & set(files())
+    assert {*stays} - {"kept/run_4/result.nc"} <= set(files())
+
+
 def test_a_killed_or_interrupted_study_goes_on(tmp_path: Path) -> None:
     long = '<sample method="random" runs="150"/>'
     write_study(tmp_path, sample=long)

@@ -26,7 +26,8 @@ from cosim.studies import by_case
 from cosim.studies.by_case import CaseRow
 from cosim.studies.cases import own_text
 from cosim.studies.conduct import StudyOutcome, conduct
-from cosim.studies.kept_results import FOLDER, keep_results
+from cosim.studies.earlier_files import CASES, KEPT, SUMMARY, TABLE, TO_SEE, TRIALS, replaced
+from cosim.studies.kept_results import keep_results
 from cosim.studies.plan import run_of
 from cosim.studies.read_keep import keeping
 from cosim.studies.reader import read_study
@@ -87,34 +88,35 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
         )
     writable_folder(folder, "--out")  # somebody may have removed it since
     write(folder / "runs.csv", as_csv(outcome).encode())
-    save(as_result(outcome), folder / "runs.nc")
-    write(folder / "summary.json", as_json(outcome).encode())
+    save(as_result(outcome), folder / TABLE)
+    write(folder / SUMMARY, as_json(outcome).encode())
     cases = by_case.by_case(outcome)
     if cases:
-        write(folder / "cases.csv", by_case.as_csv(outcome).encode())
+        write(folder / CASES, by_case.as_csv(outcome).encode())
     pictures: dict[str, bytes] = {}
     if options.figure:
         with taking_a_while("drawing the figure"):
             pictures = _pictures(outcome)
             for name, data in pictures.items():
                 write(folder / name, data)
-    files = ["runs.csv", "runs.nc", *["cases.csv"] * bool(cases), "summary.json", *_write_tuned(outcome, folder)]
+    files = ["runs.csv", TABLE, *[CASES] * bool(cases), SUMMARY, *_write_tuned(outcome, folder)]
     files += pictures
-    written = _write_remarkable(read, outcome, folder / "runs_to_see")
+    written = _write_remarkable(read, outcome, folder / TO_SEE)
     waiting = taking_a_while("making the full results that are kept") if read.keep else nullcontext()
     with _going_on(where / FILE), waiting:
         kept = keep_results(outcome, folder, options.workers)
     if options.report:
         save_study_report(where, folder / PAGE)
         files.append(PAGE)
+    replaced(folder)
     _print(out(), outcome, cases)
     out().print(safe(f"results in {where}/: {', '.join(files)}"), soft_wrap=True)
     if written:
-        out().print(safe(f"worst, failed and broken runs as scenarios in {where}/runs_to_see/"), soft_wrap=True)
+        out().print(safe(f"worst, failed and broken runs as scenarios in {where}/{TO_SEE}/"), soft_wrap=True)
     if kept:
         names = ", ".join(f"{one.name}/" for one in kept[:_MOST_KEPT])
         more = f" and {len(kept) - _MOST_KEPT} more" if len(kept) > _MOST_KEPT else ""
-        out().print(safe(f"full results in {where}/{FOLDER}/: {names}{more}"), soft_wrap=True)
+        out().print(safe(f"full results in {where}/{KEPT}/: {names}{more}"), soft_wrap=True)
     return outcome
 
 
@@ -145,8 +147,8 @@ def _write_tuned(outcome: StudyOutcome, folder: Path) -> list[str]:
     tune = outcome.study.tune
     if tune is None:
         return []
-    write(folder / "trials.csv", trials_csv(outcome.study, tune, outcome.tuned).encode())
-    names = ["trials.csv"]
+    write(folder / TRIALS, trials_csv(outcome.study, tune, outcome.tuned).encode())
+    names = [TRIALS]
     for one in outcome.tuned:
         name, text = tuned_variant(outcome.study, one, folder)
         write(folder / name, text.encode())
@@ -155,11 +157,8 @@ def _write_tuned(outcome: StudyOutcome, folder: Path) -> list[str]:
 
 
 def _write_remarkable(read: Study, outcome: StudyOutcome, folder: Path) -> bool:
-    """Write remarkable runs as scenarios, in place of those of an earlier study."""
+    """Write remarkable runs as scenarios."""
     numbers = remarkable(outcome)
-    if folder.is_dir():
-        for old in folder.glob("run_*.xml"):
-            old.unlink()
     if numbers:
         folder.mkdir(exist_ok=True)
         rows = {row.number: row for row in outcome.rows}

@@ -18,7 +18,7 @@ from cosim.results.result import Result
 from cosim.results.summary import Summary
 
 MOST_NUMBERS = 2_000_000
-"""Numbers of a run that a page gets while it goes on, four bytes each."""
+"""Numbers of a run that a page gets while it goes on, eight bytes each."""
 _FEWEST = 50
 """Ticks that it gets at least."""
 _AT_ONCE = 250_000
@@ -47,9 +47,9 @@ class Feed:
 
     def __init__(self, records: Records) -> None:
         self._records = records
-        self._rows: NDArray[np.float32] = np.empty((0, 0), np.float32)
+        self._rows: NDArray[np.float64] = np.empty((0, 0), np.float64)
         self._kept = 0
-        self._last: NDArray[np.float32] | None = None
+        self._last: NDArray[np.float64] | None = None
         self._before: Result | None = None
         self._every = 1
         self._finished: tuple[Result, Summary] | None = None
@@ -122,7 +122,7 @@ class Feed:
         width = columns.numbers().shape[1]
         ticks = scenario.ticks + 1
         self._every = math.ceil(ticks / max(MOST_NUMBERS // width, _FEWEST))
-        self._rows = np.empty((-(-ticks // self._every), width), np.float32)
+        self._rows = np.empty((-(-ticks // self._every), width), np.float64)
         none_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
         self.head = in_json(
             kind="begin",
@@ -132,7 +132,7 @@ class Feed:
             columns=width,
         )
 
-    def _numbers(self, ticks: slice) -> tuple[NDArray[np.float32], Result]:
+    def _numbers(self, ticks: slice) -> tuple[NDArray[np.float64], Result]:
         part, columns = self._records.part(ticks, self._before), Rows()
         courses_of(part, columns)
         return columns.numbers(), part

@@ -23,6 +23,7 @@ from cosim.master.checkpoints import Checkpoints
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
+from cosim.master.named_files import checksums
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.origin import Origin
 from cosim.master.pacing import Pacer
@@ -128,6 +129,7 @@ class Simulation(Closing):
                 setup = set_up(scenario, cleanup, self.timing)
                 setup = setup if start is None else branched(setup, scenario, start)
             self.setup = setup
+            self._files = checksums(scenario) if make_result is recorded_result else None  # before anybody edits them
             self.parts = () if start is None else start.parts
             robots = (self.setup.leader, *self.setup.followers)
             kinds = tuple(robot.kind for robot in robots)
@@ -379,7 +381,7 @@ class Simulation(Closing):
         """Return everything recorded so far, of a run that has not reached its end for some reason."""
         recorder = self._ticks.recorder
         result = self._make_result(self.scenario, self.setup, recorder, self._teams, self._fleet, failure)
-        told: dict[str, object] = {}
+        told: dict[str, object] = {} if self._files is None else {"files": self._files}
         if self.parts:
             told["parts"] = [part.as_data for part in self.parts]
         if given := self._ticks.given:

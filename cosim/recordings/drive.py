@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, listed, printable
+from cosim.master.named_files import checksums
 from cosim.master.recorded_signals import courses_of_follower
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -311,6 +312,7 @@ def _attributes(path: Path, scenario: Scenario, notes: Sequence[str], start: int
         "controllers": "[]",
         "plant_messages": json.dumps(list(notes)),
         "versions": json.dumps({"formation-cosim": version("formation-cosim")}),
+        "files": json.dumps(checksums(scenario)),
         "recording": str(path),
         "recording_start": start / SECOND,
         **provenance.attributes(scenario.path, scenario.changes, None),

@@ -1,7 +1,8 @@
 """Numbers over time for a page: thinned where there are too many, rounded, packed and compressed.
 
 A column is one number over time. The page gets all columns of a run as one text. Each number is a float32 whose last
-eight bits are zero: it has 16 significant bits, which is finer than any screen, and halves the text.
+eight bits are zero: it has 16 significant bits, which is finer than any screen, and halves the text. Numbers that are
+nearer to one another than to zero, such as coordinates in a national grid, are counted from the first of them.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 from cosim.storage import blocks
 
 Floats: TypeAlias = NDArray[np.float64]
-Reference: TypeAlias = float | list[int] | None
-"""A column as the page finds it: its offset and length among all numbers; of a constant one the number itself, which is
-None if it is no number."""
+Reference: TypeAlias = float | list[float] | None
+"""A column as the page finds it: its offset and length among all numbers, and what is added to these, if anything; of a
+constant one the number itself, which is None if it is no number."""
 
 MOST_NUMBERS = 5_000_000
 """Numbers of the signals of a run; about 3 bytes of the page each."""
@@ -40,12 +41,12 @@ class Columns:
         if len(values) and (np.isnan(values).all() or (values == values[0]).all()):
             first = float(values[0])
             return first if np.isfinite(first) else None
-        offset = self._length
+        offset, base = self._length, _base(values)
         with np.errstate(over="ignore"):
-            bits = values.astype(np.float32).view(np.uint32)
+            bits = (values - base).astype(np.float32).view(np.uint32)
         self._parts.append((bits + np.uint32(0x80)) >> np.uint32(8))
         self._length += len(values)
-        return [offset, len(values)]
+        return [offset, len(values), *[base] * (base != 0.0)]
 
     def packed(self) -> str:
         """Return all numbers as a text: their first bytes, their second and their third ones, deflated, in base 64."""
@@ -65,10 +66,18 @@ class Rows:
         self._columns.append(values)
         return [len(self._columns) - 1]
 
-    def numbers(self) -> NDArray[np.float32]:
+    def numbers(self) -> Floats:
         """Return all numbers (T, columns)."""
-        with np.errstate(over="ignore"):
-            return np.stack(self._columns, axis=1).astype(np.float32)
+        return np.stack(self._columns, axis=1)
+
+
+def _base(values: Floats) -> float:
+    """Return the number that others are counted from: the first one, if all are nearer to one another than to zero."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return 0.0
+    low, high = float(finite.min()), float(finite.max())
+    return float(finite[0]) if high - low < max(low, -high) else 0.0
 
 
 def samples_in_bucket(samples: int, columns: int, most: int = MOST_NUMBERS) -> int:

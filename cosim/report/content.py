@@ -25,11 +25,14 @@ from cosim.results.form import in_form
 from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
+from cosim.results.provenance import Part as RunPart
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.sight import sight_ahead
 from cosim.results.summary import Summary, summary_of
 from cosim.scenario import in_words
+from cosim.scenario.document import parse_document
+from cosim.scenario.grammar import named_files
 from cosim.scenario.scenario import LEADER
 from cosim.storage import blocks, forget
 
@@ -259,9 +262,36 @@ def _provenance(result: Result, summary: Summary) -> Json:
         "versions": told.versions,
         "command": _command(told, summary.scenario),
         "resumed": told.resumed,
+        "before": [f"{part.until:g} s: {' '.join(part.changes) or 'unchanged'}" for part in _other_parts(told)],
+        "given": {robot: list(times) for robot, times in told.given.items()},
+        "files": _files(result),
+        "recording": _recording(result),
         "plants": _plants(result),
         "controllers": _controllers(result),
     }
+
+
+def _other_parts(told: Provenance) -> list[RunPart]:
+    """Return the parts of a run that had other changes than its last one."""
+    return [part for part in told.parts if part.changes != told.changes]
+
+
+def _files(result: Result) -> dict[str, str | None]:
+    """Return the checksum of each file that the scenario names; None where the result, an older one, has it not."""
+    told = _loaded(result, "files")
+    if isinstance(told, dict):
+        return {str(name): str(checksum) for name, checksum in told.items()}
+    try:
+        root = parse_document(result.attrs["scenario"], Path("scenario")).root
+    except InputError:
+        return {}
+    return dict.fromkeys(named_files(root))
+
+
+def _recording(result: Result) -> str:
+    """Return the recording that was judged, and from where on; empty for a run."""
+    told = result.attrs
+    return f"{told['recording']} from {told.get('recording_start', 0)} s" if "recording" in told else ""
 
 
 def _command(told: Provenance, scenario: str) -> str:
@@ -269,7 +299,7 @@ def _command(told: Provenance, scenario: str) -> str:
     if told.given:
         return ""
     changes, begin = told.changes, ["formation", "run", Path(told.file).name or f"{scenario}.xml"]
-    branched = [part for part in told.parts if part.changes != changes]
+    branched = _other_parts(told)
     if branched:
         if not branched[-1].run:  # by a program, or an older version
             return ""

@@ -24,7 +24,7 @@ from cosim.results.files import load_result, load_run
 from cosim.results.json_numbers import without_nan
 from cosim.results.result import Result, Variable
 
-SUMMARY, TABLE = "summary.json", "runs.nc"
+SUMMARY, TABLE, ROWS = "summary.json", "runs.nc", "rows.jsonl"
 MOST_ROWS = 50_000
 """Rows of the table; about 60 bytes of the page each."""
 MOST_PLAYED = 12
@@ -40,7 +40,8 @@ _NUMBER = re.compile(r"run_([0-9]{1,9})(\.xml)?")
 
 def is_study(folder: Path) -> bool:
     """Return whether a folder is that of a study rather than that of a run."""
-    return folder.is_dir() and (folder / TABLE).exists() and not (folder / "result.nc").exists()
+    having = any((folder / name).exists() for name in (TABLE, ROWS))
+    return folder.is_dir() and having and not (folder / "result.nc").exists()
 
 
 def study_of(folder: Path) -> tuple[Json, list[Json]]:
@@ -55,12 +56,21 @@ def study_of(folder: Path) -> tuple[Json, list[Json]]:
     table = Result.of(load_result(folder / TABLE))
     if "run" not in table or not table.sizes.get("run"):
         raise InputError(f"{folder / TABLE} is not the table of a study, or it holds no run")
-    kept, to_see = _kept(folder), _to_see(folder)
-    runs = with_distances(_played(dict([*kept.items()][:MOST_PLAYED])))
+    if str(table.attrs.get("mark", "")) != summary.pop("mark"):
+        raise InputError(
+            f"{folder / SUMMARY} and {TABLE} are not of the same study and runs: `formation study` writes both anew"
+        )
+    keys = _keys(table)
+    kept = {number: path for number, path in _kept(folder).items() if number in keys}
+    to_see = {number: path for number, path in _to_see(folder).items() if number in keys}
+    others: list[int] = []
+    runs = with_distances(_played(dict([*kept.items()][:MOST_PLAYED]), keys, others))
+    left_out = [kept.pop(number).parent.as_posix() for number in others]
     rows = _rows(table, {*kept, *to_see})
     content = {
         **summary,
         "measures": [_with_infinite(measure, table) for measure in summary["measures"]],
+        "left_out": left_out,
         "rows": len(rows),
         "table": _packed(_columns(table, rows)),
         "cases": _cases(folder / "cases.csv"),
@@ -81,12 +91,16 @@ def _summary(folder: Path) -> Json:
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"the folder {folder} holds no {SUMMARY}; expected the folder of a study, runs/NAME") from None
+        raise InputError(
+            f"the folder {folder} holds no {SUMMARY}; expected the folder of a study, runs/NAME, as `formation study` "
+            "leaves it"
+        ) from None
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
     try:
         return {
             "name": str(told["study"]),
+            "mark": str(told.get("mark", "")),
             "title": str(told["title"]),
             "file": str(told["scenario"]),
             "changes": [str(change) for change in told.get("changes", ())],
@@ -156,22 +170,31 @@ def _columns(table: Result, rows: NDArray[np.int64]) -> list[Json]:
             "values": _values(column, rows),
         }
         for name in names
-        if name in table and name != "passed" and (column := table[name]).dims == ("run",)
+        if name in table and name not in ("passed", "key") and (column := table[name]).dims == ("run",)
     ]
 
 
 def _values(column: Variable, rows: NDArray[np.int64]) -> list[Any]:
-    """Return whole numbers and texts as they are, others with six digits; of what JSON lacks, the infinite as texts."""
+    """Return whole numbers and texts as they are, others with six digits; of what JSON lacks, the infinite as texts.
+
+    Numbers that are nearer to one another than to zero have as many digits as six of their distances need.
+    """
     values = column.values[rows]
     if values.dtype.kind in "iub":
         return [int(value) for value in values]
     if values.dtype.kind == "f":
-        return [_short(value) if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
+        finite = values[np.isfinite(values)].tolist()
+        apart = max(finite) - min(finite) if finite else 0.0
+        return [_short(value, apart) if math.isfinite(value) else _not_finite(value) for value in values.tolist()]
     return [str(value) for value in values.tolist()]
 
 
-def _short(value: float) -> float:
-    return value if value.is_integer() else float(f"{value:.6g}")
+def _short(value: float, apart: float) -> float:
+    if value.is_integer():
+        return value
+    if 0.0 < apart < abs(value):
+        return round(value, 5 - math.floor(math.log10(apart)))
+    return float(f"{value:.6g}")
 
 
 def _not_finite(value: float) -> str | None:
@@ -220,9 +243,21 @@ def _to_see(folder: Path) -> dict[int, str]:
     return dict(sorted((int(match[1]), path.as_posix()) for match, path in numbered if match))
 
 
-def _played(kept: Mapping[int, Path]) -> Iterator[tuple[Result, Json]]:
-    """Return each run, and what a page shows of it; one that has no sample, or cannot be read, has no playback."""
+def _keys(table: Result) -> dict[int, str]:
+    """Return the key of each run of a table as far as it is told; it is empty in a table of an older version."""
+    keys = table["key"].values if "key" in table else [""] * table.sizes["run"]
+    return {int(number): str(key) for number, key in zip(table["run"].values, keys, strict=True)}
+
+
+def _played(kept: Mapping[int, Path], keys: Mapping[int, str], others: list[int]) -> Iterator[tuple[Result, Json]]:
+    """Return each run, and what a page shows of it; one that has no sample, or cannot be read, has no playback.
+
+    ``others`` gets the numbers of results that are of another run than the table's of that number.
+    """
     for number, path in kept.items():
         with suppress(InputError, KeyError):
             result = load_run(path)
-            yield result, {**content_of(result, share=len(kept)), "number": number}
+            if str(result.attrs.get("study_run", "")).startswith(keys[number]):
+                yield result, {**content_of(result, share=len(kept)), "number": number}
+            else:
+                others.append(number)

@@ -20,7 +20,10 @@ Form: TypeAlias = Mapping[str, tuple[tuple[str, ...], bool]]
 
 _TEXTS = ("scenario_name", "scenario", "status")
 _TIMES = ("step", "horizon")
-_OTHER_TEXTS = ("title", "scenario_file", "changes", "versions", "controllers", "plants", "plant_messages", "verdicts")
+_OTHER_TEXTS = (
+    *("title", "scenario_file", "changes", "versions", "controllers", "plants", "plant_messages", "verdicts"),
+    *("files", "recording"),
+)
 """Which a file of an earlier version, or of a run that was not judged, may lack."""
 _VARIABLES = ("time", "robot", "pose", "leader_pose")
 _GROUPS = ("pose", "velocity", "torque")

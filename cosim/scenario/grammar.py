@@ -86,6 +86,12 @@ def paths_in(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
                 yield element, name
 
 
+def named_files(root: etree._Element) -> list[str]:
+    """Return the paths in a tree, but for FMUs and environments, whose checksums and versions are told elsewhere."""
+    apart = ("plant", "fmu"), ("controller", "environment")
+    return [element.get(name, "") for element, name in paths_in(root) if (local_name(element), name) not in apart]
+
+
 @cache
 def children_of(tag: str) -> dict[str, int]:
     """Return the elements that the schema knows within an element, each with its rank in their order.

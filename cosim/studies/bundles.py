@@ -55,7 +55,7 @@ class Bundle:
     place: int
     envelope: Envelope
     robots: tuple[str, ...]
-    values: NDArray[np.float32]
+    values: NDArray[np.float32] | NDArray[np.float64]
     runs: tuple[int, ...]
     worst: int | None
     number: int | None
@@ -156,10 +156,11 @@ def _less(one: Course, other: Course) -> Course:
     return Course(tuple(both), one.values[rows] - other.values[its])
 
 
-def _stacked(courses: Sequence[Course]) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+def _stacked(courses: Sequence[Course]) -> tuple[tuple[str, ...], NDArray[np.float32] | NDArray[np.float64]]:
     """Return the robots of all courses, and the values (runs, R, T, C); NaN of a robot that a run has not."""
     robots = tuple(dict.fromkeys(robot for course in courses for robot in course.robots))
-    values = np.full((len(courses), len(robots), *courses[0].values.shape[1:]), np.nan, dtype=np.float32)
+    precision = np.result_type(*{course.values.dtype for course in courses})
+    values = np.full((len(courses), len(robots), *courses[0].values.shape[1:]), np.nan, precision)
     for own, course in zip(values, courses, strict=True):
         own[[robots.index(robot) for robot in course.robots]] = course.values
     return robots, values

@@ -18,6 +18,7 @@ from cosim.studies.compared_cases import check_compared
 from cosim.studies.courses import check_envelopes
 from cosim.studies.crews import crew_of
 from cosim.studies.duration import keep_pace
+from cosim.studies.earlier_files import mark_of, remove_other_results, set_aside, take_back
 from cosim.studies.held_out import to_judge, tuned_values, with_cost
 from cosim.studies.horizons import timed_scenarios, told_for
 from cosim.studies.keys import RunKeys
@@ -84,6 +85,11 @@ class StudyOutcome:
         return all(verdict.passed for verdict in self.verdicts)
 
     @cached_property
+    def mark(self) -> str:
+        """A mark of the study and its runs, by which files are known to belong together."""
+        return mark_of(self.study.document.text, self.rows)
+
+    @cached_property
     def sensitivities(self) -> list[Sensitivity]:
         """What each measure depends on, if the study asks for it."""
         return sensitivities(self.study, self.rows)
@@ -140,6 +146,8 @@ def conduct(
 ) -> StudyOutcome:
     """Make the runs of a study that its folder does not hold, and judge all of them.
 
+    Before that, the files of an earlier study are set aside; see `cosim.studies.earlier_files`.
+
     Parameters
     ----------
     study
@@ -158,12 +166,14 @@ def conduct(
     InputError
         The study makes no sense, or the folder holds another one.
     OutputError
-        The rows cannot be written.
+        The rows cannot be written, or files of an earlier study cannot be set aside.
     KeyboardInterrupt
         The user pressed Ctrl-C; the rows so far are kept.
     """
-    plan, keys, requirements = check_study(study)
-    with Store(folder, study.name) as store, crew_of(workers, executor, scheduler) as crew:
+    with Store(folder, study.name) as store, ExitStack() as ending:
+        set_aside(folder)  # also if the study is refused
+        plan, keys, requirements = check_study(study)
+        crew = ending.enter_context(crew_of(workers, executor, scheduler))
         kept = frozenset(store.rows)
         maker = Maker(study, keys, store, crew)
         try:
@@ -176,6 +186,8 @@ def conduct(
         finally:
             keep_pace(folder, maker.pace)
         before = sum(row.key in kept for row in outcome.rows)
+        remove_other_results(folder, outcome.rows)
+        take_back(folder, outcome.mark)
         return replace(outcome, bundles=bundles_of(study, outcome.shown, store), before=before)
 
 

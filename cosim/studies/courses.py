@@ -1,6 +1,7 @@
 """The course of a signal in each run of a study, at a few instants, for the picture of all runs.
 
-A course is kept as text with its row: the robots' ids, then single-precision numbers in base 64.
+A course is kept as text with its row: the robots' ids, then numbers in base 64. They have single precision, or double
+precision where single would have steps that are seen, as in coordinates of a national grid.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from plants import UnitError, units
 MOST_NUMBERS = 20_000
 """Upper limit for the numbers of one envelope that a run keeps."""
 _USUAL_SAMPLES = 200
+_MOST_SINGLE = 10_000.0
+"""Magnitude up to which numbers have single precision: at most steps of 1 mm in a place [m]."""
 _PATH = Subject("pose", "x"), Subject("pose", "y")
 _LEADERS_PATH = Subject("leader_pose", "x"), Subject("leader_pose", "y")
 
@@ -42,7 +45,7 @@ class Course:
     """
 
     robots: tuple[str, ...]
-    values: NDArray[np.float32]
+    values: NDArray[np.float32] | NDArray[np.float64]
 
 
 class Envelope(Kind):
@@ -108,7 +111,9 @@ class Envelope(Kind):
         found = {
             robot: np.stack([one[robot] for one in group], axis=-1) for group in (leaders, parts) for robot in group[0]
         }
-        data = np.stack(list(found.values())).astype("<f4").tobytes()
+        values = np.stack(list(found.values()))
+        far = (np.abs(values[np.isfinite(values)]) > _MOST_SINGLE).any()
+        data = values.astype("<f8" if far else "<f4").tobytes()
         return " ".join([*found, base64.b64encode(data).decode("ascii")])
 
     def _values(self, result: Result, subject: Subject) -> dict[str, NDArray[np.float64]]:
@@ -123,9 +128,11 @@ class Envelope(Kind):
 
     def read(self, text: str) -> Course:
         """Return a course from its text."""
-        *robots, data = text.split(" ")
-        values = np.frombuffer(base64.b64decode(data), dtype="<f4")
-        return Course(tuple(robots), values.reshape(len(robots), len(self.times), len(self.subjects)))
+        *robots, encoded = text.split(" ")
+        shape, data = (len(robots), len(self.times), len(self.subjects)), base64.b64decode(encoded)
+        if len(data) == 4 * math.prod(shape):
+            return Course(tuple(robots), np.frombuffer(data, "<f4").astype(np.float32).reshape(shape))
+        return Course(tuple(robots), np.frombuffer(data, "<f8").astype(np.float64).reshape(shape))
 
 
 _DIFFERENCES = ("minus", "minus_component", "minus_robot", "than")

@@ -33,7 +33,8 @@ def variables(bundles: Iterable[Bundle], runs: Sequence[int]) -> tuple[dict[str,
         axes = group[0].values.shape[3]
         if len(runs) * len(robots) * len(times) * axes > MOST_NUMBERS:
             continue
-        values = np.full((len(runs), len(robots), len(times), axes), np.nan, dtype=np.float32)
+        precision = np.result_type(*(bundle.values for bundle in group))
+        values = np.full((len(runs), len(robots), len(times), axes), np.nan, precision)
         rows = {run: row for row, run in enumerate(runs)}
         for bundle in group:
             at = np.ix_(

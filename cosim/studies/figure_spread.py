@@ -14,7 +14,7 @@ from cosim.quantity import quantity
 from cosim.studies import bounds
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.draws import AT_RANDOM
-from cosim.studies.figure_style import BOUND, COLOURS, few_ticks, label, note
+from cosim.studies.figure_style import BOUND, COLOURS, draw_bound, few_ticks, label, note
 from cosim.studies.study import Measured
 
 CONFIDENCE = 0.95
@@ -76,11 +76,12 @@ def _draw_requirements(panel: Axes, outcome: StudyOutcome, measured: Measured) -
         text = one.attributes.get("below", one.attributes.get("above", ""))
         if one.attributes.get("of") != measured.name or not text or one.kind not in ("quantile", "mean", "worst"):
             continue
-        panel.axvline(quantity(text, measured.unit or "1"), color=BOUND, linestyle="--", linewidth=1)
+        draw_bound(panel, one, quantity(text, measured.unit or "1"), across=False)
         verdict = verdicts.get(one.where)
         if one.kind == "quantile" and verdict is not None and np.isfinite(verdict.figure):
             at, confidence = float(one.attributes["at"]), float(one.attributes["confidence"])
             side = "most" if "below" in one.attributes else "least"
             figure = f"{verdict.figure:.4g} {printable(measured.unit)}".rstrip()
-            told = f"{at:g} quantile: at {side} {figure}\nwith confidence {confidence:g}"
+            given = f" {printable(one.given_in_words)}" if one.given else ""
+            told = f"{at:g} quantile{given}: at {side} {figure}\nwith confidence {confidence:g}"
             panel.plot([verdict.figure], [at], "D", color=BOUND, markersize=4, label=told)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import printable
 from cosim.studies.row import FAILED, PASSED
+from cosim.studies.study import Requirement
 
 WIDTH, HEIGHT = 3.7, 2.8
 """Of a panel [in]."""
@@ -46,6 +47,26 @@ def png(figure: Figure) -> bytes:
 def label(name: str, unit: str) -> str:
     """Return a name with its unit, as Matplotlib shows it."""
     return printable(f"{name} [{unit}]" if unit else name)
+
+
+def draw_bound(panel: Axes, requirement: Requirement, at: float, *, across: bool) -> None:
+    """Draw a bound as a line across or up a panel; beside one that is of some runs alone stands of which."""
+    (panel.axhline if across else panel.axvline)(at, color=BOUND, linestyle="--", linewidth=1)
+    if not requirement.given:
+        return
+    place, along = ((1.0, at), panel.get_yaxis_transform()) if across else ((at, 1.0), panel.get_xaxis_transform())
+    panel.annotate(
+        printable(requirement.given_in_words),
+        place,
+        xycoords=along,
+        textcoords="offset points",
+        xytext=(-2, 2) if across else (-2, -3),
+        rotation=0 if across else 90,
+        ha="right",
+        va="bottom" if across else "top",
+        fontsize="x-small",
+        parse_math=False,
+    )
 
 
 def number(value: object) -> str:

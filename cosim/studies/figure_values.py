@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cosim.errors import printable
 from cosim.quantity import quantity
 from cosim.studies.conduct import StudyOutcome
-from cosim.studies.figure_style import BOUND, COLOURS, GREY, LOOK, is_log, label, number, slant, word_ticks
+from cosim.studies.figure_style import COLOURS, GREY, LOOK, draw_bound, is_log, label, number, slant, word_ticks
 from cosim.studies.study import Measured
 from cosim.studies.table import Column
 
@@ -118,7 +118,7 @@ def draw_bounds(panel: Axes, outcome: StudyOutcome, measured: Measured) -> None:
     for one in outcome.study.requirements:
         if one.attributes.get("of") == measured.name and one.kind in ("quantile", "worst", "mean"):
             text = one.attributes.get("below", one.attributes.get("above", ""))
-            panel.axhline(quantity(text, measured.unit or "1"), color=BOUND, linestyle="--", linewidth=1)
+            draw_bound(panel, one, quantity(text, measured.unit or "1"), across=True)
 
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 
@@ -11,7 +11,8 @@ from cosim.errors import FormationError, OutputError
 from cosim.results.files import write
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.crews import processes, usual_workers
-from cosim.studies.kept_run import RESULT, SCENARIO, SUMMARY, KeptRun, key_in
+from cosim.studies.earlier_files import KEPT
+from cosim.studies.kept_run import RESULT, SCENARIO, KeptRun
 from cosim.studies.plan import run_of
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, Row
@@ -19,7 +20,6 @@ from cosim.studies.study import Keep, Study
 from cosim.studies.worker_process import Ended, Processes
 from cosim.unforeseen import lack_of
 
-FOLDER = "kept"
 _WORTHWHILE = 5.0
 """Time [s] of runs for which processes are worth their start."""
 
@@ -52,8 +52,7 @@ def keep_results(outcome: StudyOutcome, folder: Path, workers: int | None = None
     KeyboardInterrupt
         The user pressed Ctrl-C; the results so far are kept.
     """
-    place = folder.absolute() / FOLDER
-    _remove_others(place, outcome.rows)
+    place = folder.absolute() / KEPT
     rows = kept_rows(outcome)
     missing = [row for row in rows if not (_of(place, row) / RESULT).exists()]
     count = usual_workers() if workers is None else workers
@@ -103,15 +102,6 @@ def _ranked(outcome: StudyOutcome, of: int | None) -> list[Row]:
 
 def _of(place: Path, row: Row) -> Path:
     return place / f"run_{row.number}"
-
-
-def _remove_others(place: Path, rows: Iterable[Row]) -> None:
-    """Remove results of these numbers that are of other runs, such as before a change of the scenario."""
-    for row in rows if place.is_dir() else ():
-        here = _of(place, row)
-        if here.is_dir() and key_in(here) != row.key:
-            for name in (RESULT, SUMMARY, SCENARIO):
-                (here / name).unlink(missing_ok=True)
 
 
 def _prepared(study: Study, row: Row, place: Path, runs: int, usual: float) -> KeptRun:

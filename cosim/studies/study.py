@@ -209,6 +209,12 @@ class Requirement:
     where: Location
     given: tuple[Requirement, ...] = ()
 
+    @property
+    def given_in_words(self) -> str:
+        """Which values count alone; empty if all do."""
+        told = " and ".join(f"{one.attributes['vary']} {one.attributes['is']}" for one in self.given)
+        return f"given {told}" if told else ""
+
 
 @dataclass(frozen=True)
 class Keep:

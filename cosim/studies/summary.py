@@ -67,6 +67,7 @@ def as_json(outcome: StudyOutcome) -> str:
     """Return the summary as JSON; numbers that are not finite are null."""
     data = {
         "study": outcome.study.name,
+        "mark": outcome.mark,
         "title": outcome.study.title,
         "scenario": str(next(iter(outcome.study.bases.values())).path),
         "changes": [*map(as_setting, outcome.study.changes)],
@@ -91,7 +92,9 @@ def _bounds(study: Study) -> Iterator[dict[str, Any]]:
     for one in study.requirements:
         side = "below" if "below" in one.attributes else "above"
         if one.kind in ("quantile", "worst", "mean") and (of := one.attributes["of"]) in units:
-            yield {"measure": of, "kind": one.kind, side: quantity(one.attributes[side], units[of] or "1")}
+            bound = quantity(one.attributes[side], units[of] or "1")
+            given = {"given": one.given_in_words} if one.given else {}
+            yield {"measure": of, "kind": one.kind, side: bound, **given}
 
 
 def _worst_data(study: Study, worst: Worst) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from cosim.studies.row import PASSED
 from cosim.studies.sensitivity_table import variables as of_sensitivity
 from cosim.studies.study import Study
 
+KEY = 16
+"""Characters of a run's key in the table."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -72,6 +75,8 @@ def as_result(outcome: StudyOutcome) -> Result:
         attributes |= {"long_name": column.about} if column.about else {}
         home = coordinates if column.kind == "value" or column.name in ("run", "draw") else variables
         home[column.name] = Variable(("run",), np.asarray(column.values), attributes)
+    keys = np.asarray([row.key[:KEY] for row in outcome.rows])
+    variables["key"] = Variable(("run",), keys, {"kind": "run", "long_name": "checksum of what determines the run"})
     if outcome.sensitivities:
         figures, labels = of_sensitivity(outcome.sensitivities)
         variables |= figures
@@ -81,6 +86,7 @@ def as_result(outcome: StudyOutcome) -> Result:
     coordinates |= labels
     study = outcome.study
     told = {"study": study.name, "title": study.title, "runs_planned": outcome.planned, "text": study.document.text}
+    told["mark"] = outcome.mark
     return Result(variables, coordinates, told)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.studies.cases import own_text
+from cosim.studies.earlier_files import tuned_name
 from cosim.studies.plan import run_of
 from cosim.studies.reproduce import as_variant
 from cosim.studies.study import Study, Tune
@@ -58,7 +59,7 @@ def tuned_variant(study: Study, tuned: Tuned, folder: Path) -> tuple[str, str]:
     names = iter(tuned.name.split())
     values = [next(names) if vary.cases else tuned.best.values.get(at) for at, vary in enumerate(study.vary)]
     run = run_of(study, tuned.best.number, 1, values)
-    name = "-".join(["tuned", *tuned.name.split()])
+    name = tuned_name(tuned.name)
     title = f"Tuned by {study.name}, trial {tuned.best.number}: {study.title}"
     return f"{name}.xml", as_variant(study, run, folder, f"{study.name}-{name}", title)
 

@@ -47,14 +47,14 @@ class Viewer:
         if isinstance(message, bytes):
             first, rows, beside, self.ticks = np.frombuffer(message, np.uint32, 4)
             columns = self.head["columns"]
-            numbers = np.frombuffer(message, np.float32, offset=16).reshape(rows + beside, columns)
+            numbers = np.frombuffer(message, np.float64, offset=16).reshape(rows + beside, columns)
             self.count = int(first + rows + beside)
             self.rows[first : self.count] = numbers
             return "numbers"
         told = json.loads(message)
         if told["kind"] == "begin":
             self.head = told
-            self.rows = np.full((told["rows"], told["columns"]), np.nan, np.float32)
+            self.rows = np.full((told["rows"], told["columns"]), np.nan)
         elif told["kind"] in ("end", "state"):
             setattr(self, told["kind"], told)
         return str(told["kind"])
@@ -139,12 +139,12 @@ def test_a_feed_has_every_tick_or_evenly_spaced_ones_and_the_last(
     assert rows == feed.rows == len(range(0, 28, every))
     first, sent, last, ticks = np.frombuffer(message, np.uint32, 4)
     assert (first, sent, last, ticks) == (2, rows - 2, spaced, 28)
-    numbers = np.frombuffer(message, np.float32, offset=16).reshape(sent + last, head["columns"])
+    numbers = np.frombuffer(message, np.float64, offset=16).reshape(sent + last, head["columns"])
     chosen = [*range(2 * every, 28, every), *([27] if spaced else [])]
     for robot, columns in enumerate(head["run"]["motion"]["poses"]):
         pose = result["pose"].values[:, robot - 1] if robot else result["leader_pose"].values
         for k, [column] in enumerate(columns):
-            assert np.array_equal(numbers[:, column], pose[chosen, k].astype(np.float32))
+            assert np.array_equal(numbers[:, column], pose[chosen, k])
 
 
 def test_who_comes_late_gets_everything(short_line: Scenario) -> None:
@@ -162,7 +162,7 @@ def test_who_comes_late_gets_everything(short_line: Scenario) -> None:
                 for one in (early, late):
                     one.until(lambda one=one: one.end)
         [result] = outcome
-        assert np.array_equal(early.of("pose", "follower_2", 1)[:4], result["pose"].values[:4, 1, 1].astype(np.float32))
+        assert np.array_equal(early.of("pose", "follower_2", 1)[:4], result["pose"].values[:4, 1, 1])
         assert early.end == late.end
         assert early.end["run"]["status"] == "completed"
         assert early.end["run"]["samples"] == 51

@@ -34,7 +34,8 @@ def unpacked(text: str) -> np.ndarray[Any, Any]:
 
 def column(numbers: np.ndarray[Any, Any], reference: Any, samples: int) -> np.ndarray[Any, Any]:
     if isinstance(reference, list):
-        return numbers[reference[0] : sum(reference)]
+        offset, length, *base = reference
+        return numbers[offset : offset + length].astype(np.float64) + sum(base)
     return np.full(samples, np.nan if reference is None else reference)
 
 
@@ -60,6 +61,15 @@ def test_numbers_keep_16_bits(values: list[float]) -> None:
     reference = columns.add(np.array(values))
     shown = column(unpacked(columns.packed()), reference, len(values))
     np.testing.assert_allclose(shown, values, rtol=2.0**-16, atol=1e-37)
+
+
+@given(st.lists(st.floats(-100.0, 100.0) | st.just(float("nan")), min_size=1), st.sampled_from([-5e6, 5e5, 5e6, 1e9]))
+def test_numbers_far_from_zero_keep_16_bits_of_their_distances(values: list[float], place: float) -> None:
+    columns = Columns()
+    far = np.array(values) + place
+    reference = columns.add(far)
+    shown = column(unpacked(columns.packed()), reference, len(values))
+    np.testing.assert_allclose(shown, far, rtol=0, atol=200.0 * 2.0**-16)
 
 
 @given(st.lists(st.floats(-100, 100) | st.just(float("nan")), min_size=1, max_size=60), st.integers(1, 9))

@@ -9,15 +9,16 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
 from cosim.report import study_content
-from cosim.report.study_content import study_of
+from cosim.report.study_content import _values, study_of
 from cosim.results.files import save
-from cosim.results.result import Result
+from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
 from cosim.tests.studies import LAST, write_study
 from cosim.tests.study_folder import LIMIT, write_study_folder
@@ -108,6 +109,24 @@ def test_a_kept_result_that_cannot_be_shown_has_no_playback(tmp_path: Path, kept
     assert [*study["kept"]] == [1, 2]
 
 
+def test_files_of_other_runs_are_refused_or_left_out(tmp_path: Path, kept: Result) -> None:
+    write_study_folder(tmp_path, 5, mark="this")
+    with pytest.raises(InputError, match=r"summary.json and runs.nc are not of the same study and runs"):
+        study_of(tmp_path)
+
+    table = Result.of(cosim.load_result(tmp_path / "runs.nc"))
+    keys = Variable(("run",), np.array([f"key {number}" for number in range(1, 6)]), {"kind": "run"})
+    save(Result({**table.data_vars, "key": keys}, table.coords, {**table.attrs, "mark": "this"}), tmp_path / "runs.nc")
+    for number, key in ((1, "key 1 in full"), (2, "key 3"), (9, "key 9")):
+        (tmp_path / "kept" / f"run_{number}").mkdir(parents=True)
+        of_run = Result(kept.data_vars, kept.coords, {**kept.attrs, "study_run": key})
+        save(of_run, tmp_path / "kept" / f"run_{number}" / "result.nc")
+    study, runs = study_of(tmp_path)
+    assert [run["number"] for run in runs] == [*study["kept"]] == [1]
+    assert study["left_out"] == [f"{tmp_path}/kept/run_2"]
+    assert "key" not in columns(study)
+
+
 def test_the_command_of_a_first_look_makes_no_more_runs(tmp_path: Path) -> None:
     write_study_folder(tmp_path / "runs" / "many", 5, planned=512, changes=["simulation/@horizon=1 s"])
     assert study_of(tmp_path / "runs" / "many")[0]["keep"] == (
@@ -152,3 +171,13 @@ def test_a_study_has_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     (folder / "report.html").unlink()
     assert main([*command, "--no-report"]) == 0
     assert not (folder / "report.html").exists()
+
+
+def test_numbers_near_to_one_another_keep_the_digits_that_tell_them_apart() -> None:
+    places = np.array([5_000_000.125, 5_000_001.5, 5_000_002.75, np.nan])
+    assert _values(Variable(("run",), places), np.arange(4)) == [*places[:3], None]
+    assert _values(Variable(("run",), np.array([1.23456789, -2.0, np.inf])), np.arange(3)) == [
+        1.23457,
+        -2.0,
+        "Infinity",
+    ]

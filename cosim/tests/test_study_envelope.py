@@ -11,7 +11,8 @@ from matplotlib.path import Path as Outline
 import cosim
 from cosim.errors import InputError
 from cosim.results.files import save
-from cosim.studies.bundles import Bundle
+from cosim.results.result import Result
+from cosim.studies.bundles import Bundle, _less
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
 from cosim.studies.courses import Envelope
 from cosim.studies.figure_envelope import draw, picture, swept
@@ -54,6 +55,21 @@ def test_what_is_kept_is_the_result_of_each_run(kept: tuple[StudyOutcome, Path])
     assert paths.robots == ("leader", *errors.robots)
     assert paths.worst is not None
     assert paths.number == outcome.rows[paths.worst].number == min(outcome.rows, key=lambda row: row.least).number
+
+
+def test_a_course_far_from_the_origin_is_as_exact_as_one_near_it(kept: tuple[StudyOutcome, Path]) -> None:
+    outcome, folder = kept
+    (paths, _), run = outcome.bundles, Result.of(cosim.run(folder / "base.xml"))
+    pose = run["pose"]
+    shift = np.zeros(pose.values.shape[2])
+    shift[:2] = 500_000.0, 5_000_000.0  # as of coordinates in a national grid
+    far = replace(run, data_vars={**run.data_vars, "pose": replace(pose, values=pose.values + shift)})
+    own, moved = (paths.envelope.read(paths.envelope.course(one)) for one in (run, far))
+    assert own.values.dtype == np.float32, "a study keeps little"
+    assert moved.robots == own.robots
+    np.testing.assert_allclose(moved.values[1:] - shift[:2], own.values[1:], rtol=0, atol=1e-5)
+    difference = _less(moved, own)
+    np.testing.assert_allclose(difference.values[1:], np.broadcast_to(shift[:2], own.values[1:].shape), atol=1e-5)
 
 
 def test_the_store_has_them_and_memory_has_not(kept: tuple[StudyOutcome, Path]) -> None:

@@ -1,6 +1,8 @@
 """The picture of a study shows what its rows hold."""
 
+import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,7 +13,9 @@ from cosim.quantity import quantity
 from cosim.studies.conduct import StudyOutcome
 from cosim.studies.figure import draw, picture
 from cosim.studies.plan import Plan
+from cosim.studies.requirements import requirements_of
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
+from cosim.studies.summary import as_json
 from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study
 
 X = '<vary name="x" select="leader/pose/@x"><list values="0 m, 1 m, 2 m"/></vary>'
@@ -120,6 +124,29 @@ def test_each_of_a_few_cases_has_a_curve(tmp_path: Path) -> None:
     assert [line.get_ydata().tolist() for line in curve.lines[:2]] == [[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]]
     for panel in (spread, curve):
         assert [text.get_text() for text in panel.get_legend().get_texts()] == ["a", "b"]
+
+
+def test_a_bound_that_is_of_some_runs_alone_says_of_which(tmp_path: Path) -> None:
+    given = '<given vary="law" is="b"/>'
+    wanted = f'<worst of="last" below="40 mm"/><worst of="last" below="20 mm">{given}</worst>'
+    vary = X.replace("<vary ", '<vary cross="yes" ')
+    quantile = f'<quantile of="last" at="0.5" below="35 mm" confidence="0.5">{given}</quantile>'
+    rest, seeds = LAST + wanted + quantile, SEEDS
+    figures = [float(number) for number in range(12)]
+    made = outcome(tmp_path, vary + LAWS + seeds, '<sample method="random" runs="2"/>', figures, [PASSED] * 12, rest)
+    (shown,) = (one for one in requirements_of(made.study) if one.text.startswith("0.5 quantile"))
+    made = replace(made, verdicts=(shown.judge(made.rows),))
+    panels = draw(made).axes
+    told = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert told[:2] == ["a", "b"]
+    assert told[2].startswith("0.5 quantile given law b: at most ")
+    assert [(text.get_text(), text.xy[0]) for text in panels[0].texts] == [("given law b", 20.0), ("given law b", 35.0)]
+    of_laws = outcome(tmp_path, X + LAWS, '<sample method="grid"/>', figures[:6], [PASSED] * 6, LAST + wanted)
+    curve = draw(of_laws).axes[1]
+    assert [(text.get_text(), text.xy[1]) for text in curve.texts] == [("given law b", 20.0)]
+    assert [line.get_ydata()[0] for line in curve.lines[-2:]] == [40.0, 20.0]
+    bounds = json.loads(as_json(made))["bounds"]
+    assert [bound.get("given") for bound in bounds] == [None, "given law b", "given law b"]
 
 
 def test_one_at_a_time_is_a_tornado(tmp_path: Path) -> None:

@@ -76,13 +76,15 @@ class Chart {
     return this.theme.getPropertyValue(name).trim();
   }
 
-  /** Return the bounds of a measure, as numbers; a margin shall be above zero. */
-  bounds(column) {
-    if (column.kind === "margin") return [0];
-    return this.study.bounds.filter((bound) => bound.measure === column.name).map((bound) => bound.below ?? bound.above);
+  /** Return the bounds of a measure: where they are on an axis, and of which runs, if not of all; a margin shall be above zero. */
+  bounds(column, scaled) {
+    if (column.kind === "margin") return [{ at: scaled(0), of: "" }];
+    return this.study.bounds.filter((bound) => bound.measure === column.name)
+      .map((bound) => ({ at: scaled(bound.below ?? bound.above), of: bound.given ? `bound ${bound.given}` : "" }));
   }
 
-  _dashed(points) {
+  /** Draw a line, and a text that ends at a place, or begins there if there is no room before it. */
+  _dashed(points, text, [x, y]) {
     const { pen } = this;
     pen.strokeStyle = this.colour("--accent");
     pen.setLineDash([6, 4]);
@@ -91,6 +93,12 @@ class Chart {
     pen.moveTo(...points[0]); pen.lineTo(...points[1]);
     pen.stroke();
     pen.setLineDash([]);
+    if (!text) return;
+    pen.fillStyle = this.colour("--accent");
+    const fits = x - 4 - pen.measureText(text).width >= CHART.left;
+    pen.textAlign = fits ? "right" : "left";
+    pen.fillText(text, fits ? x - 4 : x + 4, y);
+    pen.textAlign = "left";
   }
 }
 
@@ -114,10 +122,13 @@ class Scatter extends Chart {
   draw(x, y, rows, chosen) {
     const xs = numbersOf(x);
     const ys = numbersOf(y);
-    const bounds = this.bounds(y).map(ys.scaled);
-    const ranges = [rangeOf(xs.numbers), rangeOf([...ys.numbers, ...bounds])];
+    const bounds = this.bounds(y, ys.scaled);
+    const ranges = [rangeOf(xs.numbers), rangeOf([...ys.numbers, ...bounds.map(({ at }) => at)])];
     this._begin(...ranges, { x: labelOf(x), y: labelOf(y), ticks: xs.ticks, up: ys.ticks });
-    for (const bound of bounds) this._dashed([[CHART.left, this.toY(bound)], [this.width - CHART.right, this.toY(bound)]]);
+    for (const { at, of } of bounds) {
+      const [right, up] = [this.width - CHART.right, this.toY(at)];
+      this._dashed([[CHART.left, up], [right, up]], of, [right, up - 4]);
+    }
     const { pen } = this;
     const status = this.study.column("status");
     this.points = [];
@@ -168,9 +179,9 @@ class Scatter extends Chart {
 class Histogram extends Chart {
   draw(column, rows) {
     const { numbers, ticks: names, scaled, isText } = numbersOf(column);
-    const bounds = this.bounds(column).map(scaled);
+    const bounds = this.bounds(column, scaled);
     const finite = rows.filter((row) => Number.isFinite(numbers[row]));
-    const range = rangeOf([...finite.map((row) => numbers[row]), ...bounds]);
+    const range = rangeOf([...finite.map((row) => numbers[row]), ...bounds.map(({ at }) => at)]);
     const bars = isText ? new Set(numbers).size : Math.max(1, Math.min(BARS, Math.ceil(Math.sqrt(finite.length) * 1.5)));
     const width = (range[1] - range[0]) / bars;
     const status = this.study.column("status");
@@ -192,7 +203,10 @@ class Histogram extends Chart {
       });
     }
     pen.globalAlpha = 1;
-    for (const bound of bounds) this._dashed([[this.toX(bound), CHART.top], [this.toX(bound), this.height - CHART.bottom]]);
+    bounds.forEach(({ at, of }, k) => {
+      const across = this.toX(at);
+      this._dashed([[across, CHART.top], [across, this.height - CHART.bottom]], of, [across, CHART.top + 10 + 13 * k]);
+    });
     return rows.length - finite.length;
   }
 }
@@ -253,6 +267,6 @@ function rangeOf(numbers) {
 function ticks([low, high], most) {
   const step = niceStep((high - low) / most);
   const found = [];
-  for (let at = Math.ceil(low / step) * step; at <= high; at += step) found.push([at, String(Number(at.toPrecision(6)))]);
+  for (let at = Math.ceil(low / step) * step; at <= high; at += step) found.push([at, String(Number(at.toPrecision(12)))]);
   return found;
 }

@@ -2,6 +2,7 @@
 
 const MOST_DIFFERENCES = 60;
 const MOST_LETTERS = 120;
+const MOST_SENTENCES = 10;
 const KEYS = ["id", "name", "select"];
 
 /** Show the differences of runs from the first one; `lead(run, verdict)` and `seek(robot, time)` are called for what a reader chooses. */
@@ -15,7 +16,12 @@ function showDifferences(place, runs, lead, seek) {
       element("td", {}, element("code", {}, what)), ...values.map((value) => element("td", { class: value === undefined ? "dim" : "" }, cut(value ?? "none")))]));
     place.append(table([[""], ...runs.map((_, number) => [String(number + 1), "value"])], rows));
     if (differing.length > MOST_DIFFERENCES) place.append(element("p", { class: "dim" }, `and ${differing.length - MOST_DIFFERENCES} more`));
-  } else place.append(element("p", { class: "dim" }, "Nothing: the scenarios, their changes, the plants and the versions are the same."));
+  } else {
+    const known = runs.every((run) => !unknownFiles(run).length);
+    place.append(element("p", { class: "dim" },
+      `Nothing of what is compared: the scenarios with their changes, ${known ? "the files that they name, " : ""}the seeds, the plants, the controllers and the versions.`));
+  }
+  for (const sentence of notCompared(runs)) place.append(element("p", { class: "dim" }, sentence));
   place.append(element("h3", {}, "Largest distance between the paths"));
   const apart = runs.slice(1).flatMap((run, k) => pathsApart(runs[0], run).map((one) => ({ ...one, number: k + 2 })));
   if (!apart.length) place.append(element("p", { class: "dim" }, "The runs have no robot in common."));
@@ -88,21 +94,52 @@ function againstFirst(one, first) {
 
 // What was run
 
-/** Return what differs in the scenarios, plants, controllers and versions: {what, values}, a value a run. */
+/** Return what differs in what was run: {what, values}, a value a run. */
 function differingInputs(runs) {
   const told = runs.map((run) => inputsOf(run));
   const names = [...new Set(told.flatMap((one) => [...one.keys()]))];
-  return names.map((what) => ({ what, values: told.map((one) => one.get(what)) }))
+  const differing = names.map((what) => ({ what, values: told.map((one) => one.get(what)) }))
     .filter(({ values }) => values.some((value) => value !== values[0]));
+  const orders = told.map((one) => [...one.keys()].map((path) => path.replace(/\/?@[\w.:-]+$/, "")).join("\n"));
+  if (differing.length || orders.every((order) => order === orders[0])) return differing;
+  return [{ what: "order of the elements", values: orders.map((order) => (order === orders[0] ? "as in 1" : "another")) }];
+}
+
+/** Return, as sentences, what the runs rest upon and nobody has compared. */
+function notCompared(runs) {
+  const found = runs.flatMap((run, number) => {
+    const { given, recording } = run.provenance;
+    const unknown = unknownFiles(run);
+    const robots = Object.keys(given || {});
+    return [
+      ...(unknown.length ? [`Run ${number + 1}, of an older version, does not tell what ${unknown.join(", ")} held, so this is not compared.`] : []),
+      ...(robots.length ? [`A program gave commands to ${robots.join(", ")} in run ${number + 1}; of these only their times are compared.`] : []),
+      ...(recording ? [`Run ${number + 1} is a recorded drive; what the recording holds is not compared.`] : []),
+    ];
+  });
+  return found.length > MOST_SENTENCES ? [...found.slice(0, MOST_SENTENCES), `and ${found.length - MOST_SENTENCES} more`] : found;
+}
+
+/** Return the files that a scenario names, of which the result does not tell what they held. */
+function unknownFiles(run) {
+  return Object.entries(run.provenance.files || {}).filter(([, checksum]) => checksum === null).map(([name]) => name);
 }
 
 function inputsOf(run) {
   const found = new Map();
   const parsed = new DOMParser().parseFromString(run.scenario, "application/xml");
   if (!parsed.querySelector("parsererror")) flatten(parsed.documentElement, "", found);
-  const { seed, versions, plants, controllers } = run.provenance;
+  const { seed, versions, plants, controllers, files, given, before, recording } = run.provenance;
   if (seed !== null && seed !== undefined) found.set("seed", String(seed));
-  for (const [id, plant] of Object.entries(plants || {})) {
+  for (const [name, checksum] of Object.entries(files || {})) {
+    found.set(`SHA-256 of ${name}`, checksum === null ? "unknown" : checksum.slice(0, 16));
+  }
+  for (const [robot, [first, last]] of Object.entries(given || {})) {
+    found.set(`commands of a program to ${robot}`, `from ${inSeconds(first)} to ${inSeconds(last)}`);
+  }
+  for (const [k, part] of (before || []).entries()) found.set(`part ${k + 1} until`, part);
+  if (recording) found.set("recording", recording);
+  for (const [id, plant] of Object.entries(plants || {}).sort()) {
     found.set(`FMU of plant ${id}`, String(plant.file));
     found.set(`SHA-256 of plant ${id}`, String(plant.sha256).slice(0, 16));
   }
@@ -110,7 +147,7 @@ function inputsOf(run) {
     found.set(`controller of ${robot}`, `${law.name} of ${law.package} ${law.version}`);
     if (law.environment) found.set(`environment of the controller of ${robot}`, law.environment);
   }
-  for (const [name, version] of Object.entries(versions || {})) found.set(`version of ${name}`, String(version));
+  for (const [name, version] of Object.entries(versions || {}).sort()) found.set(`version of ${name}`, String(version));
   return found;
 }
 
@@ -126,15 +163,16 @@ function flatten(node, path, found) {
   }
   const children = [...node.children];
   const text = node.textContent.trim();
-  if (!children.length && text) found.set(path, text);
+  if (!children.length && (text || !node.attributes.length)) found.set(path, text || "there");
   for (const child of children) flatten(child, under(stepTo(child, children)), found);
 }
 
 function stepTo(child, siblings) {
   const alike = siblings.filter((one) => one.localName === child.localName);
   const key = KEYS.find((name) => child.hasAttribute(name));
-  if (key) return `${child.localName}[@${key}='${child.getAttribute(key)}']`;
-  return alike.length > 1 ? `${child.localName}[${alike.indexOf(child) + 1}]` : child.localName;
+  const same = key ? alike.filter((one) => one.getAttribute(key) === child.getAttribute(key)) : alike;
+  const step = key ? `${child.localName}[@${key}='${child.getAttribute(key)}']` : child.localName;
+  return same.length > 1 ? `${step}[${same.indexOf(child) + 1}]` : step;
 }
 
 // Paths

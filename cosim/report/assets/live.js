@@ -9,7 +9,7 @@ class Growing {
     this.every = every;
     this.room = rows;
     this.columns = columns;
-    this.numbers = new Float32Array(rows * columns);
+    this.numbers = new Float64Array(rows * columns);
     this.references = [
       ...run.motion.poses.flat(), ...run.motion.errors.flat(), ...run.signals.list.flatMap((signal) => signal.columns.flat()),
     ];
@@ -22,7 +22,7 @@ class Growing {
   /** Take a message: first row, rows, whether there is one beside the spacing, ticks so far, and numbers row after row. */
   take(message) {
     const [first, rows, beside, ticks] = new Uint32Array(message, 0, 4);
-    const numbers = new Float32Array(message, 16);
+    const numbers = new Float64Array(message, 16);
     for (let row = 0; row < rows + beside; row++) {
       for (let k = 0; k < this.columns; k++) this.numbers[k * this.room + first + row] = numbers[row * this.columns + k];
     }

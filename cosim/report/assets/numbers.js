@@ -21,8 +21,10 @@ async function unpackedNumbers(text) {
 
 /** Return a column of a run: its numbers over `count` samples. */
 function column(run, reference, count) {
-  if (Array.isArray(reference)) return run.numbers.subarray(reference[0], reference[0] + reference[1]);
-  return new Float32Array(count).fill(reference === null ? NaN : reference);
+  if (!Array.isArray(reference)) return new Float64Array(count).fill(reference === null ? NaN : reference);
+  const [offset, length, base] = reference;
+  const numbers = run.numbers.subarray(offset, offset + length);
+  return base ? Float64Array.from(numbers, (number) => base + number) : numbers;
 }
 
 /** Add to a run what the page works with: its numbers, the times of its samples, and its poses. */
@@ -45,12 +47,26 @@ function shownUnit(unit) {
   return SHOWN[unit] || [unit, 1];
 }
 
-/** Return a number with four significant digits. */
-function figure(value) {
+/** Return a number with four significant digits; a large one among others with as many as tell it from those, that lie within a range. */
+function figure(value, range = Infinity) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (typeof value !== "number") return String(value);
   const size = Math.abs(value);
+  if (size >= 1000 && size < 1e12 && size > range) {
+    return String(Number(value.toFixed(Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(range || 1)))))));
+  }
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+}
+
+/** Return how far apart the finite numbers of some columns are, 0 if there are none. */
+function spreadOf(columns) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const numbers of columns) for (const number of numbers) {
+    if (!Number.isFinite(number)) continue;
+    low = Math.min(low, number);
+    high = Math.max(high, number);
+  }
+  return Math.max(0, high - low);
 }
 
 /** Return the last of increasing times that is not after a time. */

@@ -90,6 +90,7 @@ class Panels {
       if (courses.length !== panel.courses.length) this._draw(panel);
       else {
         panel.courses = courses;
+        panel.range = rangeShown(courses);
         this.zooming = true; // each panel sees to itself
         panel.plot.setData(aligned(courses), all);
         this.zooming = false;
@@ -124,6 +125,7 @@ class Panels {
     panel.plot?.destroy();
     panel.values?.remove();
     const courses = (panel.courses = this._courses(panel));
+    panel.range = rangeShown(courses);
     const theme = getComputedStyle(document.documentElement);
     const colour = (name) => theme.getPropertyValue(name).trim();
     const axis = { stroke: colour("--dim"), grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid") } };
@@ -133,7 +135,7 @@ class Panels {
         width: Math.max(200, panel.figure.clientWidth),
         height: 190,
         scales: { x: { time: false } },
-        axes: [{ ...axis, size: 32, values: (_, ticks) => ticks.map((tick) => `${Number(tick.toPrecision(6))} s`) }, { ...axis, size: 62 }],
+        axes: [{ ...axis, size: 32, values: (_, ticks) => ticks.map((tick) => `${Number(tick.toPrecision(6))} s`) }, { ...axis, size: widthOf }],
         legend: { show: false },
         cursor: { sync: { key: "time" }, drag: { x: true, y: false }, points: { show: false } },
         series: [
@@ -189,7 +191,7 @@ class Panels {
     panel.now.style.display = left >= 0 && left <= plot.over.clientWidth ? "" : "none";
     panel.shown?.forEach((text, i) => {
       const { run, values, factor } = panel.courses[i];
-      const value = figure(values[indexAt(run.times, this.state.time)] * factor);
+      const value = figure(values[indexAt(run.times, this.state.time)] * factor, panel.range);
       text.data = panel.unit && value !== "–" ? `${value} ${panel.unit}` : value;
     });
   }
@@ -247,6 +249,16 @@ class Panels {
       }
     }
   }
+}
+
+/** Return how far apart the numbers of some courses are, as they are shown. */
+function rangeShown(courses) {
+  return courses.length ? spreadOf(courses.map(({ values }) => values)) * Math.abs(courses[0].factor) : 0;
+}
+
+/** Return the room [px] that the numbers beside an axis take. */
+function widthOf(_, texts) {
+  return Math.max(62, ...(texts || []).map((text) => 20 + 7 * String(text).length));
 }
 
 function colourFor(run, robot, leader) {

@@ -149,5 +149,5 @@ function cell(column, row) {
   const value = column.values[row];
   if (!column.isNumber) return value;
   if (Number.isNaN(value)) return "";
-  return Number.isFinite(value) ? (Number.isInteger(value) ? String(value) : figure(value)) : value > 0 ? "∞" : "-∞";
+  return Number.isFinite(value) ? (Number.isInteger(value) ? String(value) : figure(value, column.range)) : value > 0 ? "∞" : "-∞";
 }

@@ -1,11 +1,14 @@
 /* The page of a study: what must hold, all runs in figures and a table, and runs that are played. */
 
+const MOST_LEFT_OUT = 5;
+
 /** Return a study whose table is unpacked, with its columns by name. */
 async function prepareStudy(study) {
   study.columns = JSON.parse(new TextDecoder().decode(await unpacked(study.table)));
   for (const column of study.columns) {
     column.isNumber = column.values.every((value) => value === null || typeof value === "number" || /^-?Infinity$/.test(value));
     if (column.isNumber) column.values = Float64Array.from(column.values, (value) => (value === null ? NaN : Number(value)));
+    if (column.isNumber) column.range = spreadOf([column.values]);
   }
   study.column = (name) => study.columns.find((column) => column.name === name);
   study.rowOf = new Map(Array.from(study.column("run").values, (number, row) => [number, row]));
@@ -122,10 +125,11 @@ function showStudy(study, runs) {
   if (study.cases.length > 1) {
     const [headings, ...cases] = study.cases;
     const number = headings.map((_, k) => cases.every((row) => row[k] === "" || Number.isFinite(Number(row[k])) || /^-?inf$/.test(row[k])));
+    const ranges = headings.map((_, k) => (number[k] ? spreadOf([cases.map((row) => (row[k] === "" ? NaN : Number(row[k])))]) : Infinity));
     get("cases").append(element("h2", {}, "By case"), table(
       headings.map((heading, k) => [heading, number[k] ? "number" : ""]),
       cases.map((row) => element("tr", {}, row.map((text, k) => element("td", { class: number[k] ? "number" : "" },
-        number[k] && Number.isFinite(Number(text)) && text !== "" ? figure(Number(text)) : text)))),
+        number[k] && Number.isFinite(Number(text)) && text !== "" ? figure(Number(text), ranges[k]) : text)))),
     ));
   }
   showStudyOrigin(get("study-origin"), study);
@@ -165,7 +169,7 @@ function showRequirements(place, study) {
     return element("tr", {}, [
       element("td", { class: `outcome ${kind}` }, word),
       element("td", {}, [verdict.expectation, element("div", { class: "dim" }, [verdict.detail, known].filter(Boolean).join("; "))]),
-      ...["figure", "bound", "margin"].map((name) => element("td", { class: "number" }, inUnit(verdict[name], verdict.unit))),
+      ...["figure", "bound", "margin"].map((name) => element("td", { class: "number" }, inUnit(verdict[name], verdict.unit, name === "margin" ? Infinity : toBound(verdict)))),
     ]);
   });
   place.append(table([["verdict"], ["what must hold"], ["figure", "number"], ["bound", "number"], ["margin", "number"]], rows));
@@ -175,13 +179,14 @@ function showRequirements(place, study) {
 function showSpreads(place, study, choose) {
   if (!study.measures.length) return;
   const quantiles = [["least", "least"], ["quarter", "25 %"], ["median", "median"], ["three_quarters", "75 %"], ["greatest", "greatest"]];
-  const told = (value) => ({ Infinity: "∞", "-Infinity": "-∞" }[value] || figure(value));
+  const told = (value, range) => ({ Infinity: "∞", "-Infinity": "-∞" }[value] || figure(value, range));
   const rows = study.measures.map((measure) => {
+    const range = measure.greatest - measure.least;
     const button = element("button", { class: "outcome" }, String(measure.worst_run));
     button.addEventListener("click", () => choose(measure.worst_run));
     return element("tr", {}, [
       element("td", {}, measure.unit ? `${measure.measure} [${measure.unit}]` : measure.measure),
-      ...quantiles.map(([name]) => element("td", { class: "number" }, told(measure[name]))),
+      ...quantiles.map(([name]) => element("td", { class: "number" }, told(measure[name], Number.isFinite(range) ? range : Infinity))),
       element("td", { class: "number" }, button),
     ]);
   });
@@ -237,10 +242,15 @@ function showSensitivity(place, study) {
 
 /** Show the runs to look at: the worst, failed and broken ones, and those that are kept. */
 function showToSee(place, study, played, choose, play) {
+  if (study.left_out.length) {
+    const some = study.left_out.slice(0, MOST_LEFT_OUT).join(", ");
+    const more = study.left_out.length > MOST_LEFT_OUT ? ` and ${study.left_out.length - MOST_LEFT_OUT} more` : "";
+    place.append(element("p", { class: "dim" }, `Left out, as they are of other runs than those of the table: ${some}${more}.`));
+  }
   const numbers = [...new Set([...Object.keys(study.kept), ...Object.keys(study.to_see)].map(Number))]
     .filter((number) => study.rowOf.has(number));
   if (!numbers.length) {
-    place.append(element("p", { class: "dim" }, "None: no run failed or broke, and no full result is kept."));
+    place.append(element("p", { class: "dim" }, "None: no run failed or broke, and no full result of these runs is kept."));
     return;
   }
   const rank = (number) => [!isWorst(study, number), ["broken", "failed", "passed"].indexOf(statusOf(study, number)), number];

@@ -31,8 +31,13 @@ function inSeconds(time) {
   return `${Math.abs(text - time) <= 1e-9 ? text : Number(time.toFixed(9))} s`;
 }
 
-function inUnit(value, unit) {
-  return value === null ? "" : `${figure(value)} ${unit}`.trim();
+function inUnit(value, unit, range = Infinity) {
+  return value === null ? "" : `${figure(value, range)} ${unit}`.trim();
+}
+
+/** Return how far the figure of a verdict is from its bound, which both are shown finely enough for. */
+function toBound({ margin }) {
+  return margin === null ? Infinity : Math.abs(margin);
 }
 
 const OUTCOMES = { true: ["good", "✓\u00A0holds"], false: ["bad", "✗\u00A0fails"], known: ["known", "✗\u00A0fails as known"],
@@ -68,15 +73,15 @@ function showVerdicts(place, runs, lead) {
     };
     const robots = verdicts.length > 1 ? verdicts.slice(0, MOST_ONES).map((verdict) => {
       const [kindOfOne, wordOfOne] = outcomeOf(verdict);
-      return choose(verdict, `${wordOfOne[0]} ${verdict.robot} ${inUnit(verdict.figure, verdict.unit)}`, `one ${kindOfOne}`);
+      return choose(verdict, `${wordOfOne[0]} ${verdict.robot} ${inUnit(verdict.figure, verdict.unit, toBound(verdict))}`, `one ${kindOfOne}`);
     }) : [];
     if (verdicts.length > MOST_ONES) robots.push(`and ${verdicts.length - MOST_ONES} followers that do better`);
     const detail = [worst.robot, worst.detail, worst.known_failure && `known: ${worst.known_failure}`].filter(Boolean);
     return element("tr", {}, [
       element("td", {}, [several ? `${number + 1}: ` : "", choose(worst, word, `outcome ${kind}`)]),
       element("td", {}, [expectation, element("div", { class: "dim" }, detail.join("; ")), element("div", { class: "ones" }, robots)]),
-      element("td", { class: "number" }, inUnit(worst.figure, worst.unit)),
-      element("td", { class: "number" }, inUnit(worst.bound, worst.unit)),
+      element("td", { class: "number" }, inUnit(worst.figure, worst.unit, toBound(worst))),
+      element("td", { class: "number" }, inUnit(worst.bound, worst.unit, toBound(worst))),
       element("td", { class: "number" }, inUnit(worst.margin, worst.unit)),
     ]);
   })).filter(Boolean);
