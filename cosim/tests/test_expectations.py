@@ -20,6 +20,7 @@ from cosim.errors import InputError, Location, SimulationError
 from cosim.kinds_by_element import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
+from cosim.master.prepared import Prepared
 from cosim.master.segment import Segment
 from cosim.master.simulation import Simulation
 from cosim.results import expectations
@@ -620,6 +621,24 @@ def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -
     assert [verdict.passed for verdict in found[:4]] == [False] * 4
     for verdict in found:
         assert verdict.passed is not math.isnan(verdict.margin) or verdict.margin <= 0
+
+
+def test_the_other_scenario_runs_anew_when_a_file_that_it_names_is_another(
+    tmp_path: Path, counts: dict[str, Counter[Path]]
+) -> None:
+    compare = '<compare measure="rms" signal="range_error" factor="9" scenario="other.xml"/>'
+    path = written(tmp_path, "one.xml", compare)
+    disturbed = '<input name="tau_drive"><table file="push.csv" column="push"/></input></follower>'
+    other = written(tmp_path, "other.xml", "<regular/>", ("</follower>", disturbed))
+    bounds = []
+    for push in (0, -300, -300):
+        (tmp_path / "push.csv").write_text(f"time [s],push [N.m]\n0,{push}\n1,{push}\n")
+        with Prepared(read_scenario(path)) as prepared:
+            bounds += [verdict.bound for _ in range(2) for verdict in prepared.run().verdicts]
+    assert counts["run"][other] == 2
+    pushed_apart = bounds[2]
+    assert bounds == [bounds[0], bounds[0], *[pushed_apart] * 4]
+    assert pushed_apart > 1.001 * bounds[0]
 
 
 def test_a_strict_run_sets_up_once_too(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:
