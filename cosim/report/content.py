@@ -28,7 +28,7 @@ from cosim.results.outlines import outlines_of
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.sight import sight_ahead
-from cosim.results.summary import Summary, summary_of
+from cosim.results.summary import PART, Summary, summary_of
 from cosim.scenario import in_words
 from cosim.scenario.scenario import LEADER
 from cosim.storage import blocks, forget
@@ -233,7 +233,7 @@ def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[
 
 def _failure(summary: Summary) -> Json | None:
     failure = summary.provenance.failure
-    if failure is None and not summary.completed:
+    if failure is None and summary.status not in ("completed", PART):
         return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:g} s"}
     return None if failure is None else {"robot": failure.robot, "time": failure.time, "text": str(failure)}
 

@@ -291,7 +291,8 @@ function grouped(signals) {
 /** Return a line that tells how a run ended. */
 function headline(run, number) {
   const fails = run.verdicts.filter((verdict) => !verdict.passed).length;
-  const [kind, word] = run.status === "running" ? ["", "goes on"] : run.status !== "completed" ? ["bad", "did not reach its end"]
+  const [kind, word] = run.status === "running" ? ["", "goes on"] : run.status === "part" ? ["bad", "has not all ticks of its run here, so nothing is judged"]
+    : run.status !== "completed" ? ["bad", "did not reach its end"]
     : !run.verdicts.length ? ["", "reached its end"]
       : fails ? ["bad", `${fails} of ${run.verdicts.length} verdicts ${fails === 1 ? "fails" : "fail"}`] : ["good", "all expectations hold"];
   const changes = run.provenance.changes.length ? `, changed by ${run.provenance.changes.join(" ")}` : "";
