@@ -45,8 +45,9 @@ class Measure:
     fewest: int = 1
 
     def __call__(self, time: Floats, values: Floats, start: float = 0.0) -> float:
-        """Return the figure; NaN if the window is empty or a value that counts is NaN."""
-        return float(self.figure(time, values, start)) if len(values) else math.nan
+        """Return the figure; NaN if the window is empty, NaN or infinite if a value that counts is."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return float(self.figure(time, values, start)) if len(values) else math.nan
 
 
 def _rms(time: Floats, values: Floats, start: float) -> float:

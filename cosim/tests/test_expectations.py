@@ -272,6 +272,35 @@ def test_a_signal_without_any_number_is_still_of_those_who_have_it(verdicts: Jud
         } == expected
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_infinite_does_not_hold(verdicts: Judged, sign: float) -> None:
+    far = ZERO + sign * math.inf
+    pose = np.zeros((5001, 3, 4))
+    pose[:, 0, 0], pose[:, 1, 0] = far, ZERO
+    result = singular(made_up(gap=far, det=np.stack([far, ZERO + 1, ZERO + 1], axis=1)), det=0.1)
+    result["pose"].values[:] = pose
+    for expectation in (
+        *(expecting(kind, f"1 {MEASURES[kind].unit('1')}", signal="gap") for kind in MEASURES),
+        expecting("distance", "1 m", robots=("a",)),
+        expecting("regular"),
+    ):
+        verdict = next(iter(verdicts(expectation, result).values()))
+        assert (verdict.passed, verdict.judged, verdict.outcome) == (False, True, "FAILS")
+        assert verdict.detail.startswith("a sample is infinite")
+        assert math.isnan(verdict.margin)
+
+
+@pytest.mark.parametrize("infinite", ["own", "reference"])
+def test_a_comparison_with_something_infinite_does_not_hold(infinite: str) -> None:
+    results = {"own": made_up(), "reference": made_up()}
+    results[infinite]["range_error"][9] = math.inf
+    comparison = expecting("compare", "9", measure="peak", signal="range_error", scenario="other.xml")
+    [verdict] = judge((comparison,), results["own"], lambda path: Result.of(results["reference"]))
+    assert not verdict.passed
+    assert verdict.detail.startswith("a sample is infinite, or too large; other.xml: ")
+    assert math.isnan(verdict.margin)
+
+
 def test_an_expectation_about_nobody_does_not_hold() -> None:
     """Such as the distance of a follower from itself, which no check lets through."""
     itself = expecting("peak", "1 m", signal="pose", component="x", minus_robot="a", robots=("a",))

@@ -223,16 +223,22 @@ class Kind(ABC):
         unit: str | None = None,
         known_failure: str | None = None,
     ) -> Verdict:
-        """Return a verdict; bound, unit and known failure are those written, unless others are given."""
-        shown = self.unit if unit is None else unit
+        """Return a verdict; bound, unit and known failure are those written, unless others are given.
+
+        Nothing holds by an infinite figure, or against an infinite bound.
+        """
+        shown, held = self.unit if unit is None else unit, self.bound if bound is None else bound
+        finite = math.isfinite(figure) and math.isfinite(held)
+        if math.isinf(figure) or math.isinf(held):
+            detail = "; ".join(part for part in ("a sample is infinite, or too large", detail) if part)
         return Verdict(
             expectation=self._said,
             robot=robot,
             figure=figure,
-            bound=self.bound if bound is None else bound,
+            bound=held,
             unit="" if shown == "1" else shown,
-            margin=margin,
-            passed=passed,
+            margin=margin if finite else math.nan,
+            passed=passed and finite,
             known_failure=self.written.get("fails") if known_failure is None else known_failure,
             detail=detail,
             where=self.written.where,
