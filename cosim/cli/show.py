@@ -53,7 +53,7 @@ def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
         if failure is not None and failure.left:
             say(out(), safe(f"{failure}: nothing is judged yet, and formation resume goes on"))
             return 0
-        warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:g} s'}")
+        warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:.12g} s'}")
         return INTERRUPTED if failure is not None and failure.interrupted else NOT_TO_THE_END
     return 0 if summary.passed else EXPECTATION_FAILED
 

@@ -220,7 +220,7 @@ def _check_size(scenario: Scenario, size: int) -> None:
     remedies = "give it fewer robots"
     if most > 0:
         horizon, step = _rounded(most * scenario.step, -1), _rounded(scenario.horizon / most, 1)
-        remedies = f"shorten the horizon to {horizon:g} s, lengthen the step to {step:g} s, or {remedies}"
+        remedies = f"shorten the horizon to {horizon:.12g} s, lengthen the step to {step:.12g} s, or {remedies}"
     raise InputError(
         f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, {scenario.ticks + 1} samples of "
         f"{each / 1024:.2g} KiB; {MAX_BYTES / 1024**3:g} GiB are allowed: {remedies}",

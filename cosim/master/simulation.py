@@ -182,7 +182,7 @@ class Simulation(Closing):
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
         """
         if self.finished:
-            raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
+            raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:.12g} s")
         self._require_open("go on")
         override = self._understood(torques) if torques else {}
         with self._failing():

@@ -192,7 +192,7 @@ def _sampled(
         found = sampled(series.since(start), values, ticks, mapping.longest_gap, angle=entry is not None)
     except ClockGoesBack as error:
         raise InputError(
-            f"the recording {path}: the time of {number.text} goes back by {error.by:.4g} s to {error.time:.6g} s of "
+            f"the recording {path}: the time of {number.text} goes back by {error.by:.4g} s to {error.time:.12g} s of "
             "the scenario: it holds several drives, or a clock was set; cut it there, or record it anew"
         ) from None
     if entry is None:

@@ -234,7 +234,7 @@ def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[
 def _failure(summary: Summary) -> Json | None:
     failure = summary.provenance.failure
     if failure is None and summary.status not in ("completed", PART):
-        return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:g} s"}
+        return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:.12g} s"}
     return None if failure is None else {"robot": failure.robot, "time": failure.time, "text": str(failure)}
 
 

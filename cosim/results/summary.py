@@ -173,8 +173,8 @@ def _lacking(horizon: float, step: float, result: Result) -> str:
             return ""
     window = f", {in_seconds(float(time[0]))} to {in_seconds(float(time[-1]))}" if len(time) else ""
     return (
-        f"the result has not all ticks of its run, 0 to {in_seconds(horizon)} in steps of {step:g} s, but {len(time)} "
-        f"samples{window}: nothing is judged"
+        f"the result has not all ticks of its run, 0 to {in_seconds(horizon)} in steps of {step:.12g} s, but "
+        f"{len(time)} samples{window}: nothing is judged"
     )
 
 

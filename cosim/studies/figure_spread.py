@@ -82,5 +82,5 @@ def _draw_requirements(panel: Axes, outcome: StudyOutcome, measured: Measured) -
             at, confidence = float(one.attributes["at"]), float(one.attributes["confidence"])
             side = "most" if "below" in one.attributes else "least"
             figure = f"{verdict.figure:.4g} {printable(measured.unit)}".rstrip()
-            told = f"{at:g} quantile: at {side} {figure}\nwith confidence {confidence:g}"
+            told = f"{at:.12g} quantile: at {side} {figure}\nwith confidence {confidence:.12g}"
             panel.plot([verdict.figure], [at], "D", color=BOUND, markersize=4, label=told)

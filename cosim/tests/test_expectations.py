@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 from cosim.cli import main, run
-from cosim.errors import InputError, Location, SimulationError
+from cosim.errors import Failure, InputError, Location, SimulationError
 from cosim.kinds_by_element import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
@@ -101,6 +101,34 @@ def verdicts() -> Callable[[Expectation, xr.Dataset], dict[str, Verdict]]:
 
 
 Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "text"),
+    [
+        (
+            expecting("rms", "0.12345678 m", 1234.567, 1234.572, signal="range_error"),
+            "rms range_error below 0.12345678 m, 1234.567 to 1234.572 s",
+        ),
+        (
+            expecting("settled", "1234.567 s", range="0.12345678 m", bearing="2 deg"),
+            "settled by 1234.567 s within 0.12345678 m and 2 deg",
+        ),
+        (
+            expecting("compare", "1.0000001", 0.1, 2000, measure="rms", signal="range_error", scenario="other.xml"),
+            "rms range_error at most 1.0000001 times that of other.xml, 0.1 to 2000 s",
+        ),
+        (expecting("peak", "1e-5 MN", signal="force"), "peak force below 1e-05 MN, 0 to 100 s"),
+        (expecting("least", "3", 3 * 0.1, signal="gap"), "least gap above 3, 0.3 to 100 s"),
+    ],
+)
+def test_an_expectation_in_words_has_all_digits(expectation: Expectation, text: str) -> None:
+    assert understood(expectation).text == text
+
+
+def test_a_failure_names_the_very_time() -> None:
+    assert str(Failure("follower_1", 12345.68, "", "it stopped")) == "follower_1 at t = 12345.68 s: it stopped"
+    assert str(Failure("", 3 * 0.1, "", "interrupted")) == "interrupted at t = 0.3 s"
 
 
 # Figures ----------------------------------------------------------------------------------------------------

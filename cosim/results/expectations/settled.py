@@ -32,19 +32,19 @@ class Settled(Kind):
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:g} m and {math.degrees(bearing):g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m and {math.degrees(bearing):.12g} deg"
 
     @property
     def overview(self) -> str:
         """The expectation in words, as an overview of the scenario shows it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m, {math.degrees(bearing):.12g} deg"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check that the time is a tick within the run."""
         horizon = own.scenario.horizon
         if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
-            raise AfterTheEnd(f"by={by:g} s is not within the run of {horizon:g} s", self.written.where)
+            raise AfterTheEnd(f"by={by:.12g} s is not within the run of {horizon:.12g} s", self.written.where)
         if problem := own.scenario.clock.off_tick(by):
             raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
 
