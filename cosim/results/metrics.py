@@ -98,9 +98,9 @@ MEASURES: Mapping[str, Measure] = {
     "chatter": Measure(_chatter, fewest=2),
     "least": Measure(lambda time, values, start: float(values[passes.smallest(values)]), at=passes.smallest),
 }
-"""Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
-time counts from the start of the window; root mean square of the change from sample to sample; integral of the
-magnitude; smallest value."""
+"""Root mean square; largest magnitude; last magnitude; integral of time times magnitude, whose time counts from the
+start of the window; integral of the magnitude; root mean square of the change from sample to sample; smallest value.
+Integrals are by the trapezoidal rule."""
 
 
 def settling_times(result: Result, range_band: float, bearing_band: float) -> dict[str, float | None]:

@@ -367,6 +367,27 @@ def test_settled(verdicts: Judged, last_outside: int, by: str, passed: bool, mar
     assert not verdicts(expectation, made_up(bearing_error=outside))["a"].passed
 
 
+@pytest.mark.parametrize("by", ["10 s", "1e4 ms", "1e7 us", "1e10 ns", "0.1666666667 min", "0.16666666665 min"])
+@pytest.mark.parametrize("last_outside", [498, 499, 500, 2499])
+def test_settled_at_the_very_time_holds_in_every_unit(verdicts: Judged, by: str, last_outside: int) -> None:
+    errors = ZERO.copy()
+    errors[last_outside] = 0.11
+    verdict = verdicts(expecting("settled", by, range="0.1 m", bearing="2 deg"), made_up(range_error=errors))["a"]
+    assert verdict.passed is (last_outside < 500)
+    assert (verdict.margin >= 0.0) is verdict.passed
+
+
+def test_every_tick_is_the_same_time_in_small_units(verdicts: Judged) -> None:
+    """Nanoseconds of 0.02 s times a tick differ from the decimal number by more than the rounding of a time."""
+    for tick in range(1, 5001, 7):
+        errors = ZERO.copy()
+        errors[tick - 1] = 0.11
+        result = made_up(range_error=errors)
+        for unit, factor in (("us", 20_000), ("ns", 20_000_000)):
+            by = f"{tick * factor} {unit}"
+            assert verdicts(expecting("settled", by, range="0.1 m", bearing="2 deg"), result)["a"].passed, by
+
+
 def test_distance_is_about_the_team(verdicts: Judged) -> None:
     result = made_up()
     result["pose"][500, 2, 1] = 4.0

@@ -71,7 +71,10 @@ class Settled(Kind):
         return {robot: end if (time := times[robot]) is None else time for robot in self.followers(result)}
 
     def _judged(self, settled: float | None, robot: str) -> Verdict:
-        figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
+        if settled is None:
+            return self.verdict(math.nan, math.nan, False, robot, "outside at the end of the run")
+        by = self.written.quantity("by", "s")
+        passed = settled <= by + ROUNDING * max(by, 1.0)  # in seconds: in a smaller unit rounding is a larger number
+        figure = units.convert(settled, "s", self.unit)
         margin = self.bound - figure
-        detail = "outside at the end of the run" if settled is None else ""
-        return self.verdict(figure, margin, margin >= -ROUNDING, robot, detail)
+        return self.verdict(figure, max(margin, 0.0) if passed else margin, passed, robot, "")
