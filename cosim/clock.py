@@ -54,12 +54,12 @@ class Clock:
     def off_tick(self, time: float) -> str:
         """Return why no tick is at a time [s], the subject; empty if there is one, maybe after the horizon."""
         if not math.isfinite(time / self.step):
-            return f"is too long for steps of {self.step:g} s"
+            return f"is too long for steps of {self.step:.12g} s"
         if whole(time / self.step) is not None:
             return ""
         before = math.floor(time / self.step)
         return (
-            f"falls between two ticks, which are {self.step:g} s apart: write {before * self.step:.12g} s "
+            f"falls between two ticks, which are {self.step:.12g} s apart: write {before * self.step:.12g} s "
             f"or {(before + 1) * self.step:.12g} s"
         )
 

@@ -146,8 +146,8 @@ class Failure:
     def __str__(self) -> str:
         """Return robot, time and message in a line."""
         if not self.robot:
-            return f"{self.message} at t = {self.time:.6g} s"
-        return f"{self.robot} at t = {self.time:.6g} s: {self.message}"
+            return f"{self.message} at t = {self.time:.12g} s"
+        return f"{self.robot} at t = {self.time:.12g} s: {self.message}"
 
 
 class SimulationError(FormationError):

@@ -28,6 +28,12 @@ def split(text: str) -> tuple[float, str]:
     return float(match[1]), match[2] or "1"
 
 
+def spelled(number: float, unit: str = "1") -> str:
+    """Return a quantity as a scenario holds it: with the fewest digits that give the same number again."""
+    text = repr(float(number)).removesuffix(".0")
+    return text if unit == "1" else f"{text} {unit}"
+
+
 def quantity(text: str, unit: str | units.Unit) -> float:
     """Return the value of a text such as ``"45 deg"`` in the given unit.
 

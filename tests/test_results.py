@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import warnings
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -389,6 +390,48 @@ def test_nothing_is_run_to_show_a_result(line: str, ran: Path, monkeypatch: pyte
     verdict = cosim.summary_of(result).verdicts[-1]
     assert not verdict.passed
     assert "no run of other.xml" in verdict.finding
+
+
+@pytest.mark.parametrize("judged", [True, False])
+@pytest.mark.parametrize(
+    ("change", "samples"),
+    [
+        (lambda run: run.sel(time=slice(0, 0.1)), "6 samples, 0.00 s to 0.10 s"),
+        (lambda run: run.isel(time=slice(1, None)), "samples, 0.02 s to "),
+        (lambda run: run.isel(time=slice(None, None, 2)), "samples, 0.00 s to "),
+        (lambda run: run.assign_coords(time=run.time + 0.01), "samples, 0.01 s to "),
+        (lambda run: run.isel(time=[]), "0 samples: nothing is judged"),
+    ],
+)
+def test_a_part_of_a_result_is_not_judged_and_does_not_pass(
+    ran: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: Callable[[xr.Dataset], xr.Dataset],
+    samples: str,
+    judged: bool,
+) -> None:
+    """Whether it carries the verdicts of the whole run or not."""
+    result = cosim.load_result(ran)
+    if not judged:
+        del result.attrs["verdicts"]
+    result.attrs["scenario"] = re.sub("(?s)<expect>.*</expect>", "", result.attrs["scenario"])  # nothing can fail
+    part = change(result)
+    summary = cosim.summary_of(part)
+    assert (summary.status, summary.completed, summary.passed, summary.verdicts) == ("part", False, False, ())
+    assert "has not all ticks of its run" in summary.notes[0]
+    assert samples in summary.notes[0]
+    part.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
+    assert main(["show", str(tmp_path / "part.nc")]) == 1
+    shown = capsys.readouterr()
+    assert samples in " ".join(shown.out.split())
+    assert shown.err == ""
+
+
+@pytest.mark.parametrize("dims", [("robot", "time"), ("pose_component", "robot", "time")])
+def test_a_summary_is_of_a_result_with_its_dimensions_in_any_order(ran: Path, dims: tuple[str, ...]) -> None:
+    result = cosim.load_result(ran)
+    assert cosim.summary_of(result.transpose(*dims, ...)).to_json() == cosim.summary_of(result).to_json()
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from cosim.cli.overview import described_plants, doubtful_plants, print_overview
 from cosim.cli.wide_table import WideColumn, print_wide
 from cosim.errors import InputError, printable
 from cosim.master.setup import set_up
+from cosim.quantity import spelled
 from cosim.scenario.root_element import root_of
 from cosim.studies.cases import case_name, own_text, tuned_in
 from cosim.studies.conduct import check_study, planned_runs
@@ -25,7 +26,7 @@ from cosim.studies.reader import read_study
 from cosim.studies.searching import Searching
 from cosim.studies.study import Study, Tune
 from cosim.studies.tuning import most_runs
-from cosim.studies.values import Random, written
+from cosim.studies.values import Random
 
 _SHOWN = 5
 """Runs of a study that are shown."""
@@ -81,7 +82,7 @@ def _print_tune(path: Path, study: Study, tune: Tune) -> None:
         for index in tuned_in(study, tune, cases_of):
             values = study.vary[index].values
             assert isinstance(values, Random)
-            limits = (written(end, values.unit) for end in (values.least, values.greatest))
+            limits = (spelled(end, values.unit) for end in (values.least, values.greatest))
             rows.append((study.vary[index].name, case_name(study, cases_of), own_text(study, cases_of, index), *limits))
         ends.append(len(rows) - 1)
     names, of_cases, *others = zip(*rows, strict=True)
@@ -117,7 +118,7 @@ def check(options: argparse.Namespace) -> int:
                 continue
             out().print(
                 f"{printable(str(path))}: {printable(scenario.name)}, {len(scenario.followers)} followers, "
-                f"{scenario.horizon:g} s in {scenario.ticks} steps",
+                f"{scenario.horizon:.12g} s in {scenario.ticks} steps",
                 markup=False,
                 soft_wrap=True,
             )

@@ -53,7 +53,7 @@ def tick_of(option: str, text: str, scenario: Scenario, told: str = "", least: i
     if not least <= tick <= scenario.ticks:
         begin = "after" if least else "from"
         raise InputError(
-            f"{option} {told}: expected a time {begin} 0 s and not after the end at {scenario.horizon:g} s"
+            f"{option} {told}: expected a time {begin} 0 s and not after the end at {scenario.horizon:.12g} s"
         )
     return tick
 
@@ -151,8 +151,8 @@ class Course:
         if made.fault:
             warn(f"the last checkpoint was not written: {made.fault}")
         if failure is not None and failure.left:
-            left = f"left at {failure.time:.6g} s of {scenario.horizon:g} s, as asked; nothing is judged yet"
+            left = f"left at {failure.time:.12g} s of {scenario.horizon:.12g} s, as asked; nothing is judged yet"
             say(out(), left)
         if failure is not None and not failure.robot and (at := made.written or made.first):
             command = shlex.join(["formation", "resume", str(self.place)])
-            out().print(safe(f"{command} goes on from {at * scenario.step:.6g} s"), soft_wrap=True)
+            out().print(safe(f"{command} goes on from {at * scenario.step:.12g} s"), soft_wrap=True)

@@ -104,7 +104,7 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         for i, role in enumerate(comparison.kind.pose)
     )
     console.print(
-        f"{comparison.time[-1]:g} s in steps of {comparison.step:g} s, from {pose} (as A shows it); "
+        f"{comparison.time[-1]:.12g} s in steps of {comparison.step:.12g} s, from {pose} (as A shows it); "
         f"{comparison.kind.command_word}s: {safe(comparison.torque_from)}",
         soft_wrap=True,
     )
@@ -123,13 +123,15 @@ def _print(console: Console, comparison: PlantComparison) -> None:
         other = "BA"["AB".index(late)]
         console.print(
             f"[yellow]{late} is one step late:[/] its outputs are those of {other} one communication step before, "
-            f"so a controller sees its motion {comparison.step:g} s later",
+            f"so a controller sees its motion {comparison.step:.12g} s later",
             soft_wrap=True,
         )
     for message in comparison.messages:
         console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
     if comparison.failures:
-        reached = f"compared up to {comparison.reached:g} s only" if comparison.reached > 0 else "nothing was compared"
+        reached = (
+            f"compared up to {comparison.reached:.12g} s only" if comparison.reached > 0 else "nothing was compared"
+        )
         warn(f"{reached}: a plant failed")
 
 

@@ -81,7 +81,7 @@ def print_overview(console: Console, scenario: Scenario, setup: Setup, described
     for text in _inputs(scenario.inputs):
         say(console, f"{safe(text)}, for every follower")
     for event in scenario.events:
-        say(console, f"at {event.time:g} s, {safe(event.robot)}: {safe(in_words.event(event))}")
+        say(console, f"at {event.time:.12g} s, {safe(event.robot)}: {safe(in_words.event(event))}")
     for expectation in scenario.expectations:
         say(console, f"expected: {safe(_expected(expectation))}")
 
@@ -157,7 +157,7 @@ def _trajectory(trajectory: Trajectory) -> str:
 def _places(follower: Follower) -> Iterator[str]:
     yield _place(*follower.desired)
     for change in follower.changes:
-        yield f"{change.start:g} to {change.stop:g} s: {_place(change.range, change.bearing)}"
+        yield f"{change.start:.12g} to {change.stop:.12g} s: {_place(change.range, change.bearing)}"
 
 
 def _place(distance: float, bearing: float) -> str:
@@ -179,7 +179,7 @@ def _effects(sources: Sequence[EffectSource], roles: Iterable[Role], times: Time
 
 
 def _window(start: float, stop: float, end: float) -> str:
-    return (f" from {start:g} s" if start > 0 else "") + (f" to {stop:g} s" if stop < end else "")
+    return (f" from {start:.12g} s" if start > 0 else "") + (f" to {stop:.12g} s" if stop < end else "")
 
 
 def _inputs(inputs: Iterable[InputSource]) -> Iterator[str]:

@@ -74,7 +74,7 @@ def _course(options: argparse.Namespace, ending: ExitStack) -> tuple[Course, Sce
     every = found.every if options.checkpoint is None else every_of(options.checkpoint, scenario)
     until = None if options.until is None else tick_of("--until", options.until, scenario)
     if until is not None and until <= found.state.tick:
-        raise InputError(f"--until {options.until}: the run goes on from {found.time:g} s, so expected a later time")
+        raise InputError(f"--until {options.until}: the run goes on from {found.time:.12g} s, so expected a later time")
     course = Course(folder, every, until, found, folder if changes else None, held=held)
     if changes:
         course.place, course.held = _place(options, found, scenario), None
@@ -89,7 +89,7 @@ def _moved_to(tick: int, found: Checkpoint, held: HeldFolder | None, folder: Pat
         return before
     assert held is not None
     begin = 0.0 if before is None else before.time
-    say(err(), f"running from {begin:g} s to {tick * scenario.step:g} s, where there is no checkpoint")
+    say(err(), f"running from {begin:.12g} s to {tick * scenario.step:.12g} s, where there is no checkpoint")
     course = Course(folder, found.every, tick, before, noted=False, held=held)
     scenario = for_whole_run(scenario)
     with ExitStack() as ending:
@@ -98,7 +98,7 @@ def _moved_to(tick: int, found: Checkpoint, held: HeldFolder | None, folder: Pat
             simulation.run_to_end()
     made = course.checkpoints
     if made is None or made.written != tick:
-        raise InputError(f"there is no checkpoint at {tick * scenario.step:g} s: {made.fault if made else ''}")
+        raise InputError(f"there is no checkpoint at {tick * scenario.step:.12g} s: {made.fault if made else ''}")
     moved = latest(found.path.parent, tick)
     assert moved is not None
     return moved
@@ -124,10 +124,10 @@ def _check_not_before_branch(tick: int, found: Checkpoint, folder: Path) -> None
     if tick < round(branch.until / found.scenario.step):
         whence = f" from {branch.run}" if branch.run else ""
         raise InputError(
-            f"--at {tick * found.scenario.step:g}s: the run in {folder} branched off{whence} at {branch.until:g} s; "
-            f"expected a moment from then on, or go on from {branch.run or 'the earlier run'}"
+            f"--at {tick * found.scenario.step:.12g}s: the run in {folder} branched off{whence} at "
+            f"{branch.until:.12g} s; expected a moment from then on, or go on from {branch.run or 'the earlier run'}"
         )
-    raise InputError(f"--at {tick * found.scenario.step:g}s: the branch in {folder} has no checkpoint up to then")
+    raise InputError(f"--at {tick * found.scenario.step:.12g}s: the branch in {folder} has no checkpoint up to then")
 
 
 def _check_not_complete(folder: Path, scenario: Scenario) -> None:
@@ -138,7 +138,7 @@ def _check_not_complete(folder: Path, scenario: Scenario) -> None:
         return
     if attributes.get("status") == "completed" and Provenance.of(attributes).changes == scenario.changes:
         raise InputError(
-            f"the run in {folder} has reached its end at {scenario.horizon:g} s: --at TIME goes on from an earlier "
+            f"the run in {folder} has reached its end at {scenario.horizon:.12g} s: --at TIME goes on from an earlier "
             "moment, with changes by --set"
         )
 

@@ -216,7 +216,7 @@ def run_one(
     if failure is not None:
         if told is not None and not told.left:  # else it had reached its end already
             warn(
-                f"the run ended early, at {told.time:.6g} s of {scenario.horizon:g} s; "
+                f"the run ended early, at {told.time:.12g} s of {scenario.horizon:.12g} s; "
                 "everything recorded up to then is saved"
             )
         raise failure

@@ -12,7 +12,7 @@ from cosim.cli.summary import print_summary
 from cosim.errors import FormationError, InputError, SimulationError
 from cosim.results.files import load_run
 from cosim.results.result import Result
-from cosim.results.summary import Summary, summary_of
+from cosim.results.summary import PART, Summary, summary_of
 
 if TYPE_CHECKING:
     from cosim.results.figure import Choice
@@ -24,7 +24,7 @@ def show(options: argparse.Namespace) -> int:
     """Print the summary of each result and draw the figure if asked for; return the most serious exit status.
 
     The exit status equals the run's: 0 all expectations hold, 1 one failed, 3 it failed, 130 it was
-    interrupted; 2 if there is no such result.
+    interrupted; 1 also if the result lacks samples of its run, 2 if there is no such result.
     """
     if options.figure is None:
         refuse(options, ("--panels",), "is about the figure: add --figure FILE.png, or leave it out")
@@ -46,12 +46,14 @@ def _shown(path: Path, figure: Path | None, panels: Choice) -> int:
     except FormationError as error:
         report(error)
         return error.exit_status
+    if summary.status == PART:
+        return EXPECTATION_FAILED
     if not summary.completed:
         failure = summary.provenance.failure
         if failure is not None and failure.left:
             say(out(), safe(f"{failure}: nothing is judged yet, and formation resume goes on"))
             return 0
-        warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:g} s'}")
+        warn(f"the run ended early{f': {failure}' if failure else f', after {summary.end_time:.12g} s'}")
         return INTERRUPTED if failure is not None and failure.interrupted else NOT_TO_THE_END
     return 0 if summary.passed else EXPECTATION_FAILED
 

@@ -129,7 +129,7 @@ def _draw_difference(axes: Axes, comparison: PlantComparison, found: RoleDiffere
     axes.plot(comparison.time, course, color=_DIFFERENCE, linewidth=1.2)
     at = round(found.at / comparison.step)
     axes.plot(found.at, course[at], marker="o", markersize=5, color=_DIFFERENCE)
-    text = f"largest {factor * found.largest:.3g} {unit} at {found.at:g} s, RMS {factor * found.rms:.3g} {unit}"
+    text = f"largest {factor * found.largest:.3g} {unit} at {found.at:.12g} s, RMS {factor * found.rms:.3g} {unit}"
     axes.set_title(text, loc="right", fontsize=9, pad=3)
     low, high = np.nanmin(course), np.nanmax(course)
     axes.margins(y=0.1)

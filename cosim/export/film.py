@@ -79,8 +79,8 @@ def film_of(result: Result, options: Options) -> Film:
     start = float(time[0]) if options.begin is None else options.begin
     stop = float(time[-1]) if options.end is None else options.end
     if not time[0] <= start <= stop <= time[-1] + 1e-9:
-        whole = f"{time[0]:g} s to {time[-1]:g} s"
-        raise InputError(f"a picture from {start:g} s to {stop:g} s is not within the result, which has {whole}")
+        whole = f"{time[0]:.12g} s to {time[-1]:.12g} s"
+        raise InputError(f"a picture from {start:.12g} s to {stop:.12g} s is not within the result, which has {whole}")
     if not all(_SIZES[0] <= side <= _SIZES[1] for side in options.size):
         width, height = options.size
         raise InputError(f"the size {width}x{height} is not between {_SIZES[0]} and {_SIZES[1]} pixels a side")

@@ -41,12 +41,12 @@ def check_branch(before: Scenario, scenario: Scenario, tick: int) -> None:
     _check_equal(_shared(before), _shared(scenario))
     if scenario.ticks > before.ticks:
         raise InputError(
-            f"the end of a run cannot be put off from {before.horizon:g} s to {scenario.horizon:g} s in its course, "
-            "because its FMUs were told the end at the start: run the scenario from its start"
+            f"the end of a run cannot be put off from {before.horizon:.12g} s to {scenario.horizon:.12g} s in its "
+            "course, because its FMUs were told the end at the start: run the scenario from its start"
         )
     if tick > scenario.ticks:
         raise InputError(
-            f"the run is at {tick * scenario.step:g} s, which is after its new end at {scenario.horizon:g} s"
+            f"the run is at {tick * scenario.step:.12g} s, which is after its new end at {scenario.horizon:.12g} s"
         )
 
 

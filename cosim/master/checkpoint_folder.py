@@ -46,7 +46,7 @@ def latest(folder: Path, tick: int | None = None) -> Checkpoint | None:
         if len(ticks) == 1:
             raise
         step = _step(folder / name_of(ticks[-2]))
-        hint = f"; the one before is at {ticks[-2] * step:g} s: --at '{ticks[-2] * step:g} s'" if step else ""
+        hint = f"; the one before is at {ticks[-2] * step:.12g} s: --at '{ticks[-2] * step:.12g} s'" if step else ""
         raise InputError(f"{error.message}{hint}") from None
 
 
@@ -62,7 +62,7 @@ def _at(folder: Path, tick: int) -> Checkpoint:
     """Return the checkpoint before a tick; InputError if it is damaged, or another one under that name."""
     found = Checkpoint(folder / name_of(tick))
     if found.state.tick != tick:
-        raise InputError(f"the checkpoint {found.path} is damaged: it is one at {found.time:g} s")
+        raise InputError(f"the checkpoint {found.path} is damaged: it is one at {found.time:.12g} s")
     return found
 
 

@@ -40,8 +40,8 @@ def code_of(setup: Setup) -> dict[str, str]:
     found = code_of_vehicles(setup)
     for law in setup.laws.values():
         found[_name(law.source)] = code_of_law(law)
-    for _, other in setup.others.values():
-        found |= code_of(other)
+    for other in setup.others.values():
+        found |= code_of(other.setup)
     return found
 
 

@@ -79,12 +79,12 @@ def input_course(source: InputSource, variable: Variable, clock: Clock, most: in
                 check_whole(variable, value, str(value))
             except ValueError as error:
                 raise InputError(
-                    f"the input {source.name!r} at {tick * clock.step:g} s: {error}", source.where
+                    f"the input {source.name!r} at {tick * clock.step:.12g} s: {error}", source.where
                 ) from None
             course[tick] = before = value
         if len(course) > most:
             raise InputError(
-                f"the input {source.name!r} has changed more than {most} times at {times[-1]:g} s; at most "
+                f"the input {source.name!r} has changed more than {most} times at {times[-1]:.12g} s; at most "
                 f"{MAX_CHANGES:.0e} changes of inputs that are no real numbers are possible, of all robots together",
                 source.where,
             )
@@ -125,7 +125,7 @@ def _tabled(table: Table, column: str, wave: Wave, variable: Variable) -> tuple[
         if number != round(number) or (known is not None and int(number) not in known):
             wanted = "a whole number" if known is None else f"one of {', '.join(map(str, known))}"
             raise InputError(
-                f"the column {column!r} of {table.path} has {number:g} at {time:g} s; expected {wanted}", where
+                f"the column {column!r} of {table.path} has {number:g} at {time:.12g} s; expected {wanted}", where
             )
         values.append(bool(number) if variable.type == "Boolean" else int(number))
 

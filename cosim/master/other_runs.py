@@ -10,7 +10,7 @@ from cosim.master.setup import Setup
 from cosim.master.supervised import whole_run
 from cosim.results.result import Result
 
-_Key: TypeAlias = tuple[Path, tuple[Path, ...], str]
+_Key: TypeAlias = tuple[Path, tuple[Path, ...], str, tuple[str, ...]]
 _KEPT = 2
 """How many results are kept, as they are large: expectations that share one stand next to each other."""
 
@@ -18,7 +18,7 @@ _results: dict[_Key, Result | FormationError] = {}
 
 
 def run_other(setup: Setup, path: Path) -> Result:
-    """Return the result of a scenario that one is compared with; once in a process for the same resolved text.
+    """Return the result of a scenario that one is compared with; once in a process for the same text and files.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def run_other(setup: Setup, path: Path) -> Result:
     FormationError
         Its run fails, or has failed.
     """
-    other, prepared = setup.others[path]
-    key = other.path, other.untrusted, other.text
+    other, prepared = setup.others[path].scenario, setup.others[path].setup
+    key = other.path, other.untrusted, other.text, setup.others[path].content
     if key not in _results:
         try:
             with whole_run(other, prepared) as simulation:

@@ -45,7 +45,7 @@ class PaceReport:
         """Return the report as a sentence."""
         text = f"paced at {self.factor:g} times real time: {self.overruns} of {self.ticks} ticks overran"
         if self.overruns:
-            text += f", the worst by {self.worst * 1e3:.3g} ms at t = {self.worst_time:.6g} s"
+            text += f", the worst by {self.worst * 1e3:.3g} ms at t = {self.worst_time:.12g} s"
         return f"{text}; the others began at most {self.jitter * 1e3:.3g} ms late"
 
 

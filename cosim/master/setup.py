@@ -18,6 +18,7 @@ from cosim.errors import InputError
 from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
 from cosim.master.common_effects import check_common_effects
+from cosim.master.content import parts_told
 from cosim.master.foreign import for_whole_run
 from cosim.master.result_variables import recorded_signals, result_variables_of
 from cosim.master.robot import RobotSetup
@@ -39,6 +40,25 @@ from cosim.vehicle.path import Motion
 
 MAX_BYTES = 64 * 1024**3
 """Upper limit for the numbers of a result. A large run needs twice as much room on the disk, and little memory."""
+
+
+@dataclass(frozen=True)
+class Other:
+    """A scenario that another one is compared with, ready to run.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario, without expectations.
+    setup : Setup
+        Its set-up.
+    content : tuple of str
+        Versions and checksums, at the set-up, of the controllers, FMUs and files that it names.
+    """
+
+    scenario: Scenario
+    setup: Setup
+    content: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -66,7 +86,7 @@ class Setup:
     signals : dict
         The signals that expectations can name: recorded variables, and those computed from them.
     others : dict
-        Scenarios that this one is compared with, each with its own set-up, by file.
+        Scenarios that this one is compared with, by file.
     storage : Storage
         Where signals over time lie, and records may.
     hosts : Hosts
@@ -83,7 +103,7 @@ class Setup:
     gains: tuple[LawGains, ...]
     result_variables: tuple[ResultVariable, ...]
     signals: Mapping[str, Recorded]
-    others: Mapping[Path, tuple[Scenario, Setup]]
+    others: Mapping[Path, Other]
     storage: Storage
     hosts: Hosts = field(default_factory=Hosts)
 
@@ -157,15 +177,15 @@ def set_up(
     check_velocities(scenario, leader, followers, laws)
     used = set(_plants_of(scenario))
     signals = known.of("", recorded_signals, variables, columns, controlled)
-    others: dict[Path, tuple[Scenario, Setup]] = {} if before is None else dict(before.others)
+    others: dict[Path, Other] = {} if before is None else dict(before.others)
 
     def prepare(path: Path) -> Recording:
         """Read and set up a scenario to compare with, once; its own expectations are not read."""
         if path not in others:
             other = for_whole_run(replace(read_scenario(path, untrusted=scenario.untrusted), expectations=()))
-            others[path] = other, set_up(other, cleanup, {}, storage=storage)
-        other, setup = others[path]
-        return Recording(other, setup.signals)
+            its = set_up(other, cleanup, {}, storage=storage)
+            others[path] = Other(other, its, tuple(parts_told(other, its.laws, its.opened)))
+        return Recording(others[path].scenario, others[path].setup.signals)
 
     shapeless = {robot.name: robot.kind.name for robot in followers if robot.outline is None}
     check(scenario, signals, prepare, shapeless)
@@ -200,7 +220,7 @@ def _check_size(scenario: Scenario, size: int) -> None:
     remedies = "give it fewer robots"
     if most > 0:
         horizon, step = _rounded(most * scenario.step, -1), _rounded(scenario.horizon / most, 1)
-        remedies = f"shorten the horizon to {horizon:g} s, lengthen the step to {step:g} s, or {remedies}"
+        remedies = f"shorten the horizon to {horizon:.12g} s, lengthen the step to {step:.12g} s, or {remedies}"
     raise InputError(
         f"the scenario {scenario.name!r} would record {size / 1024**3:.1f} GiB, {scenario.ticks + 1} samples of "
         f"{each / 1024:.2g} KiB; {MAX_BYTES / 1024**3:g} GiB are allowed: {remedies}",

@@ -20,10 +20,10 @@ from cosim.errors import Failure, InputError, RunInterrupted, SimulationError, i
 from cosim.master.branch import branched
 from cosim.master.checkpoint import Checkpoint, Snapshot, Start
 from cosim.master.checkpoints import Checkpoints
+from cosim.master.content import checksums
 from cosim.master.fleets import AnyFleet, StartFleet, start_fleet
 from cosim.master.foreign import contained
 from cosim.master.interrupt import HeldSignals
-from cosim.master.named_files import checksums
 from cosim.master.observer import Observer, Progress, Watched, read_only
 from cosim.master.origin import Origin
 from cosim.master.pacing import Pacer
@@ -184,7 +184,7 @@ class Simulation(Closing):
             A plant or a controller failed or the motion diverged: the robot, the time and `result` up to then.
         """
         if self.finished:
-            raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:g} s")
+            raise InputError(f"the run has ended at its horizon of {self.scenario.horizon:.12g} s")
         self._require_open("go on")
         override = self._understood(torques) if torques else {}
         with self._failing():

@@ -401,7 +401,7 @@ class Fleet:
             return
         if self._kept[index] > KEPT_MESSAGES:
             said = "more messages, which are not kept"
-        self.messages.append(f"{robot}, t = {time:.6g} s: {said}")
+        self.messages.append(f"{robot}, t = {time:.12g} s: {said}")
 
 
 def _memory(array: NDArray[Any]) -> tuple[object, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, listed, printable
-from cosim.master.named_files import checksums
+from cosim.master.content import checksums
 from cosim.master.recorded_signals import courses_of_follower
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import Setup
@@ -193,7 +193,7 @@ def _sampled(
         found = sampled(series.since(start), values, ticks, mapping.longest_gap, angle=entry is not None)
     except ClockGoesBack as error:
         raise InputError(
-            f"the recording {path}: the time of {number.text} goes back by {error.by:.4g} s to {error.time:.6g} s of "
+            f"the recording {path}: the time of {number.text} goes back by {error.by:.4g} s to {error.time:.12g} s of "
             "the scenario: it holds several drives, or a clock was set; cut it there, or record it anew"
         ) from None
     if entry is None:

@@ -93,7 +93,7 @@ def _missing(kind: Kind, setup: Setup, result: Result, name: str, robot: str, sa
             return f"the recording has no {about}"
         time = result["time"].values[samples]
         gone = time[absent[samples]]
-        return f"the recording has no {about} at {len(gone)} of {len(time)} ticks, {gone[0]:g} to {gone[-1]:g} s"
+        return f"the recording has no {about} at {len(gone)} of {len(time)} ticks, {gone[0]:.12g} to {gone[-1]:.12g} s"
     return ""
 
 

@@ -29,7 +29,7 @@ from cosim.results.provenance import Part as RunPart
 from cosim.results.provenance import Provenance
 from cosim.results.result import Result
 from cosim.results.sight import sight_ahead
-from cosim.results.summary import Summary, summary_of
+from cosim.results.summary import PART, Summary, summary_of
 from cosim.scenario import in_words
 from cosim.scenario.document import parse_document
 from cosim.scenario.grammar import named_files
@@ -236,8 +236,8 @@ def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[
 
 def _failure(summary: Summary) -> Json | None:
     failure = summary.provenance.failure
-    if failure is None and not summary.completed:
-        return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:g} s"}
+    if failure is None and summary.status not in ("completed", PART):
+        return {"robot": "", "time": summary.end_time, "text": f"it was recorded up to {summary.end_time:.12g} s"}
     return None if failure is None else {"robot": failure.robot, "time": failure.time, "text": str(failure)}
 
 

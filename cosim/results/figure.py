@@ -159,7 +159,7 @@ def _title(result: Result) -> list[str]:
     provenance = Provenance.of(result.attrs)
     title = f"{result.attrs['title']} ({result.attrs['scenario_name']})"
     if result.attrs["status"] != "completed":
-        title += f", recorded up to {result['time'].values[-1]:g} s"
+        title += f", recorded up to {result['time'].values[-1]:.12g} s"
     further = [provenance.changed] if provenance.changes else []
     if provenance.failure:
         further.append(printable(str(provenance.failure)))

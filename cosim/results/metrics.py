@@ -45,8 +45,9 @@ class Measure:
     fewest: int = 1
 
     def __call__(self, time: Floats, values: Floats, start: float = 0.0) -> float:
-        """Return the figure; NaN if the window is empty or a value that counts is NaN."""
-        return float(self.figure(time, values, start)) if len(values) else math.nan
+        """Return the figure; NaN if the window is empty, NaN or infinite if a value that counts is."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return float(self.figure(time, values, start)) if len(values) else math.nan
 
 
 def _rms(time: Floats, values: Floats, start: float) -> float:
@@ -97,9 +98,9 @@ MEASURES: Mapping[str, Measure] = {
     "chatter": Measure(_chatter, fewest=2),
     "least": Measure(lambda time, values, start: float(values[passes.smallest(values)]), at=passes.smallest),
 }
-"""Root mean square; largest magnitude; last magnitude; integral of time times magnitude by the trapezoidal rule, whose
-time counts from the start of the window; root mean square of the change from sample to sample; integral of the
-magnitude; smallest value."""
+"""Root mean square; largest magnitude; last magnitude; integral of time times magnitude, whose time counts from the
+start of the window; integral of the magnitude; root mean square of the change from sample to sample; smallest value.
+Integrals are by the trapezoidal rule."""
 
 
 def settling_times(result: Result, range_band: float, bearing_band: float) -> dict[str, float | None]:

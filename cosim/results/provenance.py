@@ -119,7 +119,7 @@ class Provenance:
     def resumed(self) -> str:
         """Where the run was taken up again, and the changes up to there, in words; empty if it was not."""
         told = [
-            f"at {part.until:g} s" + (f" ({_in_words(part.changes)} before)" if part.changes != self.changes else "")
+            f"at {part.until:.12g} s" + (f" ({_in_words(part.changes)} before)" if part.changes != self.changes else "")
             for part in self.parts
         ]
         return f"resumed {' and '.join(told)}" if told else ""

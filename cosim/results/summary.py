@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.clock import in_seconds
+from cosim.clock import ROUNDING, Clock, in_seconds, whole
 from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
 from cosim.results.follower_figures import FollowerFigures, follower_figures
+from cosim.results.form import in_form
 from cosim.results.json_numbers import without_nan
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import smallest_distance
@@ -30,6 +31,9 @@ from cosim.storage import blocks
 if TYPE_CHECKING:
     import xarray as xr
 
+PART = "part"
+"""Status of a result that lacks samples of a run that reached its end."""
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -37,6 +41,8 @@ class Summary:
 
     Attributes
     ----------
+    status : str
+        ``completed``, ``incomplete``; or ``part``: the run reached its end, but the result does not have all its ticks.
     smallest_distance : float or None
         Between the reference points of any two followers, over the run [m]; None for a single follower.
     smallest_distance_of_bodies : float or None
@@ -68,12 +74,12 @@ class Summary:
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
+        """Whether the run reached its end, and all of it is in the result."""
         return self.status == "completed"
 
     @property
     def passed(self) -> bool:
-        """Whether the run reached its end and all expectations hold."""
+        """Whether it is completed and all expectations hold."""
         return self.completed and all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> str:
@@ -100,24 +106,30 @@ def summary_of(result: xr.Dataset | Result) -> Summary:
     """Return the summary of a result, of `cosim.run` or read from a file; nothing is run for it.
 
     The verdicts are read from the result if ``formation run`` has judged it. Otherwise the expectations of its scenario
-    are judged now; a ``<compare>`` then has no figure and does not hold, as its other scenario is not run.
+    are judged now; a ``<compare>`` then has no figure and does not hold, as its other scenario is not run. A result
+    that lacks samples of its run has no verdicts, and has not passed.
 
     Raises
     ------
     InputError
         It is not the result of a run, or its scenario's text cannot be read.
     """
-    result = Result.of(result)
+    result = in_form(Result.of(result))
     told = result.attrs
     try:
-        if "verdicts" in told:
+        horizon, step = float(told["horizon"]), float(told["step"])
+        lacking = _lacking(horizon, step, result) if told["status"] == "completed" else ""
+        if lacking:
+            verdicts: tuple[Verdict, ...] = ()
+        elif "verdicts" in told:
             verdicts = tuple(Verdict.of(data) for data in json.loads(told["verdicts"]))
         elif told["status"] == "completed":
             file = Path(Provenance.of(told).file or told["scenario_name"])
             verdicts = judge(read_expectations(told["scenario"], file), result, run_other=None)
         else:
             verdicts = ()
-        return _summary(told["scenario_name"], float(told["horizon"]), float(told["step"]), result, verdicts)
+        summary = _summary(told["scenario_name"], horizon, step, result, verdicts)
+        return replace(summary, status=PART, notes=(lacking, *summary.notes)) if lacking else summary
     except KeyError as error:
         raise InputError(f"this is not the result of a run: {error.args[0]!r} is missing in it") from None
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -149,6 +161,20 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
         provenance=told,
         messages=messages,
         messages_left_out=left_out,
+    )
+
+
+def _lacking(horizon: float, step: float, result: Result) -> str:
+    """Return why a result does not have all ticks of a run with this horizon and step [s]; empty if it has them."""
+    time, ticks = result["time"].values, whole(horizon / step)
+    if ticks is not None and len(time) == ticks + 1:
+        clock = Clock(step, ticks)
+        if all((np.abs(time[block] - clock.times_in(block)) <= ROUNDING).all() for block in blocks(len(time))):
+            return ""
+    window = f", {in_seconds(float(time[0]))} to {in_seconds(float(time[-1]))}" if len(time) else ""
+    return (
+        f"the result has not all ticks of its run, 0 to {in_seconds(horizon)} in steps of {step:.12g} s, but "
+        f"{len(time)} samples{window}: nothing is judged"
     )
 
 

@@ -19,12 +19,12 @@ from cosim.errors import InputError, Location, listed
 from cosim.missing_file import absent
 from cosim.scenario.edits import Change, Edit, in_words
 from cosim.scenario.grammar import NAMESPACE, local_name, paths_in, violation
+from cosim.scenario.root_element import MAX_BYTES as MAX_BYTES
 from cosim.scenario.tree_edits import add_namespace, serialised, strip_namespace
 from cosim.scenario.variant import vary
 from cosim.scenario.white_space import collapse
 from cosim.scenario.xml_tree import parsed
 
-MAX_BYTES = 4 * 1024 * 1024
 MAX_VARIANTS = 20
 _PREFIX = f"{{{NAMESPACE}}}"
 _ARCHIVE = b"PK\x03\x04"

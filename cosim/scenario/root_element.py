@@ -3,39 +3,60 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 from xml.parsers import expat
 
 NAMESPACE = "urn:formation-cosim:scenario:1"
 UNCLEAR = "?"
-"""In place of the root element of a file that names the namespace, but is broken before its root is complete."""
-_SNIFFED = 64 * 1024
+"""In place of the root element of a file that may be meant to be of this language; whoever reads it tells its fault."""
+MAX_BYTES = 4 * 1024 * 1024
+"""Upper limit for a file of this language."""
+_OURS = "urn:formation-cosim:"
+"""How our namespaces begin, of other versions and with typing errors, too."""
+_IN_BYTES = tuple(_OURS.encode(encoding) for encoding in ("utf-8", "utf-16-le", "utf-16-be"))
+_PIECE = 64 * 1024
 
 
 def root_of(path: Path) -> str:
-    """Return the name of a file's root element within its first 64 KiB; empty if it is none of this language.
+    """Return the name of a file's root element; empty if it is none of this language.
 
-    No entity is expanded: parsing ends at a document type declaration. Such a file, or one that is broken before its
-    root element is complete, is `UNCLEAR` if it names the namespace, so that whoever reads it reports the fault.
+    A file is read up to its first element, and no entity is expanded. It is `UNCLEAR` if it cannot be read, has no
+    element within `MAX_BYTES`, or its root element is in a namespace that only begins like ours. A file that is broken
+    before its root element is complete, or declares entities, is so if it names such a namespace.
     """
     try:
         if not path.is_file():  # a pipe may never end
             return ""
         with path.open("rb") as file:
-            start = file.read(_SNIFFED)
+            return _root_in(file)
     except OSError:
-        return ""
+        return UNCLEAR
+
+
+def _root_in(file: BinaryIO) -> str:
     parser = expat.ParserCreate(namespace_separator="}")
     parser.StartElementHandler = _found
-    parser.StartDoctypeDeclHandler = _found
+    parser.EntityDeclHandler = _entity
+    data = bytearray()
     try:
-        parser.Parse(start)
+        # Pieces grow, as the parser begins a comment that is not complete anew with each.
+        while len(data) <= MAX_BYTES and (piece := file.read(max(_PIECE, len(data)))):
+            data += piece
+            parser.Parse(piece)
+        if len(data) > MAX_BYTES:
+            return UNCLEAR
+        parser.Parse(b"", True)
     except _Found as found:
-        if found.root:
-            namespace, _, name = found.root.rpartition("}")
-            return name if namespace == NAMESPACE else ""
+        namespace, _, name = found.root.rpartition("}")
+        if namespace == NAMESPACE:
+            return name
+        return UNCLEAR if namespace.startswith(_OURS) else ""
+    except OSError:
+        raise
     except Exception:  # its reader reports what is wrong
         pass
-    return UNCLEAR if NAMESPACE.encode() in start else ""
+    data += file.read(max(MAX_BYTES - len(data), 0))
+    return UNCLEAR if any(name in data for name in _IN_BYTES) else ""
 
 
 class _Found(Exception):
@@ -44,5 +65,9 @@ class _Found(Exception):
         super().__init__()
 
 
-def _found(name: str, attributes: object, *_: object) -> None:
-    raise _Found(name if isinstance(attributes, dict) else "")  # no attributes: a document type
+def _found(name: str, attributes: object) -> None:
+    raise _Found(name)
+
+
+def _entity(*declared: object) -> None:
+    raise ValueError("entities are not expanded")

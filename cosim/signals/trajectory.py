@@ -144,8 +144,8 @@ def _spline(trajectory: Trajectory, horizon: float) -> Path:
         raise InputError(f"the trajectory has {len(time)} points; at least {MIN_POINTS} are needed", trajectory.where)
     if time[0] > ROUNDING or time[-1] < horizon - ROUNDING:
         raise InputError(
-            f"the trajectory's points are from {time[0]:g} s to {time[-1]:g} s; they must reach from 0 s to the "
-            f"horizon, {horizon:g} s",
+            f"the trajectory's points are from {time[0]:.12g} s to {time[-1]:.12g} s; they must reach from 0 s to the "
+            f"horizon, {horizon:.12g} s",
             trajectory.where,
         )
     if trajectory.smoothing > 0 and len(time) > MAX_SMOOTHED:
@@ -182,4 +182,4 @@ def _refuse(
 ) -> None:
     if where.any():
         time = times[np.argmax(where)]
-        raise InputError(f"the trajectory {problem} at t = {time:.6g} s: {advice}", trajectory.where)
+        raise InputError(f"the trajectory {problem} at t = {time:.12g} s: {advice}", trajectory.where)

@@ -83,5 +83,5 @@ def _draw_requirements(panel: Axes, outcome: StudyOutcome, measured: Measured) -
             side = "most" if "below" in one.attributes else "least"
             figure = f"{verdict.figure:.4g} {printable(measured.unit)}".rstrip()
             given = f" {printable(one.given_in_words)}" if one.given else ""
-            told = f"{at:g} quantile{given}: at {side} {figure}\nwith confidence {confidence:g}"
+            told = f"{at:.12g} quantile{given}: at {side} {figure}\nwith confidence {confidence:.12g}"
             panel.plot([verdict.figure], [at], "D", color=BOUND, markersize=4, label=told)

@@ -50,7 +50,7 @@ def _verdict(tune: Tune, tuned: Tuned, own: Sequence[Row], best: Sequence[Row]) 
     if not passes(tuned.best.rows.values()):
         details.append("in training, no trial passes on all draws")
     return Verdict(
-        expectation=f"tuned values{of} better than the scenario's own, with confidence {tune.confidence:g}",
+        expectation=f"tuned values{of} better than the scenario's own, with confidence {tune.confidence:.12g}",
         robot="",
         figure=least,
         bound=0.5,

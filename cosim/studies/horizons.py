@@ -53,7 +53,7 @@ def told_for(error: InputError, study: Study, cases: tuple[int, ...], scenario: 
     base = study.bases[cases]
     told = [f"in the case {name}"] if (name := case_name(study, cases)) else []
     if (scenario.ticks, scenario.step) != (base.ticks, base.step):
-        told.append(f"with a horizon of {scenario.horizon:g} s in steps of {scenario.step:g} s")
+        told.append(f"with a horizon of {scenario.horizon:.12g} s in steps of {scenario.step:.12g} s")
     return InputError(f"{error.message} ({', '.join(told)})", error.where) if told else error
 
 

@@ -11,10 +11,11 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import InputError
-from cosim.master.code import code_of, code_of_law, code_of_vehicles
+from cosim.master.code import code_of, code_of_vehicles
+from cosim.master.content import checksum, parts_told
 from cosim.master.setup import Setup, set_up
 from cosim.scenario.edits import split_setting
-from cosim.scenario.grammar import local_name, paths_in
+from cosim.scenario.grammar import local_name
 from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.compared_cases import COMPARED
 from cosim.studies.elsewhere import LIBRARIES
@@ -102,7 +103,7 @@ class RunKeys:
 
     def _content(self, file: Path) -> str:
         if file not in self._contents:
-            self._contents[file] = _content(file)
+            self._contents[file] = checksum(file)
         return self._contents[file]
 
     def _of_edited(self, cases: tuple[int, ...], edits: tuple[str, ...]) -> str:
@@ -123,28 +124,16 @@ def _determining(scenario: Scenario, setup: Setup) -> Iterator[str]:
     for library in LIBRARIES:
         yield f"{library} {version(library)}"
     yield from (f"code {name} {its}" for name, its in code_of_vehicles(setup).items())
-    yield from (f"law {name} {code_of_law(law)}" for name, law in setup.laws.items())
-    for name, fmu in setup.opened.items():
-        yield f"plant {name} {fmu.sha256}"
-    for path, (other, its) in setup.others.items():
-        yield f"other {path.name} {key_of_scenario(other, its)}"
+    yield from parts_told(scenario, setup.laws, setup.opened)
+    for path, other in setup.others.items():
+        yield f"other {path.name} {key_of_scenario(other.scenario, other.setup)}"
     root = etree.fromstring(scenario.text.encode(), etree.XMLParser(remove_comments=True, remove_pis=True))
-    for element, name in paths_in(root):
-        if (local_name(element), name) != ("plant", "fmu"):  # whose checksum is there already
-            yield f"file {name} {_content(scenario.folder / element.get(name, ''))}"
     for element in list(root.iter("*")):
         element.tail, element.text = None, (element.text or "").strip()
         if local_name(element) in _FOR_PEOPLE:
             element.clear()
     root.attrib.pop("name", None)
     yield etree.tostring(root, method="c14n").decode()
-
-
-def _content(file: Path) -> str:
-    try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()
-    except OSError:  # it was read when the scenario was
-        return ""
 
 
 def _digest(parts: Iterator[str] | Sequence[str]) -> str:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError, shown
-from cosim.quantity import split
+from cosim.quantity import spelled, split
 from cosim.studies.designs import Design, design_of
 from cosim.studies.sizes import MOST_RUNS, too_many
 from cosim.studies.study import Study, Target, Vary
-from cosim.studies.values import NEXT_TO_0, NEXT_TO_1, Count, Finite, written
+from cosim.studies.values import NEXT_TO_0, NEXT_TO_1, Count, Finite
 from plants import UnitError, units
 
 
@@ -210,4 +210,4 @@ def computed(target: Target, text: str) -> str:
             number, unit = units.convert(number, unit, in_offset) + offset, in_offset
     except (ValueError, UnitError) as error:
         raise InputError(f"{shown(text)} times the factor plus the offset: {error}", target.where) from None
-    return written(float(f"{number:.10g}"), unit)
+    return spelled(float(f"{number:.10g}"), unit)

@@ -142,7 +142,8 @@ def _has_one_value(vary: Vary) -> bool:
 def _probability(study: Study, written: Written, draws: Draws) -> Judged:
     bound, confidence = _share(written, "above"), _share(written, "confidence")
     completed = written.get("of") == "completed"
-    text = f"probability of {written.get('of')}{_given(study, draws)} above {bound:g}, with confidence {confidence:g}"
+    of = f"probability of {written.get('of')}{_given(study, draws)}"
+    text = f"{of} above {bound:.12g}, with confidence {confidence:.12g}"
 
     def passes(row: Row) -> bool:
         return row.status != BROKEN if completed else row.status == PASSED
@@ -179,7 +180,7 @@ def _quantile(study: Study, written: Written, draws: Draws) -> Judged:
         study,
         written,
         draws,
-        f"{at:g} quantile",
+        f"{at:.12g} quantile",
         lambda values, confidence: bounds.quantile_at_most(list(map(max, values)), at, confidence),
         lambda values, confidence: bounds.quantile_at_least(list(map(min, values)), at, confidence),
     )
@@ -218,9 +219,9 @@ def _of_measure(
     name = "below" if below else "above"
     bound = written.quantity(name, measured.unit or "1")
     confidence = _share(written, "confidence") if "confidence" in written else 0.0
-    sure = f", with confidence {confidence:g}" if confidence else ""
+    sure = f", with confidence {confidence:.12g}" if confidence else ""
     of = f"{what} of {measured.name}{_given(study, draws)}"
-    text = f"{of} {name} {f'{bound:g} {measured.unit}'.strip()}{sure}"
+    text = f"{of} {name} {f'{bound:.12g} {measured.unit}'.strip()}{sure}"
 
     def figure_of(row: Row) -> float:
         nothing = math.inf if below else -math.inf  # a run without a figure has the worst one
@@ -258,7 +259,7 @@ def _better(study: Study, written: Written, draws: Draws) -> Judged:
     each = draws.size // len(getattr(study.vary[place].values, "texts", ()))
     what = f"draws, each by most of its {each} pairs" if others and not draws.single else "pairs"
     sign = -1.0 if written.get("by") == "more" else 1.0
-    text = f"{case} better than {than} in {measured.name}{_given(study, draws)}, with confidence {confidence:g}"
+    text = f"{case} better than {than} in {measured.name}{_given(study, draws)}, with confidence {confidence:.12g}"
 
     def figure_of(row: Row) -> float:
         return sign * row.measures[index] if row.status != BROKEN and math.isfinite(row.measures[index]) else math.inf

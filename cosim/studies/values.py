@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from cosim.errors import shown
-from cosim.quantity import quantity, split
+from cosim.quantity import quantity, spelled, split
 from cosim.scenario.written_element import Written
 from cosim.studies.sizes import MOST_RUNS, too_many
 
@@ -66,7 +66,7 @@ class Random:
     def at(self, fraction: float) -> str:
         """Return the value that a number between 0 and 1 draws."""
         number = float(f"{self.quantile(fraction):.10g}")
-        return written(min(max(number, self.least), self.greatest), self.unit)
+        return spelled(min(max(number, self.least), self.greatest), self.unit)
 
 
 @dataclass(frozen=True)
@@ -99,12 +99,6 @@ def _same(one: str, other: str) -> bool:
         return math.isclose(number, quantity(other, unit), rel_tol=1e-10)
     except ValueError:
         return False
-
-
-def written(number: float, unit: str) -> str:
-    """Return a quantity as a scenario holds it."""
-    text = repr(number).removesuffix(".0")
-    return text if unit == "1" else f"{text} {unit}"
 
 
 # Reading -----------------------------------------------------------------------------------------------------
@@ -144,9 +138,9 @@ def _grid(element: Written) -> Finite:
         numbers = least * (greatest / least) ** fractions
     else:
         numbers = least + (greatest - least) * fractions
-    texts = [written(float(f"{number:.10g}"), unit) for number in numbers.tolist()]
+    texts = [spelled(float(f"{number:.10g}"), unit) for number in numbers.tolist()]
     if points > 1:
-        texts[0], texts[-1] = written(least, unit), written(greatest, unit)
+        texts[0], texts[-1] = spelled(least, unit), spelled(greatest, unit)
     return Finite(texts)
 
 

@@ -16,10 +16,11 @@ import pytest
 import xarray as xr
 
 from cosim.cli import main, run
-from cosim.errors import InputError, Location, SimulationError
+from cosim.errors import Failure, InputError, Location, SimulationError
 from cosim.kinds_by_element import kinds_in
 from cosim.master import setup, simulation
 from cosim.master.other_runs import run_other
+from cosim.master.prepared import Prepared
 from cosim.master.segment import Segment
 from cosim.master.simulation import Simulation
 from cosim.results import expectations
@@ -100,6 +101,34 @@ def verdicts() -> Callable[[Expectation, xr.Dataset], dict[str, Verdict]]:
 
 
 Judged = Callable[[Expectation, xr.Dataset], dict[str, Verdict]]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "text"),
+    [
+        (
+            expecting("rms", "0.12345678 m", 1234.567, 1234.572, signal="range_error"),
+            "rms range_error below 0.12345678 m, 1234.567 to 1234.572 s",
+        ),
+        (
+            expecting("settled", "1234.567 s", range="0.12345678 m", bearing="2 deg"),
+            "settled by 1234.567 s within 0.12345678 m and 2 deg",
+        ),
+        (
+            expecting("compare", "1.0000001", 0.1, 2000, measure="rms", signal="range_error", scenario="other.xml"),
+            "rms range_error at most 1.0000001 times that of other.xml, 0.1 to 2000 s",
+        ),
+        (expecting("peak", "1e-5 MN", signal="force"), "peak force below 1e-05 MN, 0 to 100 s"),
+        (expecting("least", "3", 3 * 0.1, signal="gap"), "least gap above 3, 0.3 to 100 s"),
+    ],
+)
+def test_an_expectation_in_words_has_all_digits(expectation: Expectation, text: str) -> None:
+    assert understood(expectation).text == text
+
+
+def test_a_failure_names_the_very_time() -> None:
+    assert str(Failure("follower_1", 12345.68, "", "it stopped")) == "follower_1 at t = 12345.68 s: it stopped"
+    assert str(Failure("", 3 * 0.1, "", "interrupted")) == "interrupted at t = 0.3 s"
 
 
 # Figures ----------------------------------------------------------------------------------------------------
@@ -271,6 +300,35 @@ def test_a_signal_without_any_number_is_still_of_those_who_have_it(verdicts: Jud
         } == expected
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_infinite_does_not_hold(verdicts: Judged, sign: float) -> None:
+    far = ZERO + sign * math.inf
+    pose = np.zeros((5001, 3, 4))
+    pose[:, 0, 0], pose[:, 1, 0] = far, ZERO
+    result = singular(made_up(gap=far, det=np.stack([far, ZERO + 1, ZERO + 1], axis=1)), det=0.1)
+    result["pose"].values[:] = pose
+    for expectation in (
+        *(expecting(kind, f"1 {MEASURES[kind].unit('1')}", signal="gap") for kind in MEASURES),
+        expecting("distance", "1 m", robots=("a",)),
+        expecting("regular"),
+    ):
+        verdict = next(iter(verdicts(expectation, result).values()))
+        assert (verdict.passed, verdict.judged, verdict.outcome) == (False, True, "FAILS")
+        assert verdict.detail.startswith("a sample is infinite")
+        assert math.isnan(verdict.margin)
+
+
+@pytest.mark.parametrize("infinite", ["own", "reference"])
+def test_a_comparison_with_something_infinite_does_not_hold(infinite: str) -> None:
+    results = {"own": made_up(), "reference": made_up()}
+    results[infinite]["range_error"][9] = math.inf
+    comparison = expecting("compare", "9", measure="peak", signal="range_error", scenario="other.xml")
+    [verdict] = judge((comparison,), results["own"], lambda path: Result.of(results["reference"]))
+    assert not verdict.passed
+    assert verdict.detail.startswith("a sample is infinite, or too large; other.xml: ")
+    assert math.isnan(verdict.margin)
+
+
 def test_an_expectation_about_nobody_does_not_hold() -> None:
     """Such as the distance of a follower from itself, which no check lets through."""
     itself = expecting("peak", "1 m", signal="pose", component="x", minus_robot="a", robots=("a",))
@@ -307,6 +365,27 @@ def test_settled(verdicts: Judged, last_outside: int, by: str, passed: bool, mar
         assert found["a"].margin == pytest.approx(margin, abs=1e-9)
     outside = np.full(5001, math.radians(2.1))
     assert not verdicts(expectation, made_up(bearing_error=outside))["a"].passed
+
+
+@pytest.mark.parametrize("by", ["10 s", "1e4 ms", "1e7 us", "1e10 ns", "0.1666666667 min", "0.16666666665 min"])
+@pytest.mark.parametrize("last_outside", [498, 499, 500, 2499])
+def test_settled_at_the_very_time_holds_in_every_unit(verdicts: Judged, by: str, last_outside: int) -> None:
+    errors = ZERO.copy()
+    errors[last_outside] = 0.11
+    verdict = verdicts(expecting("settled", by, range="0.1 m", bearing="2 deg"), made_up(range_error=errors))["a"]
+    assert verdict.passed is (last_outside < 500)
+    assert (verdict.margin >= 0.0) is verdict.passed
+
+
+def test_every_tick_is_the_same_time_in_small_units(verdicts: Judged) -> None:
+    """Nanoseconds of 0.02 s times a tick differ from the decimal number by more than the rounding of a time."""
+    for tick in range(1, 5001, 7):
+        errors = ZERO.copy()
+        errors[tick - 1] = 0.11
+        result = made_up(range_error=errors)
+        for unit, factor in (("us", 20_000), ("ns", 20_000_000)):
+            by = f"{tick * factor} {unit}"
+            assert verdicts(expecting("settled", by, range="0.1 m", bearing="2 deg"), result)["a"].passed, by
 
 
 def test_distance_is_about_the_team(verdicts: Judged) -> None:
@@ -620,6 +699,24 @@ def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -
     assert [verdict.passed for verdict in found[:4]] == [False] * 4
     for verdict in found:
         assert verdict.passed is not math.isnan(verdict.margin) or verdict.margin <= 0
+
+
+def test_the_other_scenario_runs_anew_when_a_file_that_it_names_is_another(
+    tmp_path: Path, counts: dict[str, Counter[Path]]
+) -> None:
+    compare = '<compare measure="rms" signal="range_error" factor="9" scenario="other.xml"/>'
+    path = written(tmp_path, "one.xml", compare)
+    disturbed = '<input name="tau_drive"><table file="push.csv" column="push"/></input></follower>'
+    other = written(tmp_path, "other.xml", "<regular/>", ("</follower>", disturbed))
+    bounds = []
+    for push in (0, -300, -300):
+        (tmp_path / "push.csv").write_text(f"time [s],push [N.m]\n0,{push}\n1,{push}\n")
+        with Prepared(read_scenario(path)) as prepared:
+            bounds += [verdict.bound for _ in range(2) for verdict in prepared.run().verdicts]
+    assert counts["run"][other] == 2
+    pushed_apart = bounds[2]
+    assert bounds == [bounds[0], bounds[0], *[pushed_apart] * 4]
+    assert pushed_apart > 1.001 * bounds[0]
 
 
 def test_a_strict_run_sets_up_once_too(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:

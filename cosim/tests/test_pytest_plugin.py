@@ -3,14 +3,16 @@
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
+from io import BytesIO
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
 from cosim.scenario.document import NAMESPACE
+from cosim.scenario.root_element import MAX_BYTES, UNCLEAR, root_of
 from cosim.scenario.root_element import NAMESPACE as SNIFFED
-from cosim.scenario.root_element import UNCLEAR, root_of
 from cosim.tests.studies import LAST, write_study
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -107,6 +109,8 @@ def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
         "prefixed.xml": f'<a xmlns:f="{NAMESPACE}"/>'.encode(),
         "encoding.xml": b'<?xml version="1.0" encoding="klingon"?><a/>',
         "bomb.xml": bomb.encode(),
+        "declared.xml": f'<!DOCTYPE a><a x="{NAMESPACE}"/>'.encode(),
+        "long.xml": b"<!--" + 1_000_000 * b" " + b"--><a/>",
         "schema.xml": f'<schema xmlns="http://www.w3.org/2001/XMLSchema" targetNamespace="{NAMESPACE}"/>'.encode(),
     }.items():
         (tmp_path / name).write_bytes(data)
@@ -125,6 +129,10 @@ def test_files_of_others_are_left_alone(tmp_path: Path) -> None:
         '<!DOCTYPE scenario [<!ENTITY a "b">]><scenario xmlns="{0}" name="&a;"/>',
         '<scenario xmlns="{0}" name=x/>',
         '<scenario xmlns="{0}">' + "<a/>" * 100_000,
+        "<!--" + "notes " * 100_000 + '--><scenario xmlns="{0}"/>',
+        "<!--" + "notes " * 100_000 + '<scenario xmlns="{0}"/>',
+        '<scenario xmlns="urn:formation-cosim:scenario:l"/>',
+        "<!--" + " " * MAX_BYTES,
     ],
 )
 def test_what_is_a_scenario_or_wants_to_be_one(tmp_path: Path, text: str) -> None:
@@ -132,7 +140,28 @@ def test_what_is_a_scenario_or_wants_to_be_one(tmp_path: Path, text: str) -> Non
     path.write_text(text.format(NAMESPACE), encoding="utf-8")
     assert root_of(path) in ("scenario", "variant", UNCLEAR)
     path.write_text(text.format(NAMESPACE), encoding="utf-16")
-    assert bool(root_of(path)) is ("DOCTYPE" not in text and "name=x" not in text)
+    assert root_of(path) in ("scenario", "variant", UNCLEAR)
+
+
+def test_a_file_that_cannot_be_read_is_not_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, "secret")
+
+    def refuse(self: Path, *arguments: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    assert root_of(path) == UNCLEAR
+
+
+def test_a_large_file_of_others_is_read_up_to_its_first_element(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "large.xml"
+    path.touch()
+    file = BytesIO(b"<all>" + b"<one/>" * 1_000_000)
+    monkeypatch.setattr(Path, "open", lambda *_: nullcontext(file))
+    assert root_of(path) == ""
+    assert file.tell() < 100_000
 
 
 def test_what_is_wrong_with_a_file_that_wants_to_be_a_scenario(tmp_path: Path) -> None:

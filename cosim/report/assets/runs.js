@@ -291,13 +291,15 @@ function grouped(signals) {
 /** Return a line that tells how a run ended. */
 function headline(run, number) {
   const fails = run.verdicts.filter((verdict) => !verdict.passed).length;
-  const [kind, word] = run.status === "running" ? ["", "goes on"] : run.status !== "completed" ? ["bad", "did not reach its end"]
+  const [kind, word] = run.status === "running" ? ["", "goes on"]
+    : run.status === "part" ? ["bad", "is here in part, and not judged"]
+    : run.status !== "completed" ? ["bad", "did not reach its end"]
     : !run.verdicts.length ? ["", "reached its end"]
       : fails ? ["bad", `${fails} of ${run.verdicts.length} verdicts ${fails === 1 ? "fails" : "fail"}`] : ["good", "all expectations hold"];
   const changes = run.provenance.changes.length ? `, changed by ${run.provenance.changes.join(" ")}` : "";
   const line = element("li", {}, [
     number ? `${number}: ` : "", element("strong", {}, run.name), changes, ", ", element("span", { class: kind }, word),
-    run.status === "running" ? "" : ` after ${figure(run.end)} s`, `, seed ${run.provenance.seed ?? "unknown"}`,
+    run.status === "running" || run.status === "part" ? "" : ` after ${figure(run.end)} s`, `, seed ${run.provenance.seed ?? "unknown"}`,
   ]);
   if (run.failure) line.append(element("div", { class: "bad" }, run.failure.text));
   return line;

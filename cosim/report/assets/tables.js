@@ -87,7 +87,8 @@ function showVerdicts(place, runs, lead) {
   })).filter(Boolean);
   if (!rows.length) {
     place.append(element("p", { class: "dim" }, runs[0].status === "running"
-      ? "The run goes on; it is judged at its end." : runs[0].status === "completed" ? "The scenario expects nothing." : "The run did not reach its end, so nothing was judged."));
+      ? "The run goes on; it is judged at its end." : runs[0].status === "completed" ? "The scenario expects nothing."
+      : runs[0].status === "part" ? "The result has not all ticks of its run, so nothing was judged." : "The run did not reach its end, so nothing was judged."));
     return;
   }
   const headings = [["verdict"], ["expectation, and the worst follower"], ["figure", "number"], ["bound", "number"], ["margin", "number"]];

@@ -67,8 +67,7 @@ class Bounded(Kind):
         verdicts = []
         for robot, (time, course) in self.subject.courses(self, result).items():
             figure = units.convert(self.measure(time, course, self.written.start), unit, self.unit)
-            detail = "a sample is not a number" if math.isnan(figure) else self.detail(time, course)
-            verdicts.append(hold(figure, robot, detail))
+            verdicts.append(hold(figure, robot, self.detail(time, course, figure)))
         return verdicts
 
     def bands(self, result: Result) -> tuple[Band, ...]:
@@ -90,7 +89,9 @@ class Bounded(Kind):
                 found[robot] = float(time[largest_magnitude(course) if at is None else at])
         return found
 
-    def detail(self, time: NDArray[np.float64], course: NDArray[np.float64]) -> str:
-        """Return when the figure came about, where that is one time."""
+    def detail(self, time: NDArray[np.float64], course: NDArray[np.float64], figure: float) -> str:
+        """Return when the figure came about, where that is one time; or why there is none."""
+        if math.isnan(figure):
+            return f"a sample is {'infinite' if np.isinf(course).any() else 'not a number'}"
         at = self.measure.at(course)
         return "" if at is None else f"at t = {in_seconds(time[at])}"

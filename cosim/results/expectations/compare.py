@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.clock import ROUNDING
 from cosim.errors import FormationError, InputError
+from cosim.quantity import spelled
 from cosim.results.expectations.kind import Kind, Prepare, Recording, RunOther
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.shown import Band
@@ -42,7 +43,8 @@ class Compare(Kind):
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
         over = f" over {', '.join(self.written.robots)}" if self.written.robots else ""
-        return f"{self.name} {self.subject}{over} at most {self.bound:g} times that of {self.path.name}, {self.span}"
+        times = f"at most {spelled(self.bound)} times that of {self.path.name}"
+        return f"{self.name} {self.subject}{over} {times}, {self.span}"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check factor, signal and window, and that the other scenario can be run and has the same signal."""
@@ -62,7 +64,7 @@ class Compare(Kind):
             raise error(f"the other scenario is wrong: {wrong}") from None
         stop, horizon = self.written.stop, other.scenario.horizon
         if stop > horizon + ROUNDING:
-            raise error(f"the window ends at {stop:g} s, but {path.name} at {horizon:g} s")
+            raise error(f"the window ends at {stop:.12g} s, but {path.name} at {horizon:.12g} s")
         try:
             its_unit = self.measure.unit(self.subject.check(self, other.signals))
             self.check_samples(other.scenario)

@@ -12,7 +12,7 @@ from typing import ClassVar, TypeAlias
 
 from cosim.clock import ROUNDING
 from cosim.errors import AfterTheEnd
-from cosim.quantity import split
+from cosim.quantity import spelled, split
 from cosim.results.expectations.recorded import Recorded
 from cosim.results.expectations.shown import Band
 from cosim.results.result import Result
@@ -147,7 +147,8 @@ class Kind(ABC):
         start, stop = self.written.start, self.written.stop
         if stop > horizon + ROUNDING or start > stop or (self.lasts and start == stop):
             raise AfterTheEnd(
-                f"the window from {start:g} s to {stop:g} s is not within the run of {horizon:g} s", self.written.where
+                f"the window from {start:.12g} s to {stop:.12g} s is not within the run of {horizon:.12g} s",
+                self.written.where,
             )
 
     def check_samples(self, scenario: Scenario) -> None:
@@ -155,8 +156,8 @@ class Kind(ABC):
         start, stop = self.written.start, self.written.stop
         if scenario.clock.samples_within(start, stop) < self.fewest:
             raise self.written.error(
-                f"the window from {start:g} s to {stop:g} s holds too few of the samples of {scenario.path.name}, "
-                f"which are {scenario.step:g} s apart"
+                f"the window from {start:.12g} s to {stop:.12g} s holds too few of the samples of "
+                f"{scenario.path.name}, which are {scenario.step:.12g} s apart"
             )
 
     # Judging
@@ -173,7 +174,7 @@ class Kind(ABC):
     @property
     def span(self) -> str:
         """The window in words."""
-        return f"{self.written.start:g} to {self.written.stop:g} s"
+        return f"{self.written.start:.12g} to {self.written.stop:.12g} s"
 
     def window(self, result: Result) -> Result:
         """Return the samples of a result within the window."""
@@ -190,7 +191,7 @@ class Kind(ABC):
     @property
     def bound_text(self) -> str:
         """The bound as it is written."""
-        return f"{self.bound:g} {self.unit}".removesuffix(" 1")
+        return spelled(self.bound, self.unit)
 
     def followers(self, result: Result) -> list[str]:
         """Return the followers of a result of whom it is expected."""
@@ -223,16 +224,22 @@ class Kind(ABC):
         unit: str | None = None,
         known_failure: str | None = None,
     ) -> Verdict:
-        """Return a verdict; bound, unit and known failure are those written, unless others are given."""
-        shown = self.unit if unit is None else unit
+        """Return a verdict; bound, unit and known failure are those written, unless others are given.
+
+        Nothing holds by an infinite figure, or against an infinite bound.
+        """
+        shown, held = self.unit if unit is None else unit, self.bound if bound is None else bound
+        finite = math.isfinite(figure) and math.isfinite(held)
+        if math.isinf(figure) or math.isinf(held):
+            detail = "; ".join(part for part in ("a sample is infinite, or too large", detail) if part)
         return Verdict(
             expectation=self._said,
             robot=robot,
             figure=figure,
-            bound=self.bound if bound is None else bound,
+            bound=held,
             unit="" if shown == "1" else shown,
-            margin=margin,
-            passed=passed,
+            margin=margin if finite else math.nan,
+            passed=passed and finite,
             known_failure=self.written.get("fails") if known_failure is None else known_failure,
             detail=detail,
             where=self.written.where,

@@ -32,19 +32,19 @@ class Settled(Kind):
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:g} m and {math.degrees(bearing):g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m and {math.degrees(bearing):.12g} deg"
 
     @property
     def overview(self) -> str:
         """The expectation in words, as an overview of the scenario shows it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:g} m, {math.degrees(bearing):g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m, {math.degrees(bearing):.12g} deg"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check that the time is a tick within the run."""
         horizon = own.scenario.horizon
         if not 0 <= (by := self.written.quantity("by", "s")) < horizon:
-            raise AfterTheEnd(f"by={by:g} s is not within the run of {horizon:g} s", self.written.where)
+            raise AfterTheEnd(f"by={by:.12g} s is not within the run of {horizon:.12g} s", self.written.where)
         if problem := own.scenario.clock.off_tick(by):
             raise self.written.error(f'by="{self.written.get("by")}" of <settled> {problem}')
 
@@ -71,7 +71,10 @@ class Settled(Kind):
         return {robot: end if (time := times[robot]) is None else time for robot in self.followers(result)}
 
     def _judged(self, settled: float | None, robot: str) -> Verdict:
-        figure = math.nan if settled is None else units.convert(settled, "s", self.unit)
+        if settled is None:
+            return self.verdict(math.nan, math.nan, False, robot, "outside at the end of the run")
+        by = self.written.quantity("by", "s")
+        passed = settled <= by + ROUNDING * max(by, 1.0)  # in seconds: in a smaller unit rounding is a larger number
+        figure = units.convert(settled, "s", self.unit)
         margin = self.bound - figure
-        detail = "outside at the end of the run" if settled is None else ""
-        return self.verdict(figure, margin, margin >= -ROUNDING, robot, detail)
+        return self.verdict(figure, max(margin, 0.0) if passed else margin, passed, robot, "")

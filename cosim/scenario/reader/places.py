@@ -20,7 +20,9 @@ def changes(desired: Element, times: Times) -> tuple[PlaceChange, ...]:
     for element in desired.children("change"):
         start, stop = times.span(element, exact=False)
         if start < before:
-            raise element.error(f"the change from {start:g} s begins before {before:g} s, when the one before it ends")
+            raise element.error(
+                f"the change from {start:.12g} s begins before {before:.12g} s, when the one before it ends"
+            )
         if "range" not in element and "bearing" not in element:
             raise element.error("the <change> has neither a range nor a bearing: nothing changes")
         place = (

@@ -30,16 +30,16 @@ class Times(Clock):
         steps = horizon / step
         if steps > MAX_TICKS:
             raise simulation.error(f"the run has {steps:g} communication steps; at most {MAX_TICKS} are possible")
-        return cls(step, _whole(simulation, f"horizon {horizon:g} s", steps, step, 1))
+        return cls(step, _whole(simulation, f"horizon {horizon:.12g} s", steps, step, 1))
 
     def steps(self, element: Written, name: str, least: int = 0) -> int:
         """Return how many communication steps a time is."""
         time = element.not_negative(name, "s")
         if time > self.horizon + 0.5 * self.step:
             raise element.error(
-                f'{name}="{element.get(name)}" of <{element.kind}> is longer than the run of {self.horizon:g} s'
+                f'{name}="{element.get(name)}" of <{element.kind}> is longer than the run of {self.horizon:.12g} s'
             )
-        return _whole(element, f"{name} {time:g} s", time / self.step, self.step, least)
+        return _whole(element, f"{name} {time:.12g} s", time / self.step, self.step, least)
 
     def exact(self, element: Written, name: str) -> float:
         """Return the time [s] of a jump; refuse a time that falls on no tick."""
@@ -55,7 +55,8 @@ class Times(Clock):
             self.exact(element, name)
         if time > self.horizon + ROUNDING:
             raise AfterTheEnd(
-                f"the <{element.kind}> at {time:g} s is after the end of the run at {self.horizon:g} s", element.where
+                f"the <{element.kind}> at {time:.12g} s is after the end of the run at {self.horizon:.12g} s",
+                element.where,
             )
         return time
 
@@ -72,20 +73,20 @@ class Times(Clock):
             if exact:
                 self.exact(element, "to")
         if start > stop:
-            raise element.error(f"the window ends at {stop:g} s, before it begins at {start:g} s")
+            raise element.error(f"the window ends at {stop:.12g} s, before it begins at {start:.12g} s")
         return start, stop
 
     def span(self, element: Written, *, exact: bool) -> tuple[float, float]:
         """Return the window of what takes its time, so that its end must be later than its begin."""
         start, stop = self.window(element, exact=exact)
         if start == stop:
-            raise element.error(f"it begins and ends at {start:g} s: the end must be later")
+            raise element.error(f"it begins and ends at {start:.12g} s: the end must be later")
         return start, stop
 
 
 def _not_too_long(element: Written, name: str, time: float) -> float:
     if time > LONGEST:
-        raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> is longer than {LONGEST:g} s')
+        raise element.error(f'{name}="{element.get(name)}" of <{element.kind}> is longer than {LONGEST:.12g} s')
     return time
 
 
@@ -93,7 +94,7 @@ def _whole(element: Written, what: str, steps: float, step: float, least: int) -
     number = whole(steps)
     if number is None or number < least:
         raise element.error(
-            f"the {what} is not a whole number of communication steps of {step:g} s, such as "
+            f"the {what} is not a whole number of communication steps of {step:.12g} s, such as "
             + whole_steps(steps, step, least)
         )
     return number

@@ -15,7 +15,7 @@ def trajectory(element: Element) -> Trajectory:
     for waypoint in waypoints:
         time, x, y = (waypoint.quantity(name, unit) for name, unit in (("at", "s"), ("x", "m"), ("y", "m")))
         if points and time <= points[-1][0]:
-            raise waypoint.error(f"the waypoint at {time:g} s is not later than the one before it")
+            raise waypoint.error(f"the waypoint at {time:.12g} s is not later than the one before it")
         points.append((time, x, y))
     return Trajectory(
         waypoints=tuple(points),

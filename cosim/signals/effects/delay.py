@@ -62,7 +62,8 @@ class Delay(EffectKind):
             longest = max(total.values())
             if longest > times.horizon + 0.5 * times.step:
                 raise InputError(
-                    f"the delays of a channel add up to {longest:g} s, longer than the run of {times.horizon:g} s",
+                    f"the delays of a channel add up to {longest:.12g} s, longer than the run of "
+                    f"{times.horizon:.12g} s",
                     delay.where,
                 )
 
