@@ -108,7 +108,7 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     if options.report:
         save_study_report(where, folder / PAGE)
         files.append(PAGE)
-    replaced(folder)
+    replaced(folder, outcome.mark)
     _print(out(), outcome, cases)
     out().print(safe(f"results in {where}/: {', '.join(files)}"), soft_wrap=True)
     if written:

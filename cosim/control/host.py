@@ -79,8 +79,9 @@ _LINE = 64
 _WORDS = 3
 
 _OLDEST = (3, 11)
-_NOT_RUN = ("__pycache__", "tests", "scenarios")
-"""Folders of a package on which no run depends."""
+_NOT_RUN = ("__pycache__", "tests")
+_EXAMPLES = os.path.join("cosim", "scenarios")
+"""Folders of a package on which no run depends, and the one with the examples of a wheel of Formation."""
 
 
 # Words about laws, for laws of this process and of a host alike -----------------------------------------------------
@@ -123,17 +124,22 @@ def content_of(*modules: str) -> str:
 def _content(root: str) -> bytes:
     digest = hashlib.sha256()
     for file in [root] if os.path.isfile(root) else sorted(_files_in(root)):
+        name = os.path.relpath(file, os.path.dirname(root)).replace(os.sep, "/")
         with suppress(OSError), open(file, "rb") as opened:  # an editor may have links to nowhere beside them
-            data = opened.read()
-            name = os.path.relpath(file, os.path.dirname(root)).replace(os.sep, "/")
-            digest.update(f"{name}\0{len(data)}\0".encode("utf-8", "surrogateescape") + data)
+            its = hashlib.file_digest(opened, "sha256").hexdigest()
+            digest.update(f"{name}\0{its}\0".encode("utf-8", "surrogateescape"))
     return digest.digest()
 
 
 def _files_in(root: str) -> Iterator[str]:
     for folder, inside, files in os.walk(root):
-        inside[:] = [name for name in inside if name not in _NOT_RUN and not name.startswith(".")]
-        yield from (os.path.join(folder, name) for name in files if not name.startswith("."))
+        inside[:] = [
+            name
+            for name in inside
+            if not (name in _NOT_RUN or name.startswith(".") or os.path.join(folder, name).endswith(_EXAMPLES))
+        ]
+        paths = (os.path.join(folder, name) for name in files if not name.startswith("."))
+        yield from filter(os.path.isfile, paths)
 
 
 class GainFault(Exception):

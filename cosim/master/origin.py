@@ -168,15 +168,16 @@ class Origin:
                     f"the controller {name!r} comes from {found.package} {found.version}, in the checkpoint {path} "
                     f"from {' '.join(law[:2])}: install that version, or run the scenario again"
                 )
-            if found is not None and law[2] and found.content != law[2]:
-                raise InputError(
-                    f"the files of {found.package}, from which the controller {name!r} comes, were edited since the "
-                    f"checkpoint {path} was written: restore them, or run the scenario again"
-                )
             if found is not None and (others := _others(found.environment, self.environments.get(name, {}))):
                 raise InputError(
                     f"the environment of the controller {name!r} had {others} when the checkpoint {path} was written: "
                     "the run could not go on with the same bits; install those versions, or run the scenario again"
+                )
+            if found is not None and law[2] and found.content != law[2]:
+                raise InputError(
+                    f"the files of {found.package}, from which the controller {name!r} comes, or those of "
+                    f"formation-controllers were edited since the checkpoint {path} was written: restore them, or run "
+                    "the scenario again"
                 )
 
 

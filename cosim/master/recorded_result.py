@@ -89,6 +89,7 @@ def _provenance(
                     "name": team.law.source.name,
                     "package": team.law.package,
                     "version": team.law.version,
+                    "files": team.law.content,
                     "robots": team.robots,
                     **({"environment": dict(team.law.environment)} if team.law.environment else {}),
                 }

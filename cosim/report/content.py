@@ -262,7 +262,7 @@ def _provenance(result: Result, summary: Summary) -> Json:
         "versions": told.versions,
         "command": _command(told, summary.scenario),
         "resumed": told.resumed,
-        "before": [f"{part.until:g} s: {' '.join(part.changes) or 'unchanged'}" for part in _other_parts(told)],
+        "before": [f"{part.until:.12g} s: {' '.join(part.changes) or 'unchanged'}" for part in _other_parts(told)],
         "given": {robot: list(times) for robot, times in told.given.items()},
         "files": _files(result),
         "recording": _recording(result),
@@ -330,6 +330,7 @@ def _controllers(result: Result) -> list[Json]:
     return [
         {
             **{key: str(law.get(key, "unknown")) for key in ("name", "package", "version")},
+            "files": str(law.get("files", "")),
             "robots": [str(robot) for robot in law.get("robots") or ()],
             "environment": _environment(law.get("environment")),
         }

@@ -22,6 +22,7 @@ from cosim.report.content import Json, content_of
 from cosim.report.paths import with_distances
 from cosim.results.files import load_result, load_run
 from cosim.results.json_numbers import without_nan
+from cosim.results.netcdf import attributes_of
 from cosim.results.result import Result, Variable
 
 SUMMARY, TABLE, ROWS = "summary.json", "runs.nc", "rows.jsonl"
@@ -65,6 +66,7 @@ def study_of(folder: Path) -> tuple[Json, list[Json]]:
     to_see = {number: path for number, path in _to_see(folder).items() if number in keys}
     others: list[int] = []
     runs = with_distances(_played(dict([*kept.items()][:MOST_PLAYED]), keys, others))
+    others += [number for number in [*kept][MOST_PLAYED:] if not _is_of(kept[number], keys[number])]
     left_out = [kept.pop(number).parent.as_posix() for number in others]
     rows = _rows(table, {*kept, *to_see})
     content = {
@@ -170,7 +172,7 @@ def _columns(table: Result, rows: NDArray[np.int64]) -> list[Json]:
             "values": _values(column, rows),
         }
         for name in names
-        if name in table and name not in ("passed", "key") and (column := table[name]).dims == ("run",)
+        if name in table and name not in ("passed", "run_key") and (column := table[name]).dims == ("run",)
     ]
 
 
@@ -245,8 +247,15 @@ def _to_see(folder: Path) -> dict[int, str]:
 
 def _keys(table: Result) -> dict[int, str]:
     """Return the key of each run of a table as far as it is told; it is empty in a table of an older version."""
-    keys = table["key"].values if "key" in table else [""] * table.sizes["run"]
+    keys = table["run_key"].values if "run_key" in table else [""] * table.sizes["run"]
     return {int(number): str(key) for number, key in zip(table["run"].values, keys, strict=True)}
+
+
+def _is_of(path: Path, key: str) -> bool:
+    """Tell whether a result is of the run with a key; one that cannot be read is not."""
+    with suppress(OSError):
+        return str(attributes_of(path).get("study_run", "")).startswith(key)
+    return False
 
 
 def _played(kept: Mapping[int, Path], keys: Mapping[int, str], others: list[int]) -> Iterator[tuple[Result, Json]]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -59,6 +59,8 @@ class StudyOutcome:
         The courses of all runs, for each envelope and case.
     before : int
         How many of the runs were kept from before.
+    code : dict
+        The code of the runs; see `cosim.master.code`.
     """
 
     study: Study
@@ -71,6 +73,7 @@ class StudyOutcome:
     worst: Worst | None = None
     bundles: tuple[Bundle, ...] = ()
     before: int = 0
+    code: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shown(self) -> tuple[Row, ...]:
@@ -188,7 +191,8 @@ def conduct(
         before = sum(row.key in kept for row in outcome.rows)
         remove_other_results(folder, outcome.rows)
         take_back(folder, outcome.mark)
-        return replace(outcome, bundles=bundles_of(study, outcome.shown, store), before=before)
+        bundles = bundles_of(study, outcome.shown, store)
+        return replace(outcome, bundles=bundles, before=before, code=keys.code)
 
 
 def _sample(

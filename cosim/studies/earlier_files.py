@@ -53,14 +53,19 @@ def set_aside(folder: Path) -> None:
 def take_back(folder: Path, mark: str) -> None:
     """Move the files in `BEFORE` back if they have a mark: the study and its runs are the same."""
     before = folder / BEFORE
-    if _told(before).get("mark") == mark:
+    if _told(before).get("mark") != mark:
+        return
+    try:
         _move(reversed(list(_made(before))), before, folder)  # the summary last, as it has the verdict
-        replaced(folder)
+    except OSError as error:
+        raise OutputError(f"the files of the study in {before} cannot be put back: {error.strerror}") from None
+    shutil.rmtree(before, ignore_errors=True)
 
 
-def replaced(folder: Path) -> None:
-    """Remove the files of an earlier study, as there are new ones."""
-    shutil.rmtree(folder / BEFORE, ignore_errors=True)
+def replaced(folder: Path, mark: str) -> None:
+    """Remove the files of an earlier study, as there are new ones with a mark; another command may have moved these."""
+    if _told(folder / BEFORE).get("mark") != mark:
+        shutil.rmtree(folder / BEFORE, ignore_errors=True)
 
 
 def remove_other_results(folder: Path, rows: Iterable[Row]) -> None:

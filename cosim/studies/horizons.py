@@ -28,13 +28,13 @@ def timed_scenarios(study: Study, plan: Plan) -> Mapping[tuple[int, ...], list[S
     InputError
         A window of time is not within a run; with its place.
     """
-    timed = any(_is_timing(target.select) for vary in study.vary for target in vary.targets)
+    timed = any(is_timing(target.select) for vary in study.vary for target in vary.targets)
     if not timed:
         return {cases: [scenario] for cases, scenario in study.bases.items()}
     found: dict[tuple[int, ...], dict[tuple[str, ...], None]] = {cases: {} for cases in study.bases}
     for index in range(min(len(plan), _LOOKED_AT)):
         run = plan[index]
-        found[run.cases].setdefault(tuple(change for change in run.changes if _is_timing(split_setting(change)[0])))
+        found[run.cases].setdefault(tuple(change for change in run.changes if is_timing(split_setting(change)[0])))
     return {cases: list(_edited(study.bases[cases], timings)) for cases, timings in found.items()}
 
 
@@ -75,7 +75,8 @@ def longest_horizon(vary: Iterable[Vary], sample: Sample, cases: Collection[str]
     return max(found, key=found.__getitem__, default="")
 
 
-def _is_timing(select: str) -> bool:
+def is_timing(select: str) -> bool:
+    """Return whether an XPath selects the horizon or the step of a scenario."""
     return _attribute(select) in _TIMING
 
 

@@ -16,7 +16,7 @@ from cosim.studies.kept_run import RESULT, SCENARIO, KeptRun
 from cosim.studies.plan import run_of
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, Row
-from cosim.studies.study import Keep, Study
+from cosim.studies.study import Keep
 from cosim.studies.worker_process import Ended, Processes
 from cosim.unforeseen import lack_of
 
@@ -59,11 +59,11 @@ def keep_results(outcome: StudyOutcome, folder: Path, workers: int | None = None
     usual = 0.0
     while missing:
         if count > 1 and usual * (len(missing) - 1) > _WORTHWHILE:
-            _make_elsewhere(outcome.study, missing, place, usual, count)
+            _make_elsewhere(outcome, missing, place, usual, count)
             break
         began = time.perf_counter()
         try:
-            _prepared(outcome.study, missing[0], place, len(missing), usual).make()
+            _prepared(outcome, missing[0], place, len(missing), usual).make()
         except FormationError as error:
             if isinstance(error, OutputError) or lack_of(error):
                 raise
@@ -104,26 +104,27 @@ def _of(place: Path, row: Row) -> Path:
     return place / f"run_{row.number}"
 
 
-def _prepared(study: Study, row: Row, place: Path, runs: int, usual: float) -> KeptRun:
+def _prepared(outcome: StudyOutcome, row: Row, place: Path, runs: int, usual: float) -> KeptRun:
     """Write a run as a scenario, and return what makes it."""
     here = _of(place, row)
+    study = outcome.study
     text = as_variant(study, run_of(study, row.number, row.draw, row.values), here)
     try:
         here.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{here} cannot be made: {error.strerror}") from None
     write(here / SCENARIO, text.encode())
-    return KeptRun(here, row.key, runs, usual)
+    return KeptRun(here, row.key, runs, usual, outcome.code)
 
 
-def _make_elsewhere(study: Study, missing: Sequence[Row], place: Path, usual: float, count: int) -> None:
+def _make_elsewhere(outcome: StudyOutcome, missing: Sequence[Row], place: Path, usual: float, count: int) -> None:
     """Make results in processes of this machine; raises OutputError."""
     left = list(reversed(missing))
     flying: set[Future[str]] = set()
     with processes(count) as (threads, own):
         while left or flying:
             while left and len(flying) < count:
-                task = _prepared(study, left.pop(), place, len(left) + len(flying) + 1, usual)
+                task = _prepared(outcome, left.pop(), place, len(left) + len(flying) + 1, usual)
                 flying.add(threads.submit(_made, own, task))
             done, flying = wait(flying, return_when=FIRST_COMPLETED)
             for problem in filter(None, (future.result() for future in done)):

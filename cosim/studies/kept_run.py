@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from cosim.errors import FormationError, OutputError, SimulationError
+from cosim.master.code import check_code, code_of
 from cosim.master.foreign import for_whole_run
 from cosim.master.other_runs import run_other
 from cosim.master.setup import Setup, set_up, size_of_result
@@ -41,12 +42,15 @@ class KeptRun:
         How many results of its size shall find room.
     usual : float
         The time [s] that it takes, about.
+    code : dict
+        The code that made its row; see `cosim.master.code`.
     """
 
     folder: Path
     key: str
     runs: int
     usual: float
+    code: Mapping[str, str]
 
     def make(self) -> None:
         """Make the run and write its summary, and its result, which is last; see `keep_results`.
@@ -59,6 +63,7 @@ class KeptRun:
         scenario = for_whole_run(read_scenario(self.folder / SCENARIO))
         with ExitStack() as cleanup:
             setup = set_up(scenario, cleanup, {}, storage=Storage(self.folder))
+            check_code(self.code, code_of(setup))
             self._check_room(scenario, setup)
             simulation = whole_run(scenario, setup)
             cleanup.callback(simulation.close)

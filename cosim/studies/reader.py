@@ -26,7 +26,7 @@ from cosim.scenario.tree_edits import insert, put
 from cosim.scenario.variant import RULES
 from cosim.scenario.xpath_selection import assign, selected_or_added
 from cosim.studies.courses import is_of_paths
-from cosim.studies.horizons import longest_horizon
+from cosim.studies.horizons import is_timing, longest_horizon
 from cosim.studies.read_keep import read_keep
 from cosim.studies.read_measures import read_measures
 from cosim.studies.read_search import draws_of, read_search, read_tune
@@ -37,7 +37,7 @@ MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
 _OF_THE_TABLE = re.compile(
-    r"run|draw|status|passed|message|margin_\d+|(sensitivity|envelope)_\w+|measured|(with_)?varied|crossed"
+    r"run|draw|run_key|status|passed|message|margin_\d+|(sensitivity|envelope)_\w+|measured|(with_)?varied|crossed"
 )
 """Names that the table of runs has for other things; see `cosim.studies.table`."""
 _T = TypeVar("_T", Vary, Measured)
@@ -260,7 +260,11 @@ def _with_places(study: Study) -> Study:
     for cases, scenario in study.bases.items():
         named = [_texts(vary)[index] for vary, index in zip(having, cases, strict=True)]
         vary = [one for one in study.vary if not one.case or one.case in named]
-        scenario.edited([partial(_select, vary=vary, found=found.setdefault(cases, {}), naming=naming)])
+        own: dict[str, str] = {}
+        scenario.edited([partial(_select, vary=vary, found=own, naming=naming)])
+        if len(scenario.changes) > len(study.changes):  # it was made longer: the horizon is not its own
+            own = {select: text for select, text in own.items() if not is_timing(select)}
+        found[cases] = own
     return replace(study, own=found, naming=naming)
 
 

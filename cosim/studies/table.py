@@ -76,7 +76,7 @@ def as_result(outcome: StudyOutcome) -> Result:
         home = coordinates if column.kind == "value" or column.name in ("run", "draw") else variables
         home[column.name] = Variable(("run",), np.asarray(column.values), attributes)
     keys = np.asarray([row.key[:KEY] for row in outcome.rows])
-    variables["key"] = Variable(("run",), keys, {"kind": "run", "long_name": "checksum of what determines the run"})
+    variables["run_key"] = Variable(("run",), keys, {"kind": "run", "long_name": "checksum of what determines the run"})
     if outcome.sensitivities:
         figures, labels = of_sensitivity(outcome.sensitivities)
         variables |= figures

@@ -19,6 +19,7 @@ from cosim.errors import shown
 from cosim.quantity import quantity, spelled, split
 from cosim.scenario.written_element import Written
 from cosim.studies.sizes import MOST_RUNS, too_many
+from plants import UnitError
 
 NEXT_TO_0, NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
 """The ends of what a random value is drawn by: its quantiles there are finite."""
@@ -97,7 +98,7 @@ def _same(one: str, other: str) -> bool:
     try:
         number, unit = split(one)
         return math.isclose(number, quantity(other, unit), rel_tol=1e-10)
-    except ValueError:
+    except (ValueError, UnitError):  # several numbers, a file
         return False
 
 

@@ -116,7 +116,10 @@ def test_files_of_other_runs_are_refused_or_left_out(tmp_path: Path, kept: Resul
 
     table = Result.of(cosim.load_result(tmp_path / "runs.nc"))
     keys = Variable(("run",), np.array([f"key {number}" for number in range(1, 6)]), {"kind": "run"})
-    save(Result({**table.data_vars, "key": keys}, table.coords, {**table.attrs, "mark": "this"}), tmp_path / "runs.nc")
+    save(
+        Result({**table.data_vars, "run_key": keys}, table.coords, {**table.attrs, "mark": "this"}),
+        tmp_path / "runs.nc",
+    )
     for number, key in ((1, "key 1 in full"), (2, "key 3"), (9, "key 9")):
         (tmp_path / "kept" / f"run_{number}").mkdir(parents=True)
         of_run = Result(kept.data_vars, kept.coords, {**kept.attrs, "study_run": key})
@@ -124,7 +127,7 @@ def test_files_of_other_runs_are_refused_or_left_out(tmp_path: Path, kept: Resul
     study, runs = study_of(tmp_path)
     assert [run["number"] for run in runs] == [*study["kept"]] == [1]
     assert study["left_out"] == [f"{tmp_path}/kept/run_2"]
-    assert "key" not in columns(study)
+    assert "run_key" not in columns(study)
 
 
 def test_the_command_of_a_first_look_makes_no_more_runs(tmp_path: Path) -> None:

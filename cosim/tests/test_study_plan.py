@@ -15,8 +15,10 @@ from cosim.studies.conduct import check_study, conduct
 from cosim.studies.duration import estimated, keep_pace, told_duration
 from cosim.studies.plan import Plan, Run
 from cosim.studies.reader import read_study
+from cosim.studies.reproduce import as_variant
 from cosim.studies.requirements import requirements_of
 from cosim.studies.sizes import in_words
+from cosim.studies.values import Finite, has_spread
 from cosim.tests.studies import LAST, MASS, SEEDS, UNIFORM, small_study
 
 GRID = '<sample method="grid"/>'
@@ -75,6 +77,12 @@ def test_a_value_that_the_scenario_has_is_the_scenario_as_it_is(tmp_path: Path) 
     runs = plan(tmp_path, seeds, '<sample method="one_at_a_time"/>')
     assert values(runs) == [(None,), ("1",), ("2",)]
     assert [run.changes for run in runs] == [(), (), ("simulation/@seed=2",)]
+
+
+@pytest.mark.parametrize("texts", ["1 2, 1 3", "3rd, 4th", "a.csv, b.csv", "1 m, 100 cm, 5 N"])
+def test_texts_of_any_kind_have_a_spread(texts: str) -> None:
+    assert has_spread(Finite(tuple(texts.split(", "))))
+    assert not has_spread(Finite(("1 m", "100 cm")))
 
 
 @pytest.mark.parametrize("method", ["random", "sobol"])
@@ -271,6 +279,8 @@ def test_a_window_may_begin_after_the_scenario_s_own_end_if_every_run_is_longer(
     alone = run(study.bases[()].edited(Plan(study)[1].changes))
     expected = np.sqrt((alone["range_error"].sel(time=slice(0.29, None)) ** 2).mean("time")).max()
     assert rows[1].measures[0] == pytest.approx(float(expected), rel=1e-12)
+    for made in Plan(study):  # the longest horizon is that of the base, and not the scenario's own
+        assert f'<set select="simulation/@horizon" value="{made.values[0]}"/>' in as_variant(study, made, tmp_path)
     with pytest.raises(InputError, match=r"at 0.3 s is after the end of the run at 0.2 s$"):
         small_study(tmp_path, longer, GRID.replace("grid", "one_at_a_time"), late)
     with pytest.raises(InputError, match=r"at 0.3 s is after the end .* \(with simulation/@horizon=0.28 s\)$"):

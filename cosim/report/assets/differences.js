@@ -145,6 +145,7 @@ function inputsOf(run) {
   }
   for (const law of controllers || []) for (const robot of law.robots) {
     found.set(`controller of ${robot}`, `${law.name} of ${law.package} ${law.version}`);
+    if (law.files) found.set(`files of the controller of ${robot}`, law.files.slice(0, 16));
     if (law.environment) found.set(`environment of the controller of ${robot}`, law.environment);
   }
   for (const [name, version] of Object.entries(versions || {}).sort()) found.set(`version of ${name}`, String(version));
