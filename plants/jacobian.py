@@ -128,7 +128,8 @@ def _derivative(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     for part, name in inner.items():
         if symbol in part.free_symbols:
             result += _product(outer.diff(name), name, _derivative_of_part(part, symbol))
-    return result.xreplace({name: _beside(part, symbol) for part, name in inner.items()})
+    result = result.xreplace({name: _beside(part, symbol) for part, name in inner.items()})
+    return result.xreplace({sympy.zoo: sympy.oo})  # SymPy moves an outer power into branches, of which one may be zero
 
 
 STEPS = (sympy.floor, sympy.ceiling, sympy.sign, sympy.Heaviside)
@@ -186,7 +187,7 @@ def _product(
         return partial * derivative
     if isinstance(derivative, Piecewise) and _is_switched(derivative, switched):
         return Piecewise(*((_product(partial, by, value, switched), condition) for value, condition in derivative.args))
-    if derivative in switched:
+    if _is_switched(derivative, switched):
         return Piecewise((0, sympy.Eq(derivative, 0)), (partial * derivative, True))
     return partial * derivative
 
@@ -195,6 +196,10 @@ def _is_switched(derivative: sympy.Expr, switched: Set[sympy.Symbol]) -> bool:
     """Tell whether a branch makes a derivative exactly zero, rather than the values of the states."""
     if isinstance(derivative, Piecewise):
         return any(value == 0 or _is_switched(value, switched) for value, _ in derivative.args)
+    if isinstance(derivative, (Max, Min)):
+        return any(value == 0 or _is_switched(value, switched) for value in derivative.args)
+    if derivative.is_Pow and derivative.exp.is_positive:
+        return _is_switched(derivative.base, switched)
     if derivative.is_Mul:
         return any(_is_switched(part, switched) for part in derivative.args)
     if derivative.is_Add:

@@ -162,7 +162,7 @@ def _number_of_variant(enumeration: Enumeration, value: npt.ArrayLike | str) -> 
     """Return the numbers that stand for variants, which may be given by name."""
     if isinstance(value, str):
         return enumeration.number(value)
-    if not np.isin(value, np.arange(1, len(enumeration.items) + 1)).all():
+    if isinstance(value, bool) or not np.isin(value, np.arange(1, len(enumeration.items) + 1)).all():
         known = ", ".join(f"{number} ({item})" for number, item in enumerate(enumeration.items, 1))
         raise ModelError(f"{enumeration.name} has no variant {value}; it has {known}")
     return value
@@ -172,7 +172,7 @@ def _vector(kind: str, defaults: dict[str, float], values: Mapping[str, npt.Arra
     unknown = set(values) - set(defaults)
     if unknown:
         raise ModelError(f"there is no {kind} {min(unknown)!r}; there are {', '.join(defaults)}")
-    if texts := [name for name, value in values.items() if isinstance(value, str)]:
+    if texts := [name for name, value in values.items() if np.asarray(value).dtype.kind in "USO"]:
         raise ModelError(f"{kind} {texts[0]!r} is {values[texts[0]]!r}, it must be a number")
     entries = [np.asarray(values.get(name, default), dtype=float) for name, default in defaults.items()]
     return np.stack(np.broadcast_arrays(*entries), axis=-1) if entries else np.empty(0)

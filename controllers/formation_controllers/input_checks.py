@@ -42,7 +42,7 @@ def converted(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return a value as an array that `fits`, or refuse it by name."""
     if fits(value, shape):
         return value  # type: ignore[return-value]
-    if np.ma.is_masked(value):
+    if np.ma.is_masked(value) or (isinstance(value, list | tuple) and any(map(np.ma.is_masked, value))):
         raise ControllerError(f"{name} has masked numbers, which no law can use")
     try:
         if not (isinstance(value, np.ndarray) and value.dtype.kind == "f"):

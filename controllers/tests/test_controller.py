@@ -382,6 +382,7 @@ def test_nothing_works_before_the_start_or_after_a_reset(call):
         ({"pose": [["1"] * 4] * 3}, "pose is not an array of numbers"),
         ({"pose": np.array([["1"] * 4] * 3, dtype=object)}, "pose is not an array of numbers"),
         ({"pose": np.ma.masked_greater(POSE, POSE.min())}, "pose has masked numbers"),
+        ({"pose": [*np.ma.masked_greater(POSE, POSE.min())]}, "pose has masked numbers"),
         ({"pose": POSE + 0j}, "pose is not an array of numbers"),
         ({"pose": (POSE + 1j).tolist()}, "pose is not an array of numbers"),
         ({"pose": [[10**400] * 4] * 3}, "pose is not an array of numbers"),

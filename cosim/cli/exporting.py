@@ -75,7 +75,7 @@ def _export_scenario(options: argparse.Namespace) -> int:
         with taking_a_while(f"building the FMUs of {options.result}"):
             found = export_ssp(scenario, options.ssp, version=options.ssp_version)
         notes |= dict.fromkeys(found)
-        out().print(safe(f"{options.ssp}: SSP {options.ssp_version}, {scenario.horizon:g} s"), soft_wrap=True)
+        out().print(safe(f"{options.ssp}: SSP {options.ssp_version}, {scenario.horizon:.12g} s"), soft_wrap=True)
         out().print(safe(_late(scenario.step)), soft_wrap=True)
     if options.fmu is not None:
         with taking_a_while(f"building the FMUs of {options.result}"):
@@ -91,7 +91,7 @@ def _export_scenario(options: argparse.Namespace) -> int:
 def _late(step: float) -> str:
     return (
         f"the commands act one communication step late, under every master: compare with a run that has "
-        f'<delay time="{step:g} s"/> in its <actuator>'
+        f'<delay time="{step:.12g} s"/> in its <actuator>'
     )
 
 

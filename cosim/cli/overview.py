@@ -135,7 +135,7 @@ def _solver(source: PlantSource, step: float) -> str:
     name = source.solver or DEFAULT_SOLVER
     if name == "cvode":
         return f"{name} with a tolerance of {source.tolerance or DEFAULT_TOLERANCE:g}"
-    return f"{name} in steps of {step / (source.solver_steps or 1):g} s"
+    return f"{name} in steps of {step / (source.solver_steps or 1):.12g} s"
 
 
 def _own_of_leader(leader: Leader, setup: Setup, times: Times) -> Iterator[str]:

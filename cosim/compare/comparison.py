@@ -262,7 +262,7 @@ def compare_plants(
     if not 1 <= ticks <= MAX_STEPS or abs(ticks * step - duration) > 1e-6 * step:
         such = f", such as {whole_steps(duration / step, step, 1)}" if 1 <= ticks < MAX_STEPS else ""
         raise InputError(
-            f"{duration:g} s are not a whole number of steps of {step:g} s, from 1 to {MAX_STEPS} of them{such}"
+            f"{duration:.12g} s are not a whole number of steps of {step:.12g} s, from 1 to {MAX_STEPS} of them{such}"
         )
     if seed < 0:
         raise InputError(f"the seed {seed} is not a whole number from 0 on")

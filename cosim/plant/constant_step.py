@@ -13,8 +13,8 @@ def divides(part: float, step: float) -> bool:
 def remedy(fitting: float) -> str:
     """Return the advice that gives a scenario a fitting communication step."""
     return (
-        f'state step="{fitting:g} s" or a multiple in <simulation>, or try it with '
-        f"--set 'simulation/@step={fitting:g} s' of formation run, --step '{fitting:g} s' of compare-plants"
+        f'state step="{fitting:.12g} s" or a multiple in <simulation>, or try it with '
+        f"--set 'simulation/@step={fitting:.12g} s' of formation run, --step '{fitting:.12g} s' of compare-plants"
     )
 
 
@@ -31,6 +31,6 @@ def misfit(usual: float, step: float) -> str:
     if not usual or divides(usual, step):
         return ""
     return (
-        f"takes steps of constant length only, and of {usual:g} s in its default experiment, which do not divide the "
-        f"communication step of {step:g} s: if it does not complete its steps, {remedy(usual)}"
+        f"takes steps of constant length only, and of {usual:.12g} s in its default experiment, which do not divide "
+        f"the communication step of {step:.12g} s: if it does not complete its steps, {remedy(usual)}"
     )

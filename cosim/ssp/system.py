@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import plants
-from cosim.errors import InputError
+from cosim.errors import InputError, listed
 from cosim.fmu.discrete_values import items
 from cosim.fmu.interfaces import interfaces
 from cosim.fmu.model_description import Variable
@@ -108,9 +107,13 @@ def system_of(scenario: Scenario, cleanup: ExitStack, *, late: bool = True, vers
     robots = (setup.leader, *setup.followers)
     _check(scenario, robots)
     parts = _Parts({robot.name for robot in robots} | {Path(ALL_PARAMETERS).stem})
+    limited: dict[str, dict[str, None]] = {}
     for follower in scenario.followers if late else ():
-        for kind in dict.fromkeys(e.kind for e in follower.actuator if e.start > 0.0 or math.isfinite(e.stop)):
-            parts.note(f"the window of <{kind}> in the actuator of {follower.id} is one communication step late, too")
+        for effect in follower.actuator:
+            if effect.start > 0.0 or effect.stop < scenario.horizon:
+                limited.setdefault(effect.kind, {})[follower.id] = None
+    for kind, names in limited.items():
+        parts.note(f"the window of <{kind}> in actuators is one communication step late, too: {listed([*names])}")
     of_courses = parts.name(COURSES, "given_")
     teams = [replace(team, name=parts.name(team.name, "team_")) for team in team_fmus(scenario, setup, late=late)]
     for robot in setup.followers if late else ():
@@ -148,9 +151,10 @@ def _described(scenario: Scenario, late: bool) -> str:
     text = f"{scenario.title}. Made by Formation from the scenario {scenario.name}"
     if not late:
         return text
+    step = f"{scenario.step:.12g} s"
     return (
-        f"{text}. The teams give their commands one communication step ({scenario.step:g} s) late, under every master: "
-        f'the run to compare with has <delay time="{scenario.step:g} s"/> in the actuators of all followers'
+        f"{text}. The teams give their commands one communication step ({step}) late, under every master: "
+        f'the run to compare with has <delay time="{step}"/> in the actuators of all followers'
     )
 
 

@@ -192,7 +192,7 @@ class _Model:
                 f"It takes the true poses of the leader and of {robots}, measures them by the scenario's sensors, lets "
                 f"the law {laws} of {package.package} {package.version} compute commands, and passes these through the "
                 "actuators. Desired places over time are in it. All units are SI.",
-                f"The law runs every {self._scenario.period * self._scenario.step:g} s"
+                f"The law runs every {self._scenario.period * self._scenario.step:.12g} s"
                 + ("; in between commands are held." if self._scenario.period > 1 else "."),
                 self._how(package.package, package.version),
             ]

@@ -166,8 +166,12 @@ class Text:
         elif choice == 18:
             self._count += 1
             view = f"part_{self._count}"
-            self._add(depth, f"{view} = {self._random.choice(('m[:, 1:]', 'm[:2, :2]', 'm[:, : i % 2 + 1]', 'm[:1]'))}")
-            self._add(depth, f"clear({self._random.choice((view, 'm[:, :2]', 'm[1:, : i % 3]'))}, {self._float(1)})")
+            parts = ("m[:, 1:]", "m[:2, :2]", "m[:, : i % 2 + 1]", "m[:1]", "m[: i % 2 + 1]")
+            self._add(depth, f"{view} = {self._random.choice(parts)}")
+            self._add(
+                depth,
+                f"clear({self._random.choice((view, 'm[:, :2]', 'm[1:, : i % 3]', 'm[: i % 3]'))}, {self._float(1)})",
+            )
             self._add(depth, f"{view}[0, 0] += {view}[-1, -1]")
         elif choice == 19:
             places = ("a[: i % 4]", "a[: int(a[0]) % 4]", "m[k[0] % 2, :]", "m[int(m[0, 0]) % 2, :]", "k[k[0] % 3 :]")

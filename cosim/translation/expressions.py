@@ -820,7 +820,7 @@ class Expressions:
 
     def pointer(self, array: ArrayValue) -> str:
         """Return an expression for the address of the first entry of an array, as its rows where it has rows."""
-        if is_gapless(array):
+        if is_gapless(array) and (len(array.free) == 1 or all(size.constant is not None for size in array.sizes)):
             return array.base + "".join(f"[{axis.index.text}]" for axis in array.axes if axis.index is not None)
         starts = [axis.start if axis.index is None else axis.index for axis in array.axes]
         if array.is_flat:

@@ -826,7 +826,7 @@ class Function(Expressions):
             self.block.add(f"{const}{item} (*{c}){inner} = {self.pointer(value)};", c)
             return replace(value, base=c, axes=tuple(full(n) for n in shape))
         if not all(len(root) == 1 and root[0] in self.fixed for root in value.reads):
-            self.refuse(target, "the place of this view may change: use names that are assigned once")
+            self.refuse(target, "the place of this view may change: give its index a name that is assigned once")
         if len(value.axes) == 1:
             axis = value.axes[0]
             start = axis.start

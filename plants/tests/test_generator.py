@@ -108,7 +108,7 @@ def test_mod_has_the_sign_of_the_divisor(load: Callable) -> None:
 
 def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
     """They are numbers, too, where a chain rule that multiplies zero by infinity has none."""
-    larger, twice = sympy.symbols("larger twice", real=True)
+    larger, twice, driven = sympy.symbols("larger twice driven", real=True)
     slopes = [  # expression, and its slope at some x
         (sympy.Abs(x), {-2.0: -1.0, 0.0: 1.0}),
         (sympy.Max(x, -x), {-2.0: -1.0, 0.0: -1.0, 3.0: 1.0}),
@@ -125,10 +125,18 @@ def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
         (x * sympy.Heaviside(x), {-1.0: 0.0, 0.0: 1.0}),
         (u * sympy.Heaviside(x) * x**2, {0.0: 0.0, 3.0: 3.0}),
         (x * sympy.ceiling(x), {1.5: 2.0}),
+        (sympy.sqrt(sympy.Max(0, u * sympy.Max(x, 0))), {-2.0: 0.0, 2.0: 0.25}),
+        (sympy.cbrt(sympy.Max(x, 0) - 2 * sympy.Max(x - 1, 0)), {-2.0: 0.0, 10.0: -1 / 12}),
+        (sympy.sqrt(u * sympy.Piecewise((x, x > 0), (0, True))), {-2.0: 0.0, 2.0: 0.25}),
+        (sympy.sqrt(driven), {-2.0: 0.0, 2.0: 0.25}),
     ]
     model = model_of(
         *(expression for expression, _ in slopes),
-        terms=(Term(larger, sympy.Max(x, 0), "1"), Term(twice, 2 * larger, "1")),
+        terms=(
+            Term(larger, sympy.Max(x, 0), "1"),
+            Term(twice, 2 * larger, "1"),
+            Term(driven, u * sympy.Max(x, 0), "1"),
+        ),
     )
     fmu, functions = load(model), numeric.compile(model)
     for at in sorted({at for _, wanted in slopes for at in wanted}):
@@ -141,6 +149,8 @@ def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
         in_numpy = functions.jacobians(0.0, functions.start(x=at), functions.inputs(u=0.5), functions.parameters())
         assert not np.any(np.isnan(found))
         np.testing.assert_allclose(in_numpy.C[:, 0], found, rtol=1e-12, atol=1e-13)
+        if at == -2.0:
+            np.testing.assert_array_equal(in_numpy.D[:, 0], 0.0, "u has no effect there")
         for (expression, wanted), slope in zip(slopes, found, strict=True):
             if at in wanted:
                 assert slope == pytest.approx(wanted[at], rel=1e-12), f"{expression} at {at}"

@@ -129,6 +129,8 @@ def test_parameters_and_states_by_name_may_be_batches() -> None:
         ({"drive": np.array([1, 2, 7])}, r"drive has no variant \[1 2 7\]"),
         ({"drive": 2.5}, "drive has no variant 2.5"),
         ({"drive": np.nan}, "drive has no variant nan"),
+        ({"drive": True}, "drive has no variant True"),
+        ({"m_c": np.array(["20"])}, "parameter 'm_c' is"),
         ({"m_c": "20"}, "parameter 'm_c' is '20', it must be a number"),
     ],
 )

@@ -32,13 +32,13 @@ class Settled(Kind):
     def text(self) -> str:
         """The expectation in words, as verdicts show it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:.12g} m and {math.degrees(bearing):.12g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m and {math.degrees(bearing):.9g} deg"
 
     @property
     def overview(self) -> str:
         """The expectation in words, as an overview of the scenario shows it."""
         distance, bearing = self.bands_of_errors
-        return f"settled by {self.bound_text} within {distance:.12g} m, {math.degrees(bearing):.12g} deg"
+        return f"settled by {self.bound_text} within {distance:.12g} m, {math.degrees(bearing):.9g} deg"
 
     def check(self, own: Recording, prepare: Prepare) -> None:
         """Check that the time is a tick within the run."""

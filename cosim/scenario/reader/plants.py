@@ -131,5 +131,5 @@ def _solver_steps(element: Element, step: float) -> int | None:
     length = element.positive("solver_step", "s")
     steps = whole(step / length)
     if not steps:
-        raise element.error(f"the solver_step {length:g} s does not divide the communication step of {step:g} s")
+        raise element.error(f"the solver_step {length:.12g} s does not divide the communication step of {step:.12g} s")
     return steps
