@@ -39,7 +39,7 @@ def _point(name: str, loaded: object, dist: object) -> Any:
             raise loaded
         return loaded
 
-    return SimpleNamespace(name=name, dist=dist, load=load)
+    return SimpleNamespace(name=name, dist=dist, load=load, module="rovers")
 
 
 def test_a_kind_of_another_package_is_one_like_ours(bring: Bring) -> None:
