@@ -235,12 +235,10 @@ def _lost_turns(result: Result) -> tuple[str, ...]:
 
 def _jumps_of_a_turn(course: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the samples of an angle (T,) that lie a turn, or nearly one, from the sample before."""
-    found = [
-        block.start
-        + 1
-        + np.flatnonzero(np.abs(np.abs(np.diff(course[block.start : block.stop + 1])) - 2 * math.pi) < 0.5)
-        for block in blocks(len(course))
-    ]
+    found = []
+    for block in blocks(len(course)):
+        steps = np.abs(np.diff(course[block.start : block.stop + 1]))
+        found.append(block.start + 1 + np.flatnonzero(np.abs(steps - 2 * math.pi) < 0.5))
     return np.concatenate(found) if found else np.empty(0, dtype=np.intp)
 
 
