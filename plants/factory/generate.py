@@ -33,7 +33,10 @@ _ALL_3 = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives"
 _VARIABLE = {"canHandleVariableCommunicationStepSize": "true"}
 _INTERFACES = {
     "2.0": {"ModelExchange": _ALL, "CoSimulation": {**_VARIABLE, "canInterpolateInputs": "true", **_ALL}},
-    "3.0": {"ModelExchange": _ALL_3, "CoSimulation": {**_VARIABLE, **_ALL_3}},
+    "3.0": {
+        "ModelExchange": {"needsCompletedIntegratorStep": "true", **_ALL_3},  # limits are checked there
+        "CoSimulation": {**_VARIABLE, **_ALL_3},
+    },
 }
 """What each interface offers besides saved states, as attributes of its element in the description."""
 _REFERENCE_TEMPLATES = {

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import fmpy
 import pytest
 
 from . import driver
@@ -81,6 +82,24 @@ def test_limits_in_model_exchange(new: Callable, car: Fmu) -> None:
     instance.place(0.3, beyond)
     with pytest.raises(Refused, match=r"gamma is 1\.7 rad"):
         instance.complete_step()
+
+
+def test_an_importer_is_told_of_limits_in_model_exchange(car: Fmu) -> None:
+    """FMI 3.0 has importers that complete no step unless the description asks for it."""
+    told: list[bytes] = []
+    end = fmpy.simulate_fmu(
+        car.path,
+        fmi_type="ModelExchange",
+        solver="Euler",
+        start_values={"gamma": 1.45, "omega": 4.0},
+        output=["gamma"],
+        stop_time=0.1,
+        step_size=0.02,
+        logger=lambda *of: told.append(of[-1]),
+        debug_logging=True,
+    )
+    assert end["gamma"][-1] > 1.571
+    assert len([message for message in told if b"above its limit of 1.57" in message]) == 1
 
 
 def test_messages_are_escaped(fmus: Callable, fmi: str) -> None:

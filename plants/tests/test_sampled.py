@@ -121,6 +121,92 @@ def test_outputs_asked_for_before_inputs_are_set_are_those_of_the_last_tick(one:
     assert got == [[12.0, 0.0], [32.0, 1.0], [232.0, 2.0], [2232.0, 3.0]]
 
 
+TOLD = """\
+#include <stdlib.h>
+
+#include "model.h"
+
+struct Tool {
+    double sum, before;
+    long long tick;
+};
+
+struct Tool *model_open(const char *resources, const char **fault)
+{
+    (void)resources;
+    *fault = "no memory";
+    return calloc(1, sizeof(struct Tool));
+}
+
+const char *model_begin(struct Tool *tool, const double *parameters, const int *integers)
+{
+    (void)parameters;
+    (void)integers;
+    *tool = (struct Tool){.tick = -1};
+    return NULL;
+}
+
+void model_end(struct Tool *tool)
+{
+    (void)tool;
+}
+
+void model_close(struct Tool *tool)
+{
+    free(tool);
+}
+
+void model_start(const double *parameters, const int *integers, Memory *memory)
+{
+    (void)parameters;
+    (void)integers;
+    memory->sum = 0.0;
+}
+
+const char *model_tick(long long tick, const double *inputs, const double *parameters, const int *integers,
+                       Memory *memory, struct Tool *tool, double *outputs)
+{
+    (void)parameters;
+    (void)integers;
+    (void)memory;
+    if (tick > tool->tick) tool->before = tool->sum; /* else once more, with other inputs */
+    tool->tick = tick;
+    tool->sum = tool->before + inputs[0];
+    outputs[0] = tool->sum;
+    return NULL;
+}
+"""
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_program_that_begins_anew_after_the_initialisation_gets_its_first_tick(
+    fmi: str, own_caches: None, tmp_path: Path
+) -> None:
+    """Also if outputs were read before, and no input is set since."""
+    told = built(
+        Sampled(
+            name="told",
+            description="Adds up its input in a program beside it",
+            step=STEP,
+            sources={"memory.h": MEMORY, "told.c": TOLD},
+            inputs=(Port("u", "m", "Summand", start=1.0),),
+            outputs=(Port("sum", "m", "Sum"),),
+            program=True,
+        ),
+        fmi,
+        tmp_path,
+    )
+    one = Instance(told.library, "co_simulation")
+    one.set({told["u"]: 3.0})
+    one.initialize()
+    assert one.get(told["sum"]) == [3.0]
+    one.call("ExitInitializationMode")
+    for tick in range(3):
+        one.step(tick * STEP, STEP)
+        assert one.get(told["sum"]) == [3.0 * (tick + 1)]
+    one.free()
+
+
 def test_late_outputs_come_with_the_step_whatever_the_master_asks(late: Fmu) -> None:
     assert validate_fmu(str(late.path)) == []
     outputs = fmpy.read_model_description(late.folder).outputs
@@ -165,6 +251,14 @@ def test_beyond_its_courses_it_discards(one: Instance, adder: Fmu) -> None:
     with pytest.raises(Refused, match="knows its courses over time up to 1 s after the start"):
         one.step(5 * STEP, STEP)
     assert DISCARD in one.statuses
+
+
+def test_a_step_over_ticks_is_discarded_after_the_last_one_that_is_known(one: Instance, adder: Fmu) -> None:
+    one.start()
+    one.set({adder["robot.u"]: 1.0})
+    with pytest.raises(Refused, match=r"no value at time 1\.25 s"):
+        one.step(0.0, 7 * STEP)
+    assert one.get(adder["sum"], adder["tick"]) == [20.0, 4.0]
 
 
 def test_a_tick_that_fails_says_why(one: Instance, adder: Fmu) -> None:

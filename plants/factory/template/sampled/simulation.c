@@ -1,5 +1,6 @@
 #include "simulation.h"
 
+#include <limits.h>
 #include <math.h>
 #include <string.h>
 
@@ -42,6 +43,7 @@ void simulation_close(Simulation *s)
 /* To before the first tick. */
 static Status begin(Simulation *s)
 {
+    s->current = false; /* a program that begins anew knows no tick */
     memset(&s->before, 0, sizeof s->before);
     model_start(&s->values[FIRST_PARAMETER], s->integers, &s->before);
 #if NEEDS_TOOL
@@ -163,8 +165,8 @@ Status simulation_step(Simulation *s, double time, double step)
         s->tick++;
         s->time = k + 1 == (int)count ? time + step : start + (k + 1) * SAMPLE_TIME;
         s->current = false;
+        s->fresh = N_INPUTS == 0; /* here, as the next tick may be refused */
     }
-    s->fresh = N_INPUTS == 0;
     return worst;
 }
 
@@ -249,7 +251,7 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     from = take(read.values, from, sizeof read.values);
     from = take(read.integers, from, sizeof(int) * N_INTEGERS);
     bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time)
-                   && read.tick >= 0 && (phase == RUNNING || read.tick == 0);
+                   && read.tick >= 0 && read.tick < LLONG_MAX && (phase == RUNNING || read.tick == 0);
     for (int i = 0; i < N_INPUTS; i++) {
         is_good = is_good && *from <= 1;
         read.given[i] = *from++ != 0;
