@@ -163,7 +163,7 @@ def _derivative_of_part(part: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     if isinstance(part, Abs):
         return Piecewise((-derivative, first < 0), (derivative, True))
     if isinstance(part, Mod):
-        return derivative - sympy.floor(first / others[0]) * _derivative(others[0], symbol)
+        return derivative - (first - part) / others[0] * _derivative(others[0], symbol)
     if isinstance(part, sinc):
         slope = (first * sympy.cos(first) - sympy.sin(first)) / first**2
         return Piecewise((slope, first**2 > 0), (0, True)) * derivative

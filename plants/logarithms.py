@@ -24,7 +24,6 @@ from plants.elementary import (
     parts_of_exp,
     root_of_sum,
     select,
-    sqrt,
     to_bits,
 )
 
@@ -206,9 +205,13 @@ def asinh(x: float) -> float:
     u = abs(x)
     is_near = u < 134217728.0
     v = select(is_near, u, 0.0)
-    w = v * v
-    s, s_low = exact_sum(v, w / (1.0 + sqrt(1.0 + w)))
-    h, low = log_of_1_plus(s, s_low)
+    p, p_low = exact_product(v, v)
+    w, w_low = exact_sum(1.0, p)
+    y, y_low = root_of_sum(w, w_low + p_low)
+    d, d_low = exact_sum(1.0, y)
+    q, rest = exact_quotient(p, p_low, d, d_low + y_low)
+    s, s_low = exact_sum(v, q)
+    h, low = log_of_1_plus(s, s_low + rest)
     beyond, beyond_low = sum_of_log(u)
     inside = select(u < TINY, u, h + low)
     return copysign(select(is_near, inside, beyond + (LOG_2 + (LOG_2_LOW + beyond_low))), x)

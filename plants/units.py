@@ -1,8 +1,9 @@
 """Unit expressions as FMI and Modelica write them: ``kg.m2``, ``N.m.s/rad``, ``1/s``, ``km/h``.
 
-Grammar (Modelica 3.6, section 19.1): factors joined by ``.``, at most one ``/``; a denominator of several
-factors stands in parentheses; an exponent follows its symbol directly (``m2``, ``s-2``). Radians are kept apart from
-pure numbers, so that ``rad/s`` and ``Hz`` are not taken for one another. Units with an offset (``degC``) are not known.
+Grammar (Modelica 3.6, section 19.1): factors joined by ``.``, or ``1`` in place of those above, and at most one ``/``;
+a denominator of several factors stands in parentheses; an exponent follows its symbol directly (``m2``, ``s-2``).
+Radians are kept apart from pure numbers, so that ``rad/s`` and ``Hz`` are not taken for one another. Units with an
+offset (``degC``) are not known.
 """
 
 import math
@@ -77,7 +78,6 @@ _PREFIXED = {
     "Ohm": _unit(kg=1, m=2, s=-3, A=-2),
 }
 _PLAIN = {
-    "1": _unit(),
     "%": _unit(0.01),
     "deg": _unit(math.pi / 180, rad=1),
     "gon": _unit(math.pi / 200, rad=1),
@@ -92,7 +92,7 @@ _WORDS = {"Grad": "deg"}  # words of other languages that would read as a prefix
 _FORCES = {_PREFIXED["N"].exponents: "N", _PREFIXED["J"].exponents: "N.m"}
 _LONGEST_GUESSED = 100
 """Characters; no unit is as long, and a guess takes the square of them."""
-_FACTOR = re.compile(r"([A-Za-z%]+|1)([+-]?[0-9])?")
+_FACTOR = re.compile(r"([A-Za-z%]+)([+-]?[1-9])?")
 
 
 def parse(text: str) -> Unit:
@@ -135,11 +135,9 @@ def _parsed(text: str) -> Unit:
         denominator = denominator[1:-1]
     elif "." in denominator:
         raise UnitError(f"unit {text!r}: write a denominator of several factors in parentheses, as in 'kg/(m.s2)'")
-    unit = _product(numerator, text)
+    unit = Unit() if numerator == "1" else _product(numerator, text)
     if slash:
-        unit /= _product(denominator, text)
-    if not 0.0 < unit.factor < math.inf:
-        raise UnitError(f"unit {text!r}: its factor to the base units is not a number that can be computed with")
+        unit = _checked(unit / _product(denominator, text), text)
     return unit
 
 
@@ -153,7 +151,13 @@ def _product(factors: str, text: str) -> Unit:
             )
         symbol, exponent = match.groups()
         product *= _symbol(symbol, text) ** int(exponent or 1)
-    return product
+    return _checked(product, text)
+
+
+def _checked(unit: Unit, text: str) -> Unit:
+    if not 0.0 < unit.factor < math.inf:
+        raise UnitError(f"unit {text!r}: its factor to the base units is not a number that can be computed with")
+    return unit
 
 
 def _symbol(symbol: str, text: str) -> Unit:
@@ -163,7 +167,7 @@ def _symbol(symbol: str, text: str) -> Unit:
     if unit is None and symbol[0] in _PREFIXES and symbol[1:] in _PREFIXED:
         unit = Unit(factor=_PREFIXES[symbol[0]]) * _PREFIXED[symbol[1:]]
     if unit is None:
-        known = ", ".join([*_PREFIXED, *_PLAIN])
+        known = ", ".join([*_PREFIXED, "1", *_PLAIN])
         raise UnitError(
             f"unit {text!r}: {symbol!r} is not known; known are {known}, the first {len(_PREFIXED)} with prefix"
         )

@@ -59,8 +59,8 @@ _BEGIN = f"""\
 #include <stdint.h>
 #include <string.h>
 
-#if !defined(FLT_EVAL_METHOD) || FLT_EVAL_METHOD != 0
-#error "arithmetic of doubles has to be that of IEEE 754, without excess precision"
+#if defined(__FAST_MATH__) || !defined(FLT_EVAL_METHOD) || FLT_EVAL_METHOD != 0
+#error "arithmetic of doubles has to be that of IEEE 754, without shortcuts and without excess precision"
 #endif
 #ifdef __GNUC__
 #define ELEMENTARY_APART static __attribute__((noinline, unused))
@@ -80,6 +80,14 @@ static inline double {PREFIX}from_bits(int64_t bits)
     double x;
     memcpy(&x, &bits, sizeof x);
     return x;
+}}
+
+/* The remainder that has the sign of the divisor, as in Python; fmod, which is exact, has the dividend's. */
+static inline double {PREFIX}mod(double dividend, double divisor)
+{{
+    const double rest = fmod(dividend, divisor);
+    if (rest == 0.0) return copysign(0.0, divisor);
+    return (rest < 0.0) != (divisor < 0.0) ? rest + divisor : rest;
 }}
 """
 

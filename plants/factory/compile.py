@@ -16,11 +16,15 @@ from plants.errors import BuildError, NoCompiler
 from plants.factory import store
 from plants.factory.platforms import Platform, host
 
-# No contraction to fused multiply-adds: the same numbers on every machine. And never -flto: gcc 12 then forgets that.
+# The same numbers on every machine, whatever flags $CC has: no shortcuts of arithmetic, no contraction to fused
+# multiply-adds. And no -flto: gcc 12 then forgets the latter.
 FLAGS = (
     "-std=c11",
     "-O3",
+    "-fno-fast-math",
+    "-fno-unsafe-math-optimizations",
     "-ffp-contract=off",
+    "-fno-lto",
     "-fvisibility=hidden",
     "-shared",
     "-Wall",

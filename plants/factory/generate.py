@@ -8,7 +8,6 @@ from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import BooleanAtom
 from sympy.printing.c import C99CodePrinter
-from sympy.printing.precedence import PRECEDENCE
 
 from plants import units
 from plants.errors import ModelError
@@ -286,9 +285,7 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
         return f"(double)(({argument} > 0.0) - ({argument} < 0.0))"
 
     def _print_Mod(self, expression: sympy.Mod) -> str:
-        """Print the remainder that has the sign of the divisor, as in SymPy and NumPy; fmod has the dividend's."""
-        dividend, divisor = (self.parenthesize(e, PRECEDENCE["Pow"]) for e in expression.args)
-        return f"({dividend} - {divisor}*floor({dividend}/{divisor}))"
+        return f"{self.own_prefix}mod({', '.join(map(self._print, expression.args))})"
 
     def _print_Piecewise(self, expression: sympy.Piecewise) -> str:
         *branches, (otherwise, condition) = expression.args

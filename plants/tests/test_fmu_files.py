@@ -163,6 +163,17 @@ def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
             assert not any(word in text for word in ("car_like", "tau_", "gamma", "m_c"))
 
 
+@pytest.mark.parametrize("shortcut", ["-ffast-math", "-Ofast", "-funsafe-math-optimizations", "-flto"])
+def test_a_compiler_with_shortcuts_of_arithmetic_makes_the_same_library(
+    car: Fmu, monkeypatch: pytest.MonkeyPatch, shortcut: str
+) -> None:
+    """With -ffast-math, sin(1.7) would be 1, and the library would flush small numbers of its whole process to zero."""
+    of = (host(), car.folder, ["sources/model.c"], "model", ("-O1",))
+    expected = compile_library(find_compiler(), *of)
+    monkeypatch.setenv("CC", f"{shlex.join(find_compiler().command)} {shortcut}")
+    assert compile_library(find_compiler(), *of) == expected
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a compiler that is a script")
 def test_temporary_files_of_the_compiler_lie_in_the_folder_of_the_build(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -106,6 +106,20 @@ def test_mod_has_the_sign_of_the_divisor(load: Callable) -> None:
     instance.free()
 
 
+def test_mod_is_that_of_python_where_a_quotient_is_rounded(load: Callable) -> None:
+    """1/0.1 is 10, but 0.1 in binary is more than a tenth, so that the remainder of 1 is nearly 0.1."""
+    fmu = load(model_of(sympy.Mod(u, sympy.Float(0.1)), sympy.Mod(u, sympy.Float(-0.1)), sympy.Mod(x, u)))
+    points = [0.02 * tick for tick in range(-60, 300)] + [-1e-300, 1e300, 0.0, -0.0]
+    instance = Instance(fmu.library, "co_simulation").start()
+    for point in points:
+        instance.set({fmu["u"]: point})
+        found = np.array(instance.get(*(fmu[f"y{i}"] for i in range(3))))
+        expected = np.array([point % 0.1, point % -0.1, 0.4 % point if point else math.nan])
+        assert found[:2].tobytes() == expected[:2].tobytes()
+        np.testing.assert_equal(found, expected)
+    instance.free()
+
+
 def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
     """They are numbers, too, where a chain rule that multiplies zero by infinity has none."""
     larger, twice, driven = sympy.symbols("larger twice driven", real=True)

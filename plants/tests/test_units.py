@@ -46,9 +46,17 @@ def test_convert() -> None:
     assert units.convert(value, "N.m", "J") is value
 
 
-@pytest.mark.parametrize("text", ["", "m//s", "m/s/s", "kg.", "1/kg.m", "m^2", "m s", "2m"])
+@pytest.mark.parametrize(
+    "text", ["", "m//s", "m/s/s", "kg.", "1/kg.m", "m^2", "m s", "2m", "10", "m/10", "N/1", "1.m", "m0", "1-3"]
+)
 def test_what_is_not_an_expression(text: str) -> None:
     with pytest.raises(UnitError, match="unit '"):
+        units.parse(text)
+
+
+@pytest.mark.parametrize("text", ["kg/(nK9.nK9.nK9.nK9)", "nK9.nK9.nK9.nK9", "1/(GK9.GK9.GK9.GK9)", "GK9.GK9.GK9.GK9"])
+def test_a_factor_that_no_number_can_be(text: str) -> None:
+    with pytest.raises(UnitError, match=re.escape(f"unit {text!r}: its factor to the base units is not a number")):
         units.parse(text)
 
 
