@@ -330,7 +330,9 @@ def _read_as(
     if source.unit:
         with _about(source, "unit"):
             units.parse(source.unit)
-    own = stated(description, variable, source.unit) if source.unit else unit_of(description, variable)
+        own = stated(description, variable, source.unit, has_offset=bool(source.offset))
+    else:
+        own = unit_of(description, variable)
     number, factor, offset = 1.0, units.parse("1"), 0.0
     if source.factor:
         with _about(source, "factor"):

@@ -43,6 +43,28 @@ class UnitContradiction(Picklable, UnitError):
         super().__init__(f"has {variable!r} in {contradiction}. A binding decides: {self.choice}")
 
 
+class UnitWithOffset(Picklable, UnitError):
+    """A unit counts from elsewhere than its base unit, as degC does.
+
+    Parameters
+    ----------
+    variable
+        The name of the variable that has the unit.
+    name
+        That of the unit.
+    base
+        Its definition.
+    """
+
+    def __init__(self, variable: str, name: str, base: BaseUnit) -> None:
+        counted = units.Unit(_by_definition(base).exponents)
+        factor = "" if base.factor == 1 else f' factor="{base.factor!r}"'
+        super().__init__(
+            f"has {variable!r} in {name}, with an offset of {base.offset:.6g} {counted}: a binding states both, "
+            f'unit="{counted}"{factor} offset="{base.offset!r} {counted}"'
+        )
+
+
 def unit_name(variable: Variable) -> str:
     """Return the name of the unit that a variable has, of its own or by its type; empty if it has none."""
     return str(variable.unit or getattr(variable.declaredType, "unit", None) or "")
@@ -95,8 +117,10 @@ def unit_of_values(description: ModelDescription, variable: Variable, values: It
 
 def _defined(variable: str, name: str, base: BaseUnit) -> units.Unit:
     """Return the unit that has a definition; "rad" and "deg" are angles, even if they are defined as numbers."""
-    if base.offset != 0 or not 0.0 < base.factor < math.inf:
-        raise UnitError(f"has {variable!r} in {name}, with an offset or a factor that is not positive")
+    if not 0.0 < base.factor < math.inf:
+        raise UnitError(f"has {variable!r} in {name}, with a factor that is not positive")
+    if base.offset != 0:
+        raise UnitWithOffset(variable, name, base)
     own = _by_definition(base)
     try:
         named = units.parse(name)
@@ -114,20 +138,23 @@ def _by_definition(base: BaseUnit) -> units.Unit:
     return units.Unit(tuple(getattr(base, symbol) for symbol in units.BASE_UNITS), base.factor)
 
 
-def stated(description: ModelDescription, variable: Variable, text: str) -> units.Unit:
-    """Return the unit of a variable for which a binding states one.
+def stated(description: ModelDescription, variable: Variable, text: str, has_offset: bool) -> units.Unit:
+    """Return the unit of a variable for which a binding states one, with or without an offset.
 
-    The binding decides where the FMU states no unit, an unknown one, or one that contradicts itself.
+    The binding decides where the FMU states no unit, an unknown one, or one that contradicts itself; of one with an
+    offset, where it states an offset, too.
 
     Raises
     ------
     plants.UnitError
-        The FMU clearly states another unit.
+        The FMU clearly states another unit, or one with an offset while the binding states none.
     """
     unit = units.parse(text)
     try:
         own = unit_of(description, variable)
-    except UnitError:
+    except UnitError as error:
+        if isinstance(error, UnitWithOffset) and not has_offset:
+            raise
         return unit
     if not _measures(own, unit) or not math.isclose(own.factor, unit.factor, rel_tol=_ROUNDED):
         raise UnitError(f"has {variable.name!r} in {unit_name(variable)}, not in {text} as the binding states")

@@ -262,6 +262,22 @@ def test_a_unit_that_contradicts_its_name_is_told_and_the_binding_decides(
         bound(described, wrong)
 
 
+def test_a_unit_with_an_offset_wants_a_binding_with_one(describe: Describe, bound: Bound) -> None:
+    """Such as a compass counts: without it, the offset would be lost."""
+    compass = DEGREES.replace("/>", ' offset="1.5"/>')
+    described = describe((DEGREES, compass), units="deg")
+    told = f'in deg, with an offset of 1.5 rad: a binding states both, unit="rad" factor="{DEGREE!r}" offset="1.5 rad"'
+    roles = '<role name="{0}" variable="{0}" unit="deg"/>'
+    with pytest.raises(InputError, match=re.escape(f"has 'psi' {told}")):
+        bind(described, "car.fmu", None, HERE)
+    with pytest.raises(InputError, match=re.escape(f"has 'psi' {told}")):
+        bound(described, "".join(map(roles.format, ("psi", "gamma"))))
+    proposed = "".join(map(roles.format, ("psi", "gamma"))).replace(
+        'unit="deg"', f'unit="rad" factor="{DEGREE!r}" offset="1.5 rad"'
+    )
+    assert read(bound(described, proposed), "psi", 90.0) == pytest.approx(math.pi / 2 + 1.5)
+
+
 def test_a_unit_may_have_a_name_that_others_use_for_something_else(describe: Describe) -> None:
     """Here "C", which is a coulomb elsewhere, is the name of an angle."""
     described = describe(('"deg"', '"C"'), (DEGREES.replace('"deg"', '"C"'), '<Unit name="C"><BaseUnit rad="1"/>'),
