@@ -43,6 +43,9 @@ class Faulty(Controller[FaultyGains]):
     def on_start(self, pose, leader, desired):
         if self.gains.fault == 20:
             os._exit(4)
+        if self.gains.fault == 21:
+            print("at work", file=sys.stderr)
+            sum(range(10**12))  # no other thread of Python comes to its turn
 
     def on_step(self, pose, leader, desired):
         self._telemetry["count"] = self._state["count"]
@@ -104,6 +107,9 @@ def fault(number):
         1 // 0
     if number == 10:
         time.sleep(0.7)
+    if number == 13:
+        os.closerange(3, 30)
+        time.sleep(1000)
     if number in (11, 12) and not os.path.exists(f"{__file__}.killed"):
         if number == 11:
             open(f"{__file__}.killed", "x").close()

@@ -60,6 +60,7 @@ def compare(result: dict[str, np.ndarray], dataset: xr.Dataset, setup: Setup) ->
     count = 0
     for name, theirs, ours in courses(result, dataset, setup):
         np.testing.assert_array_equal(theirs, ours, name)
+        np.testing.assert_array_equal(np.signbit(theirs), np.signbit(ours), f"signs of {name}")
         count += 1
     return count
 
@@ -334,11 +335,31 @@ def faults(elsewhere: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
         yield with_law("clmr_line", folder, lambda text: PID.sub(law, text), cleanup=cleanup)
 
 
+@posix
+def test_a_torque_besides_the_laws_takes_the_sign_from_a_zero_of_every_follower(tmp_path: Path) -> None:
+    text = FAULTY.replace("-0.1 * pose[:, 3]", "np.full(len(pose), -0.0)")
+    distribution(tmp_path / "laws", "faulty-laws", "1.2", ["faulty = faulty_laws:Faulty"], text)
+    where = environment(tmp_path / "own", CONTROLLERS, tmp_path / "laws")
+    law = f'<controller id="pid" name="faulty" package="faulty-laws" version="==1.2" environment="{where}"/>'
+    place = '<desired range="3 m" bearing="45 deg"/>'
+    push = f'{place}<input name="tau_drive"><constant value="1 N.m"/></input>'
+    for inputs in (place, push):
+        with ExitStack() as cleanup:
+            folder = tmp_path / str(inputs == push)
+            folder.mkdir()
+            own = with_law(
+                "clmr_line", folder, lambda text, new=inputs: PID.sub(law, text).replace(place, new, 1), cleanup=cleanup
+            )
+            result = closed_loop(own, slaves(own, folder), folder, 3)
+            assert compare(result, reference(own.scenario, 3), own.setup)
+            assert np.all(np.signbit(result["follower_4.tau_steer"]) == (inputs == place))
+
+
 def hosts_in(folder: Path) -> list[str]:
     """Return the processes that run the host of an FMU in a folder; those that are about to end get a moment."""
     for _ in range(100):
         found = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
-        mine = [line for line in found.splitlines() if f"{folder}/" in line and "--pipe" in line]
+        mine = [line for line in found.splitlines() if f"{folder}/" in line and "/law.json" in line]
         if not mine:
             break
         time.sleep(0.02)
@@ -430,6 +451,7 @@ def test_gains_of_a_law_in_python_and_inputs_that_change_within_a_tick(
         (4, " failed: SystemExit: enough, at "),
         (6, " failed: follower_2, too near at time 0.2 s"),
         (8, " failed: follower_1, the torque is not finite, at count = 10.0 1"),
+        (13, " did not complete the tick: it closed its connection; its process was ended at time 0.2 s"),
         (20, " did not complete the tick: its process exited with status 4 at time 0 s"),
     ],
 )
@@ -449,6 +471,45 @@ def test_a_law_in_python_that_fails_is_named(
     team.fmu.freeInstance()
     assert f"the controller 'faulty' of faulty-laws 1.2{message}" in capfd.readouterr().out
     assert hosts_in(tmp_path) == []
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from tests.team_loop import Slave
+
+team = Slave(Path(sys.argv[1]), Path(sys.argv[2]), "team")
+team.set({name: float(sys.argv[3]) for name in team.variables if name.endswith(".fault")})
+team.start()
+for tick in range(3):
+    team.step(0.02 * tick, 0.02)
+print(*team.get([name for name, of in team.variables.items() if of.causality == "output"]))
+team.close()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system ends the process with the master's main thread")
+def test_a_law_at_work_ends_with_a_master_that_is_killed(faults: Made, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", PROGRAM, str(faults.fmus[0]), str(tmp_path), "21"]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as master:
+        assert master.stderr is not None
+        assert master.stderr.readline() == "at work\n"
+        master.kill()
+    assert hosts_in(tmp_path) == []
+
+
+@posix
+def test_a_master_without_standard_streams(faults: Made, tmp_path: Path) -> None:
+    """Such as one that a service manager has started."""
+    found = []
+    for streams in ("", "2>&-", "<&- 2>&-"):
+        folder = tmp_path / f"run_{len(found)}"
+        command = ["sh", "-c", f'exec "$@" {streams}', "sh", sys.executable, "-c", PROGRAM, str(faults.fmus[0])]
+        found.append(
+            subprocess.run([*command, str(folder), "0"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        )
+    assert found[0]
+    assert found == [found[0]] * 3
 
 
 @posix

@@ -1133,12 +1133,12 @@ def _end_with(parent: int, main_thread: bool) -> None:
 def main() -> None:
     """Serve the laws of this environment until the harness wants no more, or has ended.
 
-    The arguments are the harness's process, whether its main thread has started this one, and the text after which
-    its replies begin: until then modules that Python loads at its start may have printed. Those of an FMU are
-    ``--pipe``, its process, the file that says what its law is, and that text.
+    The arguments are the process of the harness, or of the master of an FMU, whether its main thread has started this
+    one, and the text after which the replies begin: until then modules that Python loads at its start may have printed.
+    An FMU adds the file that says what its law is.
     """
-    file = sys.argv[3] if sys.argv[1] == "--pipe" else None
-    parent, main_thread, begins = sys.argv[1:4] if file is None else (sys.argv[2], "0", sys.argv[4])
+    parent, main_thread, begins, *law = sys.argv[1:]
+    file = law[0] if law else None
     del sys.argv[1:]
     _leave_terminal()
     replies, requests = _out_of_reach(1), _out_of_reach(0)

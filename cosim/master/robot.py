@@ -15,6 +15,7 @@ from cosim.fmu.parameters import ParameterValue
 from cosim.fmu.vehicle import Fmu
 from cosim.scenario.scenario import PlantSource
 from cosim.signals.effects import Effect
+from cosim.storage import blocks, is_constant
 from cosim.vehicle.kind import Kind
 from cosim.vehicle.outline import Outline
 
@@ -72,3 +73,9 @@ class RobotSetup:
     def kind(self) -> Kind:
         """Its kind of vehicle."""
         return self.fmu.binding.kind
+
+    @property
+    def has_torque(self) -> bool:
+        """Whether its torque is anything but zero."""
+        different = self.torque[: 1 if is_constant(self.torque) else None]
+        return any(different[block].any() for block in blocks(len(different), different.shape[1]))

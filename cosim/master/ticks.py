@@ -26,7 +26,7 @@ from cosim.scenario.scenario import Scenario
 from cosim.signals.actuators import actuators
 from cosim.signals.chain import Chain
 from cosim.signals.sensors import pose_sensors
-from cosim.storage import blocks, fill, is_constant
+from cosim.storage import fill
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Ticks:
             scenario.seed, names, poses, [robot.sensor for robot in robots], step, sensors
         )
         self._actuators: Chain = actuators(commands, [robot.actuator for robot in setup.followers], step, acting)
-        besides = any(_acts(robot.torque) for robot in setup.followers)
+        besides = any(robot.has_torque for robot in setup.followers)
         self._external = now.padded([robot.torque for robot in (robots if besides else robots[:1])], setup.storage)
         driven = driven_robots(setup)
         self._changes: dict[int, list[tuple[int, RobotSetup]]] = {}
@@ -355,9 +355,3 @@ class Ticks:
 def driven_robots(setup: Setup) -> tuple[RobotSetup, ...]:
     """Return the robots that are plants: all, but for a leader whose motion is given."""
     return setup.followers if setup.motion is not None else (setup.leader, *setup.followers)
-
-
-def _acts(torque: Floats) -> bool:
-    """Return whether a torque (ticks, entries) is anything but zero."""
-    different = torque[: 1 if is_constant(torque) else None]
-    return any(different[block].any() for block in blocks(len(different), different.shape[1]))

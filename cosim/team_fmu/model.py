@@ -110,6 +110,7 @@ class _Model:
         leader = setup.leader
         self._inputs += state_inputs(leader, velocities=True, accelerations=setup.motion is not None)
         shared = tuple(port.name for port in self._inputs)
+        adds = any(robot.has_torque for robot in setup.followers)  # then to all, which takes the sign from a zero
         for row, (place, robot) in enumerate(zip(self._places, self._followers, strict=True)):
             own = list(state_inputs(robot, velocities=place in needs))
             self._inputs += own
@@ -118,7 +119,7 @@ class _Model:
             for column, port in enumerate(command_outputs(robot, depends)):
                 self._outputs.append(port)
                 besides_text = self._courses.of(f"{port.name}, besides the law's", besides[:, column])
-                plus = "" if besides_text in ("0.0", "-0.0") else f" + {besides_text}"
+                plus = f" + {besides_text}" if adds and besides_text != "-0.0" else ""
                 self._results.append(f"acting[{row}][{column}]{plus}")
             law, index = self._law_of[place]
             for port, result in law.telemetry(index, robot.name, depends):

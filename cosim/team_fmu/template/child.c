@@ -3,6 +3,8 @@
 #define _POSIX_C_SOURCE 200809L
 #ifdef __APPLE__
 #define _DARWIN_C_SOURCE
+#elif defined(__linux__)
+#define _DEFAULT_SOURCE
 #endif
 #endif
 
@@ -61,6 +63,9 @@ void model_close(struct Tool *tool)
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
+#ifdef __linux__
+#include <sys/syscall.h>
+#endif
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -71,6 +76,8 @@ extern char **environ;
 enum { CHILD_MESSAGE = 320, CHILD_PATH = 1024, CHILD_HEADER = 5 };
 /* Kinds of requests and replies, see host.py. */
 enum { CHILD_STEP = 1, CHILD_TEAMS = 3, CHILD_DONE = 0 };
+/* Beside the statuses of a process that has ended, which are at least 0. */
+enum { CHILD_UNKNOWN = -1, CHILD_KILLED = -2 };
 
 static const char child_mark[] = "formation " MODEL_GUID "\n";
 static const double child_farewell = 1.0; /* s that the process has to end by itself */
@@ -100,25 +107,26 @@ static bool child_has_ended(const struct Tool *tool)
     return (failed && errno != EINTR) || about.si_pid == tool->process;
 }
 
-/* End the process with all that it has started; how it has ended, or -1. */
+/* End the process with all that it has started; how it has ended, CHILD_KILLED, or CHILD_UNKNOWN. */
 static int child_stop(struct Tool *tool, double patience)
 {
-    if (tool->process <= 0) return -1;
+    if (tool->process <= 0) return CHILD_UNKNOWN;
     close(tool->socket);
     const double until = child_now() + patience;
     while (!child_has_ended(tool) && child_now() < until) {
         const struct timespec moment = {0, 2000000};
         nanosleep(&moment, NULL);
     }
+    const bool was_alive = !child_has_ended(tool);
     kill(-tool->process, SIGKILL); /* it leads a group of its own */
-    int status = -1;
+    int status = CHILD_UNKNOWN;
     while (waitpid(tool->process, &status, 0) < 0) {
         if (errno == EINTR) continue;
-        status = -1; /* somebody else has waited for it */
+        status = CHILD_UNKNOWN; /* somebody else has waited for it */
         break;
     }
     tool->process = 0;
-    return status;
+    return was_alive ? CHILD_KILLED : status;
 }
 
 void model_end(struct Tool *tool)
@@ -172,9 +180,11 @@ static const char *child_lost(struct Tool *tool, const char *what, Moved moved, 
     char how[96] = ": its process has ended";
     if (moved == CHILD_LATE) {
         snprintf(how, sizeof how, " within %g s; its process was ended", limit);
-    } else if (status != -1 && WIFSIGNALED(status)) {
+    } else if (status == CHILD_KILLED) {
+        snprintf(how, sizeof how, ": it closed its connection; its process was ended");
+    } else if (status != CHILD_UNKNOWN && WIFSIGNALED(status)) {
         snprintf(how, sizeof how, ": its process crashed (signal %d)", WTERMSIG(status));
-    } else if (status != -1 && WIFEXITED(status)) {
+    } else if (status != CHILD_UNKNOWN && WIFEXITED(status)) {
         snprintf(how, sizeof how, ": its process exited with status %d", WEXITSTATUS(status));
     }
     snprintf(tool->message, sizeof tool->message, LAW " did not %s%s", what, how);
@@ -245,6 +255,16 @@ static bool child_interpreter(const struct Tool *tool, char interpreter[CHILD_PA
     return is_read && interpreter[0] != '\0';
 }
 
+/* Whether the main thread starts the process: with another thread it must not end. */
+static bool child_of_main_thread(void)
+{
+#ifdef __linux__
+    return syscall(SYS_gettid) == (long)getpid();
+#else
+    return false;
+#endif
+}
+
 /* Start a program that speaks through one end of a socket. 0, or the error. */
 static int child_spawn(struct Tool *tool, char *const arguments[])
 {
@@ -274,6 +294,7 @@ static int child_spawn(struct Tool *tool, char *const arguments[])
     posix_spawnattr_init(&attributes);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 0);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
+    if (fcntl(2, F_GETFD) < 0) posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
     posix_spawnattr_setpgroup(&attributes, 0);
     posix_spawnattr_setsigmask(&attributes, &none);
@@ -311,12 +332,13 @@ static const char *child_start(struct Tool *tool)
     if (!child_interpreter(tool, interpreter)) {
         return LAW " has no Python: the file interpreter.txt of the FMU's resources is not there";
     }
-    char owner[24];
+    char owner[24], main_thread[2] = "0";
     snprintf(owner, sizeof owner, "%ld", (long)getpid());
-    char isolated[] = "-I", option[] = "-X", utf8[] = "utf8", piped[] = "--pipe", mark[sizeof child_mark];
+    main_thread[0] = child_of_main_thread() ? '1' : '0';
+    char isolated[] = "-I", option[] = "-X", utf8[] = "utf8", mark[sizeof child_mark];
     memcpy(mark, child_mark, sizeof child_mark);
     char *const host = child_path(tool, "host.py"), *const law = child_path(tool, "law.json");
-    char *const arguments[] = {interpreter, isolated, option, utf8, host, piped, owner, law, mark, NULL};
+    char *const arguments[] = {interpreter, isolated, option, utf8, host, owner, main_thread, mark, law, NULL};
     const int error = host == NULL || law == NULL ? ENOMEM : child_spawn(tool, arguments);
     free(host);
     free(law);
