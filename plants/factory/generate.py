@@ -140,11 +140,11 @@ def _jacobian(
 ) -> tuple[tuple[Term, ...], list[Result], list[tuple[Entry, Entry]]]:
     """Return the terms, the result lines and the unknown and known of each partial derivative that is not zero."""
     expressions = (
-        *(s.symbol for s in model.states if s.output),
+        *(s.symbol for s in model.states),
         *model.derivatives,
         *(o.expression for o in model.outputs),
     )
-    entries = (*(s for s in table.states if s.causality == "output"), *table.derivatives, *table.outputs)
+    entries = (*table.states, *table.derivatives, *table.outputs)
     unknown = {entry.full_name: entry for entry in entries}
     known = {entry.name: entry for entry in knowns}
     jacobian = differentiate(

@@ -120,6 +120,13 @@ def test_mod_is_that_of_python_where_a_quotient_is_rounded(load: Callable) -> No
     instance.free()
 
 
+def test_a_state_that_is_no_output_has_its_derivative_by_itself(load: Callable) -> None:
+    fmu = load(model_of(x, states=(State(x, "1", "", output=False), State(z, "1", ""))))
+    instance = Instance(fmu.library, "co_simulation").start()
+    assert instance.differentiate([fmu["x"], fmu["z"], fmu["y0"]], [fmu["x"]], [2.0]) == [2.0, 0.0, 2.0]
+    instance.free()
+
+
 def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
     """They are numbers, too, where a chain rule that multiplies zero by infinity has none."""
     larger, twice, driven = sympy.symbols("larger twice driven", real=True)
