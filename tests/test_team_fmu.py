@@ -478,6 +478,7 @@ import sys
 from pathlib import Path
 from tests.team_loop import Slave
 
+log = open(sys.executable, "rb")  # it has the descriptor of standard error if there is none
 team = Slave(Path(sys.argv[1]), Path(sys.argv[2]), "team")
 team.set({name: float(sys.argv[3]) for name in team.variables if name.endswith(".fault")})
 team.start()

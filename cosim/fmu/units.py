@@ -52,17 +52,21 @@ class UnitWithOffset(Picklable, UnitError):
         The name of the variable that has the unit.
     name
         That of the unit.
-    base
-        Its definition.
+    unit
+        The unit without its offset.
+    offset
+        The offset, in base units.
     """
 
-    def __init__(self, variable: str, name: str, base: BaseUnit) -> None:
-        counted = units.Unit(_by_definition(base).exponents)
-        factor = "" if base.factor == 1 else f' factor="{base.factor!r}"'
-        super().__init__(
-            f"has {variable!r} in {name}, with an offset of {base.offset:.6g} {counted}: a binding states both, "
-            f'unit="{counted}"{factor} offset="{base.offset!r} {counted}"'
-        )
+    def __init__(self, variable: str, name: str, unit: units.Unit, offset: float) -> None:
+        self.unit, counted = unit, units.Unit(unit.exponents)
+        stated = f'unit="{counted}"' + ("" if unit.factor == 1 else f' factor="{unit.factor!r}"')
+        if units.is_unit(name) and units.parse(name) == unit:
+            stated = f'unit="{name}"'
+        of = f"an offset of {offset:.6g} {counted}"
+        self.question = f"{variable!r} is in {name}, with {of}"
+        self.choice = f'{stated} offset="{offset!r} {counted}"'
+        super().__init__(f"has {variable!r} in {name}, with {of}: a binding states both, {self.choice}")
 
 
 def unit_name(variable: Variable) -> str:
@@ -79,6 +83,8 @@ def unit_of(description: ModelDescription, variable: Variable) -> units.Unit:
     ------
     UnitContradiction
         The unit has the name of a known unit of the same quantity, but another factor.
+    UnitWithOffset
+        It has an offset.
     plants.UnitError
         The variable has no unit, or an unknown one.
     """
@@ -100,16 +106,16 @@ def unit_of(description: ModelDescription, variable: Variable) -> units.Unit:
 def unit_of_values(description: ModelDescription, variable: Variable, values: Iterable[str]) -> units.Unit:
     """Return the unit in which a scenario gives values to a variable; a pure number if the variable has no unit.
 
-    Where the unit contradicts itself, bare numbers are taken as the FMU counts.
+    Where the unit contradicts itself or has an offset, bare numbers are taken as the FMU counts.
 
     Raises
     ------
     plants.UnitError
-        The unit is not known, or contradicts itself while the values have units.
+        The unit is not known, or contradicts itself or has an offset while the values have units.
     """
     try:
         return unit_of(description, variable) if unit_name(variable) else units.parse("1")
-    except UnitContradiction as error:
+    except (UnitContradiction, UnitWithOffset) as error:
         if all(split(value)[1] == "1" for value in values):
             return units.parse("1")
         raise UnitError(f"{error.question}: give the bare number, as the FMU counts") from None
@@ -117,20 +123,18 @@ def unit_of_values(description: ModelDescription, variable: Variable, values: It
 
 def _defined(variable: str, name: str, base: BaseUnit) -> units.Unit:
     """Return the unit that has a definition; "rad" and "deg" are angles, even if they are defined as numbers."""
-    if not 0.0 < base.factor < math.inf:
-        raise UnitError(f"has {variable!r} in {name}, with a factor that is not positive")
+    if not 0.0 < base.factor < math.inf or not math.isfinite(base.offset):
+        raise UnitError(
+            f"has {variable!r} in {name}, with a factor that is not positive or an offset that is no number"
+        )
+    unit = own = _by_definition(base)
+    if units.is_unit(name) and _measures(own, named := units.parse(name)):
+        if not math.isclose(own.factor, named.factor, rel_tol=_ROUNDED):
+            raise UnitContradiction(variable, name, named, own)
+        unit = named
     if base.offset != 0:
-        raise UnitWithOffset(variable, name, base)
-    own = _by_definition(base)
-    try:
-        named = units.parse(name)
-    except UnitError:
-        return own
-    if not _measures(own, named):  # the name is the FMU's own, such as "g" for an acceleration
-        return own
-    if not math.isclose(own.factor, named.factor, rel_tol=_ROUNDED):
-        raise UnitContradiction(variable, name, named, own)
-    return named
+        raise UnitWithOffset(variable, name, unit, base.offset)
+    return unit  # else the name is the FMU's own, such as "g" for an acceleration
 
 
 @lru_cache(maxsize=1000)

@@ -262,19 +262,18 @@ def test_a_unit_that_contradicts_its_name_is_told_and_the_binding_decides(
         bound(described, wrong)
 
 
-def test_a_unit_with_an_offset_wants_a_binding_with_one(describe: Describe, bound: Bound) -> None:
+@pytest.mark.parametrize("base", ['rad="1" factor="{}"', 'factor="{}"'])  # some tools take radians for pure numbers
+def test_a_unit_with_an_offset_wants_a_binding_with_one(describe: Describe, bound: Bound, base: str) -> None:
     """Such as a compass counts: without it, the offset would be lost."""
-    compass = DEGREES.replace("/>", ' offset="1.5"/>')
+    compass = f'<Unit name="deg"><BaseUnit {base.format(DEGREE)} offset="1.5"/>'
     described = describe((DEGREES, compass), units="deg")
-    told = f'in deg, with an offset of 1.5 rad: a binding states both, unit="rad" factor="{DEGREE!r}" offset="1.5 rad"'
+    told = 'in deg, with an offset of 1.5 rad: a binding states both, unit="deg" offset="1.5 rad"'
     roles = '<role name="{0}" variable="{0}" unit="deg"/>'
     with pytest.raises(InputError, match=re.escape(f"has 'psi' {told}")):
         bind(described, "car.fmu", None, HERE)
     with pytest.raises(InputError, match=re.escape(f"has 'psi' {told}")):
         bound(described, "".join(map(roles.format, ("psi", "gamma"))))
-    proposed = "".join(map(roles.format, ("psi", "gamma"))).replace(
-        'unit="deg"', f'unit="rad" factor="{DEGREE!r}" offset="1.5 rad"'
-    )
+    proposed = "".join(map(roles.format, ("psi", "gamma"))).replace('unit="deg"', 'unit="deg" offset="1.5 rad"')
     assert read(bound(described, proposed), "psi", 90.0) == pytest.approx(math.pi / 2 + 1.5)
 
 

@@ -163,7 +163,7 @@ def test_runtime_is_layered(fmus: Callable, fmi: str) -> None:
             assert not any(word in text for word in ("car_like", "tau_", "gamma", "m_c"))
 
 
-@pytest.mark.parametrize("shortcut", ["-ffast-math", "-Ofast", "-funsafe-math-optimizations", "-flto"])
+@pytest.mark.parametrize("shortcut", ["-ffast-math", "-funsafe-math-optimizations", "-flto"])
 def test_a_compiler_with_shortcuts_of_arithmetic_makes_the_same_library(
     car: Fmu, monkeypatch: pytest.MonkeyPatch, shortcut: str
 ) -> None:

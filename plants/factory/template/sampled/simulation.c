@@ -251,7 +251,7 @@ Status simulation_deserialize(Simulation *s, const unsigned char bytes[])
     from = take(read.values, from, sizeof read.values);
     from = take(read.integers, from, sizeof(int) * N_INTEGERS);
     bool is_good = (phase == BEFORE_START || phase == RUNNING) && isfinite(read.time) && !isnan(read.stop_time)
-                   && read.tick >= 0 && read.tick < LLONG_MAX && (phase == RUNNING || read.tick == 0);
+                   && read.tick >= 0 && read.tick < LLONG_MAX / 2 && (phase == RUNNING || read.tick == 0);
     for (int i = 0; i < N_INPUTS; i++) {
         is_good = is_good && *from <= 1;
         read.given[i] = *from++ != 0;
