@@ -173,6 +173,19 @@ def test_robots_far_from_the_origin_are_where_the_result_puts_them(opened: Any, 
     assert shown == pytest.approx(result["leader_pose"].values[-1, :2].tolist(), abs=0.01)
 
 
+def test_robots_whose_heading_is_unknown_do_not_overlap(opened: Any, tmp_path: Path) -> None:
+    """As in a recorded drive that lacks it; here they are some metres apart."""
+    scenario = cosim.read_scenario(SCENARIOS[0].with_name("clmr_line.xml")).edited(horizon=1.0, expectations=False)
+    result = cosim.run(scenario)
+    result["pose"][{"time": slice(10, None), "robot": [0, 1], "pose_component": 2}] = np.nan
+    save_report([result], tmp_path / "report.html")
+
+    page = opened(tmp_path / "report.html", "#t=0.6")
+
+    assert page.locator("#warning").inner_text() == ""
+    assert "– m" not in page.locator("body").inner_text()
+
+
 def test_a_verdict_leads_to_its_moment(line: tuple[Result, Path], opened: Any) -> None:
     result, path = line
     page = opened(path)

@@ -158,6 +158,11 @@ class Server:
         server.close()
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(server.wait_closed(), 2 * _LONGEST_CLOSE)
+        rest = asyncio.all_tasks() - {asyncio.current_task()}  # of connections that have never said anything
+        for task in rest:
+            task.cancel()
+        if rest:
+            await asyncio.wait(rest, timeout=_LONGEST_CLOSE)
 
     async def _let_know(self) -> None:
         """Wait a little until all viewers know how the run has ended."""

@@ -19,6 +19,7 @@ from cosim.report.paths import with_distances
 from cosim.report.study_content import study_of
 from cosim.results.display_units import DISPLAYED
 from cosim.results.files import write
+from cosim.results.form import in_form
 from cosim.results.result import Result
 from cosim.results.summary import Summary
 
@@ -63,7 +64,8 @@ def save_report(results: Sequence[xr.Dataset | Result], path: str | Path, summar
         The file cannot be written.
     """
     runs = with_distances(
-        (arrays, content_of(arrays, summary)) for arrays, summary in zip_longest(map(Result.of, results), summaries)
+        (arrays, content_of(arrays, summary))
+        for arrays, summary in zip_longest((in_form(Result.of(one)) for one in results), summaries)
     )
     title = " against ".join(str(run["title"] or run["name"]) for run in runs)
     write(Path(path), page(title, {"runs": runs}).encode())

@@ -54,8 +54,8 @@ def apart(first: Paths, other: Paths) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        The greatest ``distance`` first [m], at ``time`` [s], and that at the ``end`` of the shorter run. Between the
-        samples of the other run its path is taken to be straight.
+        The greatest ``distance`` first [m], at ``time`` [s], and that at the ``end`` of the shorter run, or None if a
+        path has no number there. Between the samples of the other run its path is taken to be straight.
     """
     end = min(first.time[-1], other.time[-1]) + ROUNDING
     times = first.time[: np.searchsorted(first.time, end, side="right")]
@@ -65,10 +65,11 @@ def apart(first: Paths, other: Paths) -> list[dict[str, Any]]:
         own, theirs = first.places[robot][: len(times)], other.places[robot]
         there = theirs[: len(times)] if same else _between(times, other.time, theirs)
         distances = np.hypot(*(own - there).T)
-        if not np.isnan(distances).all():
-            at = int(np.nanargmax(distances))
-            told = {"distance": float(distances[at]), "time": float(times[at]), "end": float(distances[-1])}
-            found.append({"robot": robot, **told})
+        is_known = np.isfinite(distances)
+        if is_known.any():
+            at = int(np.argmax(np.where(is_known, distances, -1.0)))
+            last = float(distances[-1]) if is_known[-1] else None
+            found.append({"robot": robot, "distance": float(distances[at]), "time": float(times[at]), "end": last})
     return sorted(found, key=lambda one: -one["distance"])
 
 

@@ -53,7 +53,7 @@ def _of_signal(signal: Variable, ended_early: bool) -> Part:
 
 def _of_path(signal: Variable, ended_early: bool) -> Part:
     """Return a function for poses: a point of a path is drawn or not."""
-    first = signal.values[:1]
+    first = _first_known(signal.values)
 
     def distance(which: Samples) -> Floats:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -68,6 +68,22 @@ def _of_path(signal: Variable, ended_early: bool) -> Part:
         return values
 
     return _bounded(points, signal, ended_early)
+
+
+def _first_known(poses: Floats) -> Floats:
+    """Return, for each robot, the first pose whose place is known (1, ...); of one that has none, the first."""
+    first = np.array(poses[:1], dtype=float)
+    of_robots = first.reshape(-1, first.shape[-1])
+    unknown = ~np.isfinite(of_robots[:, :2]).all(axis=1)
+    for block in blocks(len(poses), first.size):
+        if not unknown.any():
+            break
+        values = poses[block].reshape(-1, *of_robots.shape)
+        is_known: NDArray[np.bool_] = np.isfinite(values[..., :2]).all(axis=2)
+        for robot in np.flatnonzero(unknown & is_known.any(axis=0)):
+            of_robots[robot] = values[:, robot][is_known[:, robot]][0]
+            unknown[robot] = False
+    return first
 
 
 def _bounded(part: Part, signal: Variable, ended_early: bool) -> Part:

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -364,6 +365,18 @@ def test_who_says_too_much_is_no_viewer_any_more(live: cosim.LiveView) -> None:
 
 
 # Bad input --------------------------------------------------------------------------------------------------
+
+
+def test_a_connection_that_says_nothing_does_not_disturb_the_end() -> None:
+    """Browsers open some in reserve."""
+    program = (
+        "import cosim, socket, urllib.parse\n"
+        "with cosim.LiveView() as live:\n"
+        "    at = urllib.parse.urlsplit(live.address)\n"
+        "    idle = socket.create_connection((at.hostname, at.port))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 def test_a_port_that_is_taken(live: cosim.LiveView) -> None:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from cosim.report.columns import Columns, extremes, samples_in_bucket
 from cosim.report.content import content_of
 from cosim.report.page import page, save_report
 from cosim.report.paths import Paths, apart
+from cosim.results.drawable_part import drawable
 from cosim.results.result import Result, Variable
 from cosim.scenario.scenario import Scenario
 
@@ -243,9 +245,29 @@ def test_how_far_apart_the_paths_of_two_runs_are() -> None:
     there = np.array([[0.0, 0.0], [0.5, 3.0], [1.0, 1.0]])
     other = Paths(time[:3], {"a": there, "b": np.full((3, 2), np.nan)})
     assert apart(first, other) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": 1.0}]
+    lost = Paths(time[:3], {"a": np.array([[0.0, 0.0], [0.5, 3.0], [np.nan, 1.0]])})
+    assert apart(first, lost) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": None}]
     slower = Paths(time[:3:2], {"a": there[::2]})  # straight between its samples
     assert apart(first, slower) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
     assert apart(slower, first) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
+
+
+def test_runs_are_compared_whatever_the_order_of_their_dimensions_and_where_a_path_ends(
+    judged: Result, tmp_path: Path
+) -> None:
+    run = judged.dataset
+    other = run.transpose(*reversed(list(run.dims))).copy(deep=True)
+    other["pose"][{"time": -1, "robot": 0}] = np.nan
+    save_report([run, other], tmp_path / "report.html")
+    assert '"end":null' in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_path_that_begins_later_is_drawn_from_there(judged: Result) -> None:
+    values = judged["pose"].values.copy()
+    values[:3, 1] = np.nan
+    values[:, 2] = np.nan
+    late = replace(judged, data_vars={**judged.data_vars, "pose": replace(judged["pose"], values=values)})
+    np.testing.assert_array_equal(drawable(late)["pose"].values, values)
 
 
 @pytest.mark.parametrize(

@@ -107,11 +107,12 @@ function cornerDistance(corners, polygon) {
 const NEAR = 0.3;
 const MOST_WATCHED = 40;
 
-/** Return the pairs of followers whose bodies are nearer than 0.3 m: [one, other, distance]. */
+/** Return the pairs of followers whose bodies are nearer than 0.3 m: [one, other, distance]; of unknown ones, nothing. */
 function nearPairs(outlines) {
   const found = [];
   const bodies = outlines.map(({ vehicle, parts }) => {
-    const polygons = parts.filter((part) => part.collides).map((part) => part.corners);
+    const known = parts.filter((part) => part.collides && part.corners.flat().every(Number.isFinite));
+    const polygons = known.map((part) => part.corners);
     const corners = polygons.flat();
     const [x, y] = corners.length ? corners[0] : [0, 0];
     return { vehicle, polygons, x, y, radius: Math.max(0, ...corners.map(([p, q]) => Math.hypot(p - x, q - y))) };

@@ -124,7 +124,7 @@ function showFollowers(place, runs) {
   place.append(element("p", { class: "dim" },
     "RMS over the last fifth of the run; settled: within 0.1 m and 2 deg from then on."));
   runs.forEach((run, number) => {
-    for (const { of, distance, between } of run.distance) {
+    for (const { of, distance, between } of run.distance.filter((one) => one.distance !== null)) {
       place.append(element("p", { class: "dim" },
         `${several ? `Run ${number + 1}: ` : ""}smallest distance of ${of}: ${figure(distance)} m (${between.join(", ")})`));
     }
