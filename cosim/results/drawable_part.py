@@ -74,12 +74,12 @@ def _first_known(poses: Floats) -> Floats:
     """Return, for each robot, the first pose whose place is known (1, ...); of one that has none, the first."""
     first = np.array(poses[:1], dtype=float)
     of_robots = first.reshape(-1, first.shape[-1])
-    unknown = ~np.isfinite(of_robots[:, :2]).all(axis=1)
+    unknown = ~(np.isfinite(of_robots[:, 0]) & np.isfinite(of_robots[:, 1]))
     for block in blocks(len(poses), first.size):
         if not unknown.any():
             break
         values = poses[block].reshape(-1, *of_robots.shape)
-        is_known: NDArray[np.bool_] = np.isfinite(values[..., :2]).all(axis=2)
+        is_known = np.isfinite(values[..., 0]) & np.isfinite(values[..., 1])
         for robot in np.flatnonzero(unknown & is_known.any(axis=0)):
             of_robots[robot] = values[:, robot][is_known[:, robot]][0]
             unknown[robot] = False
