@@ -228,6 +228,106 @@ def test_several_runs_are_compared(line: tuple[Result, Path], opened: Any, tmp_p
     assert all(value is None for value in last[101:])
 
 
+def test_a_result_without_all_samples_is_shown_at_their_times(
+    line: tuple[Result, Path], opened: Any, tmp_path: Path
+) -> None:
+    whole = line[0].dataset
+    event = '<event at="{} s" robots="follower_1"><parameter name="m_c" value="40 kg"/></event><expect>'
+    for at in (2.5, 0.5):
+        whole = whole.assign_attrs(scenario=whole.attrs["scenario"].replace("<expect>", event.format(at), 1))
+    part = Result.of(whole.sel(time=slice(2, 3)))
+    save_report([part], tmp_path / "part.html")
+    page = opened(tmp_path / "part.html", "#t=2.5")
+
+    def now() -> Any:
+        return page.evaluate("formation.state.time")
+
+    assert now() == 2.5
+    assert page.locator("#clock").inner_text() == "2.50 / 3.00 s"
+    x, y = part["pose"].values[25, 0, :2]
+    pose = page.evaluate("poseAt(formation.runs[0], 1, 2.5)")
+    assert (pose["x"], pose["y"]) == pytest.approx((x, y), rel=2.0**-15)
+    shown = page.evaluate("formation.panels.open.get('range_error').plot.data.map((x) => Array.from(x))")
+    assert shown[0] == pytest.approx(part["time"].values.tolist())
+    error = re.search(r"follower_1 (\S+) m", page.locator("#panels figure").first.inner_text())
+    assert float(error[1]) == pytest.approx(part["range_error"].values[25, 0], rel=1e-3)
+    (mark,) = page.locator("#marks button").all()  # that of the event before is on no place of the time line
+    assert mark.evaluate("(mark) => mark.style.left") == "50%"
+    for key, time in (("Home", 2.0), ("ArrowLeft", 2.0), ("Shift+ArrowRight", 2.02), ("End", 3.0), ("Space", 2.0)):
+        page.keyboard.press(key)
+        if key == "Space":
+            page.keyboard.press("Space")
+            assert now() < 3.0, "it plays from its first sample on"
+        else:
+            assert now() == pytest.approx(time)
+    rows = page.locator("#notes tbody tr")
+    assert rows.all_inner_texts()[0].startswith("0.50 s"), "the run came to it"
+    assert [row.get_by_role("button").count() for row in rows.all()] == [0, 1]
+    rows.nth(1).get_by_role("button").click()
+    assert now() == 2.5
+
+    thinned = whole.isel(time=[*range(0, 101, 25), *range(150, 201, 25)])
+    save_report([thinned, whole], tmp_path / "thinned.html")
+    save_report([thinned], tmp_path / "alone.html")
+    page = opened(tmp_path / "alone.html", "#t=2")
+    for key, time in (("Shift+ArrowRight", 3.0), ("Shift+ArrowRight", 3.5), ("Shift+ArrowLeft", 3.0)):
+        page.keyboard.press(key)
+        assert now() == time
+    page = opened(tmp_path / "thinned.html")
+    assert page.evaluate("formation.panels.open.get('range_error').plot.data[0].length") == 201
+
+    save_report([whole, part], tmp_path / "both.html")
+    page = opened(tmp_path / "both.html", "#t=1")
+    page.get_by_text("choose signals").click()
+    told = page.locator("#panels figure").first.inner_text()
+    assert re.search(r"follower_1 \(1\) \S+ m", told)
+    assert "follower_1 (2) –" in told, "it has no sample yet"
+
+
+def test_a_recorded_drive_is_told_as_one(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
+    result, _ = line
+    attrs = {**result.attrs, "recording": "/data/drive.mcap", "recording_start": 3.5}
+    save_report([replace(result, attrs=attrs)], tmp_path / "drive.html")
+    page = opened(tmp_path / "drive.html")
+    told = page.locator("#provenance").inner_text()
+    assert "/data/drive.mcap from 3.5 s" in told
+    assert "repeat it" not in told
+    assert "formation run" not in told
+    assert "clmr_line, a recorded drive, " in page.locator("#runs").inner_text()
+
+
+def test_large_seeds_are_shown_and_compared_to_the_last_digit(
+    line: tuple[Result, Path], opened: Any, tmp_path: Path
+) -> None:
+    result, _ = line
+    seeds = [2**53, 2**53 + 1]
+    save_report([replace(result, attrs={**result.attrs, "seed": seed}) for seed in seeds], tmp_path / "seeds.html")
+    page = opened(tmp_path / "seeds.html")
+    row = page.locator("#compared tr", has_text="seed").locator("td").all_inner_texts()
+    assert row == ["seed", *map(str, seeds)]
+    for seed, told in zip(seeds, page.locator("#runs li").all_inner_texts(), strict=True):
+        assert told.endswith(f"seed {seed}")
+
+
+def test_large_seeds_of_a_study_are_shown_sorted_and_filtered_to_the_last_digit(opened: Any, tmp_path: Path) -> None:
+    write_study_folder(tmp_path, 8, first_seed=2**53)
+    (tmp_path / "cases.csv").write_text(f"seed,passed\n{2**53 + 1},3\n", encoding="utf-8")
+    save_study_report(tmp_path, tmp_path / "report.html")
+    page = opened(tmp_path / "report.html")
+    seeds = [str(2**53 + k) for k in range(8)]
+    place = page.locator("table.runs th[scope=col]").all_inner_texts().index("seed") + 1
+    assert str(2**53 + 1) in page.locator("#cases").inner_text()
+    button = page.locator("table.runs th button", has_text="seed")
+    button.click()
+    assert _column(page, place) == seeds
+    button.click()
+    assert _column(page, place) == seeds[::-1]
+    page.get_by_label("Filter runs").fill(f"seed = {seeds[3]}")
+    assert _column(page, place) == [seeds[3]]
+    page.get_by_label("Filter runs").fill(f"seed > {seeds[5]}")
+    assert _column(page, place) == seeds[:5:-1]
+
+
 def test_a_panel_shows_a_signal_in_one_unit(line: tuple[Result, Path], opened: Any, tmp_path: Path) -> None:
     """Two versions of a law may give a signal of one name in other units, or another signal that name."""
     result, _ = line

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cosim.errors import FormationError
 from cosim.master.records import Records
 from cosim.report.columns import Rows
-from cosim.report.content import Json, content_of, courses_of
+from cosim.report.content import Json, content_of, courses_of, events_told
 from cosim.results.result import Result
 from cosim.results.summary import Summary
 
@@ -124,9 +124,18 @@ class Feed:
         self._every = math.ceil(ticks / max(MOST_NUMBERS // width, _FEWEST))
         self._rows = np.empty((-(-ticks // self._every), width), np.float64)
         none_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
+        ahead = {"events": events_told(first, scenario.horizon)}
         self.head = in_json(
             kind="begin",
-            run={**content_of(first), **courses, **none_yet, "status": "running", "failure": None, "numbers": ""},
+            run={
+                **content_of(first),
+                **courses,
+                **none_yet,
+                **ahead,
+                "status": "running",
+                "failure": None,
+                "numbers": "",
+            },
             every=self._every,
             rows=len(self._rows) + 1,
             columns=width,

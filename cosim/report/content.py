@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.clock import ROUNDING
 from cosim.errors import InputError
 from cosim.report.columns import MOST_NUMBERS, Columns, Floats, Rows, extremes, samples_in_bucket
 from cosim.results.bands import bands_of_kind, kinds_of
@@ -21,7 +22,7 @@ from cosim.results.events import events_of
 from cosim.results.expectations import Kind
 from cosim.results.expectations.recorded import units_by_component
 from cosim.results.expectations.shown import Band
-from cosim.results.form import in_form
+from cosim.results.form import has_first_ticks, in_form
 from cosim.results.groups import group_of
 from cosim.results.json_numbers import without_nan
 from cosim.results.outlines import outlines_of
@@ -71,9 +72,11 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
     if not samples:
         raise InputError("the result holds no sample, so there is nothing to show")
     step = float(result.attrs["step"])
+    horizon = float(result.attrs["horizon"])
     columns = Columns()
-    kinds, events = kinds_of(result), events_of(result)
+    kinds = kinds_of(result)
     bands = [[band for band in bands_of_kind(kind, result) if band.signal in result] for kind in kinds]
+    courses = courses_of(result, columns, share, drawable_parts(result))
     content = {
         "name": summary.scenario,
         "title": summary.title,
@@ -81,18 +84,19 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "passed": summary.passed,
         "failure": _failure(summary),
         "step": step,
-        "horizon": float(result.attrs["horizon"]),
+        "horizon": horizon,
         "samples": samples,
         "end": summary.end_time,
         "vehicles": _vehicles(result),
-        **courses_of(result, columns, share, drawable_parts(result)),
+        **courses,
+        **({} if has_first_ticks(result) else {"sample_times": _sample_times(result, courses)}),
         "verdicts": _verdicts(summary, kinds, bands, result),
         "bands": [
             {**asdict(band), "robots": list(kind.written.robots), "text": kind.text}
             for kind, own in zip(kinds, bands, strict=True)
             for band in own
         ],
-        "events": [{"time": event.time, "robot": event.robot, "text": in_words.event(event)} for event in events],
+        "events": events_told(result, horizon if summary.status == PART else summary.end_time),
         "messages": [asdict(message) for message in summary.messages],
         "messages_left_out": summary.messages_left_out,
         "followers": [asdict(figures) for figures in summary.followers],
@@ -102,6 +106,15 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
         "scenario": result.attrs["scenario"],
     }
     return {**without_nan(content), "numbers": columns.packed()}
+
+
+def events_told(result: Result, until: float) -> list[Json]:
+    """Return the events of a run up to a time [s], in words."""
+    return [
+        {"time": event.time, "robot": event.robot, "text": in_words.event(event)}
+        for event in events_of(result)
+        if event.time <= until + ROUNDING
+    ]
 
 
 def courses_of(
@@ -153,7 +166,7 @@ def _motion(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, 
     entries = result.sizes["pose_component"]
     width = (1 + len(robots)) * entries + len(robots) * len(_ERRORS)
     every = max(1, math.ceil(samples * width / most))
-    chosen = np.unique(np.append(np.arange(0, samples, every), samples - 1))
+    chosen = _spaced(samples, every)
     leader, poses = _at(chosen, parts["leader_pose"]), _at(chosen, parts["pose"])
     errors = [_at(chosen, parts[name]) for name in _ERRORS if name in result]
     return {
@@ -166,6 +179,11 @@ def _motion(result: Result, parts: Mapping[str, Part], columns: Columns | Rows, 
     }
 
 
+def _spaced(samples: int, every: int) -> NDArray[np.intp]:
+    """Return evenly spaced samples, and the last one."""
+    return np.unique(np.append(np.arange(0, samples, every), samples - 1))
+
+
 def _at(chosen: NDArray[np.intp], part: Part) -> Floats:
     """Return the chosen samples of a signal, which may lie far apart in a large file."""
     ends = np.searchsorted(chosen, [block.stop for block in blocks(int(chosen[-1]) + 1)])
@@ -174,6 +192,24 @@ def _at(chosen: NDArray[np.intp], part: Part) -> Floats:
         found.append(part(some))
         forget()
     return np.concatenate(found)
+
+
+def _sample_times(result: Result, courses: Json) -> dict[str, list[float]]:
+    """Return the times of motion and signals [s], which the page cannot count as samples are left out.
+
+    The two extremes of a bucket of samples are shown a quarter of it from its ends, as the page has them.
+    """
+    time = result["time"].values
+    last, bucket = len(time) - 1, courses["signals"]["bucket"]
+    places = np.arange(float(len(time)))
+    if bucket > 1:
+        places = np.minimum((np.arange(2.0 * -(-len(time) // bucket)) / 2 + 0.25) * bucket, last)
+    before = places.astype(np.intp)
+    after = np.minimum(before + 1, last)
+    return {
+        "motion": time[_spaced(len(time), courses["motion"]["every"])].tolist(),
+        "signals": (time[before] + (places - before) * (time[after] - time[before])).tolist(),
+    }
 
 
 # Signals ----------------------------------------------------------------------------------------------------
@@ -258,9 +294,9 @@ def _provenance(result: Result, summary: Summary) -> Json:
     return {
         "file": told.file,
         "changes": told.changes,
-        "seed": told.seed,
+        "seed": None if told.seed is None else str(told.seed),  # JavaScript rounds numbers above 2**53
         "versions": told.versions,
-        "command": _command(told, summary.scenario),
+        "command": "" if "recording" in result.attrs else _command(told, summary.scenario),
         "resumed": told.resumed,
         "before": [f"{part.until:.12g} s: {' '.join(part.changes) or 'unchanged'}" for part in _other_parts(told)],
         "given": {robot: list(times) for robot, times in told.given.items()},

@@ -55,7 +55,8 @@ def apart(first: Paths, other: Paths) -> list[dict[str, Any]]:
     -------
     list of dict
         The greatest ``distance`` first [m], at ``time`` [s], and that at the ``end`` of the shorter run, or None if a
-        path has no number there. Between the samples of the other run its path is taken to be straight.
+        path has no number there. Between the samples of the other run its path is taken to be straight; before them,
+        there is none.
     """
     end = min(first.time[-1], other.time[-1]) + ROUNDING
     times = first.time[: np.searchsorted(first.time, end, side="right")]
@@ -74,4 +75,4 @@ def apart(first: Paths, other: Paths) -> list[dict[str, Any]]:
 
 
 def _between(times: Floats, known: Floats, places: Floats) -> Floats:
-    return np.stack([np.interp(times, known, places[:, axis]) for axis in range(2)], axis=1)
+    return np.stack([np.interp(times, known, places[:, axis], left=np.nan) for axis in range(2)], axis=1)

@@ -36,6 +36,8 @@ _PICTURES = {
     "figure.png": "The measures of all runs, over what varies",
     "envelope.png": "All runs together: paths, or signals over time",
 }
+_LARGEST_EXACT = 2**53 - 1
+"""The largest whole number up to which JavaScript tells any two apart."""
 _NUMBER = re.compile(r"run_([0-9]{1,9})(\.xml)?")
 
 
@@ -169,6 +171,7 @@ def _columns(table: Result, rows: NDArray[np.int64]) -> list[Json]:
             "kind": str(column.attrs.get("kind", "")),
             "unit": str(column.attrs.get("units", "")),
             "about": str(column.attrs.get("long_name", "")),
+            **({"exact": True} if _is_large(column) else {}),
             "values": _values(column, rows),
         }
         for name in names
@@ -176,12 +179,21 @@ def _columns(table: Result, rows: NDArray[np.int64]) -> list[Json]:
     ]
 
 
+def _is_large(column: Variable) -> bool:
+    """Return whether a column of whole numbers, such as seeds, has some that JavaScript would round."""
+    values = column.values
+    return values.dtype.kind in "iu" and bool(((values > _LARGEST_EXACT) | (values < -_LARGEST_EXACT)).any())
+
+
 def _values(column: Variable, rows: NDArray[np.int64]) -> list[Any]:
     """Return whole numbers and texts as they are, others with six digits; of what JSON lacks, the infinite as texts.
 
+    Whole numbers are texts if one of them is too large for JavaScript.
     Numbers that are nearer to one another than to zero have as many digits as six of their distances need.
     """
     values = column.values[rows]
+    if _is_large(column):
+        return [str(value) for value in values.tolist()]
     if values.dtype.kind in "iub":
         return [int(value) for value in values]
     if values.dtype.kind == "f":

@@ -15,9 +15,12 @@ from cosim.scenario.scenario import Event
 def events_of(result: Result) -> tuple[Event, ...]:
     """Return the events of a run in the order of time; of a branch, each from the scenario that it had at that time.
 
-    A scenario whose text this version cannot read has none.
+    They are those of the scenario: a run that ended early did not come to all of them. A scenario whose text this
+    version cannot read has none, and neither has a recorded drive, to which nobody has done what the scenario states.
     """
     told, step = result.attrs, float(result.attrs["step"])
+    if "recording" in told:
+        return ()
     texts = [(math.inf, str(told["scenario"]))]  # each with its end [ticks], the last one first
     for part in reversed([Part.of(data) for data in json.loads(told.get("parts", "[]"))]):
         texts.append((round(part.until / step), part.scenario or texts[-1][1]))

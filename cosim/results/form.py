@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cosim.clock import ROUNDING, Clock
 from cosim.errors import InputError
 from cosim.results.outlines import FORM as OUTLINES
 from cosim.results.provenance import Provenance
@@ -137,6 +138,13 @@ def _check_outlines(result: Result) -> None:
     for names, turned_by in zip(result["pose_name"].values, result["outline_turned_by"].values, strict=True):
         if unknown := sorted(set(" ".join(map(str, turned_by)).split()) - set(map(str, names))):
             raise _strange(f"'pose_name' lacks {unknown[0]!r}, which turns a part")
+
+
+def has_first_ticks(result: Result) -> bool:
+    """Return whether the samples of a result are the first ticks of its run, none of them left out."""
+    time = result["time"].values
+    clock = Clock(float(result.attrs["step"]), len(time) - 1)
+    return all((np.abs(time[block] - clock.times_in(block)) <= ROUNDING).all() for block in blocks(len(time)))
 
 
 def _check_times(result: Result) -> None:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.clock import ROUNDING, Clock, in_seconds, whole
+from cosim.clock import in_seconds, whole
 from cosim.errors import InputError
 from cosim.results.body_distance import smallest_body_distance
 from cosim.results.expectations import RunOther, judge
 from cosim.results.follower_figures import FollowerFigures, follower_figures
-from cosim.results.form import in_form
+from cosim.results.form import has_first_ticks, in_form
 from cosim.results.json_numbers import without_nan
 from cosim.results.logged import LoggedMessage, logged_messages
 from cosim.results.metrics import smallest_distance
@@ -167,10 +167,8 @@ def _summary(name: str, horizon: float, step: float, result: Result, verdicts: t
 def _lacking(horizon: float, step: float, result: Result) -> str:
     """Return why a result does not have all ticks of a run with this horizon and step [s]; empty if it has them."""
     time, ticks = result["time"].values, whole(horizon / step)
-    if ticks is not None and len(time) == ticks + 1:
-        clock = Clock(step, ticks)
-        if all((np.abs(time[block] - clock.times_in(block)) <= ROUNDING).all() for block in blocks(len(time))):
-            return ""
+    if ticks is not None and len(time) == ticks + 1 and has_first_ticks(result):
+        return ""
     window = f", {in_seconds(float(time[0]))} to {in_seconds(float(time[-1]))}" if len(time) else ""
     return (
         f"the result has not all ticks of its run, 0 to {in_seconds(horizon)} in steps of {step:.12g} s, but "

@@ -16,7 +16,14 @@ LIMIT = 30.0
 
 
 def write_study_folder(
-    folder: Path, runs: int, *, message: str = "heavy", title: str = "Many", none: float = np.inf, **more: Any
+    folder: Path,
+    runs: int,
+    *,
+    message: str = "heavy",
+    title: str = "Many",
+    none: float = np.inf,
+    first_seed: int = 1_000_001,
+    **more: Any,
 ) -> None:
     """Write table and summary of a study: run 1 is broken, run 2 has no figure, and heavy ones have failed.
 
@@ -41,7 +48,7 @@ def write_study_folder(
         "draw": Variable(("run",), number, {"kind": "run"}),
         "mass": Variable(("run",), mass, {"kind": "value", "units": "kg"}),
         "law": Variable(("run",), np.where(number % 2, "printed", "stiff").astype(object), {"kind": "value"}),
-        "seed": Variable(("run",), 1_000_000 + number, {"kind": "value"}),
+        "seed": Variable(("run",), first_seed - 1 + number, {"kind": "value"}),
     }
     save(Result(variables, coordinates, {"study": "many", "title": title, "text": "<study/>"}), folder / "runs.nc")
     verdict = {"expectation": "0.95 quantile of settling below 71 s", "robot": "", "figure": 71.9, "bound": 71.0}

@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -118,12 +119,15 @@ def test_parts_of_the_records_are_parts_of_the_result(short_line: Scenario) -> N
 
 @pytest.mark.parametrize("spaced", [False, True])
 def test_a_feed_has_every_tick_or_evenly_spaced_ones_and_the_last(
-    short_line: Scenario, monkeypatch: pytest.MonkeyPatch, spaced: bool
+    short_line: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spaced: bool
 ) -> None:
+    event = '<event at="0.8 s" robots="follower_1"><parameter name="m_c" value="40 kg"/></event>'
     if spaced:
         monkeypatch.setattr(feed_module, "MOST_NUMBERS", 1)
         monkeypatch.setattr(feed_module, "_FEWEST", 10)
-    with Simulation(short_line) as simulation:
+    text = short_line.path.read_text(encoding="utf-8").replace("<expect>", f"{event}<expect>")
+    (tmp_path / "line.xml").write_text(text, encoding="utf-8")
+    with Simulation(cosim.read_scenario(tmp_path / "line.xml").edited(horizon=1.0, expectations=False)) as simulation:
         feed = Feed(simulation.records)
         assert not feed.look()
         for _ in range(28):
@@ -135,6 +139,7 @@ def test_a_feed_has_every_tick_or_evenly_spaced_ones_and_the_last(
     every = head["every"]
     assert every == (6 if spaced else 1)  # of 51 ticks, ten
     assert head["run"]["status"] == "running"
+    assert [event["time"] for event in head["run"]["events"]] == [0.8]
     assert head["run"]["verdicts"] == head["run"]["followers"] == []
     message, rows = feed.since(2)
     assert rows == feed.rows == len(range(0, 28, every))

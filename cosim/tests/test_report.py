@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 import cosim
 from cosim.cli import main
 from cosim.errors import InputError
+from cosim.report import content as content_module
 from cosim.report.columns import Columns, extremes, samples_in_bucket
 from cosim.report.content import content_of
 from cosim.report.page import page, save_report
@@ -157,11 +158,56 @@ def test_the_bands_are_those_of_the_expectations(judged: Result) -> None:
 def test_events_are_on_the_time_line(scenarios: Path) -> None:
     scenario = cosim.read_scenario(scenarios / "heavy_payload.xml")
     (event, *_) = scenario.events
-    result = cosim.run(scenario.edited(horizon=scenario.step, expectations=False))
-    given = Result.of(result.assign_attrs(scenario=scenario.text))
-    told = content_of(given)["events"]
-    assert told[0]["time"] == event.time
-    assert event.parameters[0].name in told[0]["text"]
+    result = Result.of(cosim.run(scenario.edited(["event/@at=0.04 s"], horizon=0.1, expectations=False)))
+    told, *others = content_of(result)["events"]
+    assert len(others) == 2, "of each follower"
+    assert told["time"] == 0.04
+    assert event.parameters[0].name in told["text"]
+    for samples, count in ((slice(0, 2), 0), (slice(0, 3), 3), (slice(4, 6), 3)):
+        part = taken(result, samples, status="incomplete")
+        assert len(content_of(part)["events"]) == count, "one that was not reached has not happened"
+    assert len(content_of(taken(result, slice(0, 2)))["events"]) == 3, "the run came to it, its first samples did not"
+    assert content_of(taken(result, slice(0, 6), recording="drive.mcap"))["events"] == []
+
+
+def taken(result: Result, samples: slice, **attrs: Any) -> Result:
+    """Return a result with some of its samples, as xarray's `isel` leaves it."""
+    return Result.of(result.dataset.isel(time=samples).assign_attrs(attrs))
+
+
+@pytest.mark.parametrize("samples", [slice(20, 41), slice(0, 51, 5)])
+@pytest.mark.parametrize("many", [False, True])
+def test_a_result_without_all_samples_has_their_times(
+    judged: Result, monkeypatch: pytest.MonkeyPatch, samples: slice, many: bool
+) -> None:
+    assert "sample_times" not in content_of(judged)
+    assert "sample_times" not in content_of(taken(judged, slice(0, 20)))
+    if many:
+        monkeypatch.setattr(content_module, "MOST_POSES", 200)
+        monkeypatch.setattr(content_module, "samples_in_bucket", lambda *_: 4)
+    part = taken(judged, samples)
+    content, time = content_of(part), part["time"].values
+    every = content["motion"]["every"]
+    assert (every > 1) == many
+    assert content["sample_times"]["motion"] == [*time[: len(time) - 1 : every], time[-1]]
+    shown = content["sample_times"]["signals"]
+    if not many:
+        assert shown == time.tolist()
+    else:
+        assert len(shown) == 2 * -(-len(time) // 4)
+        assert shown[:4] == pytest.approx(np.interp([1, 3, 5, 7], np.arange(len(time)), time))
+        assert shown[-1] == time[-1]
+
+
+def test_a_recorded_drive_is_no_run_to_repeat(judged: Result) -> None:
+    attrs = {**judged.attrs, "recording": "/data/drive.mcap", "recording_start": 3.5}
+    told = content_of(Result(judged.data_vars, judged.coords, attrs))["provenance"]
+    assert (told["command"], told["recording"]) == ("", "/data/drive.mcap from 3.5 s")
+
+
+def test_a_seed_is_told_with_all_of_its_digits(judged: Result) -> None:
+    attrs = {**judged.attrs, "seed": 2**63 - 1}
+    assert content_of(Result(judged.data_vars, judged.coords, attrs))["provenance"]["seed"] == "9223372036854775807"
 
 
 def test_nothing_in_a_page_can_become_markup(judged: Result) -> None:
@@ -247,6 +293,8 @@ def test_how_far_apart_the_paths_of_two_runs_are() -> None:
     assert apart(first, other) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": 1.0}]
     lost = Paths(time[:3], {"a": np.array([[0.0, 0.0], [0.5, 3.0], [np.nan, 1.0]])})
     assert apart(first, lost) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": None}]
+    later = Paths(time[2:], {"a": straight[2:] + [0.0, 2.0]})
+    assert apart(first, later) == [{"robot": "a", "distance": 2.0, "time": 1.0, "end": 2.0}]
     slower = Paths(time[:3:2], {"a": there[::2]})  # straight between its samples
     assert apart(first, slower) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
     assert apart(slower, first) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]

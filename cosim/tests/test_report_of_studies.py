@@ -76,6 +76,12 @@ def _pairs(table: dict[str, dict[str, Any]]) -> tuple[list[float], list[str]]:
     return table["mass"]["values"][1:], table["status"]["values"][1:]
 
 
+def test_large_whole_numbers_are_told_with_all_of_their_digits(tmp_path: Path) -> None:
+    write_study_folder(tmp_path, 5, first_seed=2**53)
+    seeds = columns(study_of(tmp_path)[0])["seed"]
+    assert (seeds["exact"], seeds["values"]) == (True, [str(2**53 + k) for k in range(5)])
+
+
 def test_a_page_of_10_000_runs_is_small(tmp_path: Path) -> None:
     write_study_folder(tmp_path / "many", 10_000, message="studies/../scenarios/line.xml:69:5: settled by 80 s: 84.8 s")
     assert main(["report", str(tmp_path / "many")]) == 0

@@ -31,13 +31,26 @@ function column(run, reference, count) {
 function prepare(run, numbers) {
   run.numbers = numbers;
   const { every, samples } = run.motion;
-  run.motionTimes = Float64Array.from({ length: samples }, (_, i) => Math.min(i * every, run.samples - 1) * run.step);
+  const known = run.sample_times; // of a result that lacks samples, which cannot be counted
+  run.motionTimes = known ? Float64Array.from(known.motion)
+    : Float64Array.from({ length: samples }, (_, i) => Math.min(i * every, run.samples - 1) * run.step);
   const bucket = run.signals.bucket;
   const count = bucket === 1 ? run.samples : 2 * Math.ceil(run.samples / bucket);
   const time = bucket === 1 ? (i) => i : (i) => Math.min((i / 2 + 0.25) * bucket, run.samples - 1);
-  run.times = run.signals.spaced ? run.motionTimes : Float64Array.from({ length: count }, (_, i) => time(i) * run.step);
+  run.times = run.signals.spaced ? run.motionTimes
+    : known ? Float64Array.from(known.signals) : Float64Array.from({ length: count }, (_, i) => time(i) * run.step);
   run.poses = run.motion.poses.map((entries) => entries.map((reference) => column(run, reference, samples)));
   run.errors = run.motion.errors.map((errors) => errors.map((reference) => column(run, reference, samples)));
+}
+
+/** Return whether a time is before the first sample of a run. */
+function isBefore(run, time) {
+  return time < run.motionTimes[0] - 1e-9;
+}
+
+/** Return whether a run is shown at a time: between its samples, or in the step after the last one, in which it may have failed. */
+function isShown(run, time) {
+  return !isBefore(run, time) && (run.status === "running" || time <= run.end + run.step + 1e-9);
 }
 
 const SHOWN = { 1: ["", 1] }; // display units, to which the page's data adds those of the angles

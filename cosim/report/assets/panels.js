@@ -191,7 +191,8 @@ class Panels {
     panel.now.style.display = left >= 0 && left <= plot.over.clientWidth ? "" : "none";
     panel.shown?.forEach((text, i) => {
       const { run, values, factor } = panel.courses[i];
-      const value = figure(values[indexAt(run.times, this.state.time)] * factor, panel.range);
+      const sample = isBefore(run, this.state.time) ? NaN : values[indexAt(run.times, this.state.time)];
+      const value = figure(sample * factor, panel.range);
       text.data = panel.unit && value !== "–" ? `${value} ${panel.unit}` : value;
     });
   }
@@ -273,7 +274,7 @@ function aligned(courses) {
   const [first] = courses;
   const same = courses.every(({ run }) => {
     const times = run.times;
-    return times.length === first.run.times.length && times[1] === first.run.times[1] && times.at(-1) === first.run.times.at(-1);
+    return times.length === first.run.times.length && times.every((time, i) => time === first.run.times[i]);
   });
   if (same) return [Array.from(first.run.times), ...values];
   return uPlot.join(courses.map((course, i) => [Array.from(course.run.times), values[i]]));

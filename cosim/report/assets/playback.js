@@ -176,6 +176,7 @@ class Playback {
   }
 
   _run(run, number) {
+    if (isBefore(run, this.state.time)) return;
     const time = Math.min(this.state.time, run.end);
     const leader = poseAt(run, 0, time);
     const shown = [];

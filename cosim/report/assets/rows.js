@@ -3,8 +3,9 @@
 const ROWS_AT_A_TIME = 25;
 const LIMIT = /^(.+?)\s*(<=|>=|<|>|=)\s*([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)$/i;
 const HOLDS = {
-  "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b,
-};
+  "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a <= b && a >= b,
+}; // also of a whole number without rounding and a rounded one
+const WHOLE = /^[-+]?[0-9]+$/;
 
 class Rows {
   /**
@@ -84,7 +85,10 @@ class Rows {
   _term(term) {
     const found = LIMIT.exec(term);
     const column = found && this.study.columns.find(({ name, isNumber }) => isNumber && name.toLowerCase() === found[1].trim());
-    if (column) return (row) => HOLDS[found[2]](column.values[row], Number(found[3]));
+    if (column) {
+      const limit = column.exact && WHOLE.test(found[3]) ? BigInt(found[3]) : Number(found[3]);
+      return (row) => HOLDS[found[2]]((column.exact || column.values)[row], limit);
+    }
     return (row) => this._text(row).includes(term);
   }
 
@@ -97,9 +101,10 @@ class Rows {
   _sort() {
     this.head.querySelectorAll("th").forEach((one) => one.removeAttribute("aria-sort"));
     if (!this.sorted) return;
-    const { values, isNumber } = this.sorted;
+    const { isNumber, exact } = this.sorted;
+    const values = exact || this.sorted.values;
     const sign = this.descending ? -1 : 1;
-    const compare = isNumber ? (a, b) => a - b : (a, b) => a.localeCompare(b);
+    const compare = isNumber ? (a, b) => (a < b ? -1 : 1) : (a, b) => a.localeCompare(b);
     const missing = (value) => (isNumber ? Number.isNaN(value) : value === "");
     this.rows.sort((one, other) => {
       const [a, b] = [values[one], values[other]];
@@ -147,6 +152,7 @@ class Rows {
 /** Return what a cell shows. */
 function cell(column, row) {
   const value = column.values[row];
+  if (column.exact) return String(column.exact[row]);
   if (!column.isNumber) return value;
   if (Number.isNaN(value)) return "";
   return Number.isFinite(value) ? (Number.isInteger(value) ? String(value) : figure(value, column.range)) : value > 0 ? "∞" : "-∞";

@@ -15,9 +15,10 @@ function showRuns(runs) {
   const closed = new AbortController();
   const whileOpen = { signal: closed.signal };
   const last = () => Math.max(...runs.map((run) => run.end));
+  const start = Math.min(...runs.map((run) => run.motionTimes[0]));
   let end = last();
   const until = Math.max(end, ...runs.map((run) => (run.status === "running" ? run.horizon : 0)));
-  const state = { time: 0, hidden: new Set(), chosen: "", playing: false, speed: end > 60 ? 4 : 1 };
+  const state = { time: start, hidden: new Set(), chosen: "", playing: false, speed: end - start > 60 ? 4 : 1 };
   const get = (id) => document.getElementById(id);
   const playback = new Playback(get("scene"), runs, state);
   const panels = new Panels(get("panels"), runs, state, (time) => seek(time));
@@ -34,7 +35,7 @@ function showRuns(runs) {
   }
 
   function seek(time) {
-    state.time = Math.max(0, Math.min(end, time));
+    state.time = Math.max(start, Math.min(end, time));
     show();
     if (!state.playing) remember();
   }
@@ -63,9 +64,18 @@ function showRuns(runs) {
     get("play").textContent = on ? "❚❚" : "▶\uFE0E";
     get("play").setAttribute("aria-label", on ? "Pause" : "Play");
     if (!on) return remember();
-    if (state.time >= end) state.time = 0;
+    if (state.time >= end) state.time = start;
     before = performance.now();
     requestAnimationFrame(frame);
+  }
+
+  /** Return the time of the sample ahead (1) or before (-1), which is a step away unless samples are left out. */
+  function beside(by) {
+    const [ahead, now] = [by > 0, state.time];
+    const times = runs.map(({ motionTimes, sample_times: known }) => (!known ? now + by * runs[0].step
+      : ahead ? motionTimes.find((time) => time > now + 1e-9) : motionTimes.findLast((time) => time < now - 1e-9)));
+    const found = times.filter((time) => time !== undefined);
+    return !found.length ? now : ahead ? Math.min(...found) : Math.max(...found);
   }
 
   function faster(by) {
@@ -163,18 +173,18 @@ function showRuns(runs) {
   }
   showProvenance(get("provenance"), runs);
   runs.forEach((run, number) => get("runs").append(headline(run, runs.length > 1 ? number + 1 : 0)));
-  marks(get("marks"), runs, until, (time) => { play(false); seek(time); });
+  marks(get("marks"), runs, [start, until], (time) => { play(false); seek(time); });
 
   // Controls
 
+  get("time").min = start;
   get("time").max = until;
   for (const speed of SPEEDS) get("speed").append(element("option", { value: speed }, `× ${speed}`));
   get("speed").value = state.speed;
-  const step = runs[0].step;
   const actions = {
     play: () => play(!state.playing),
-    back: () => seek(state.time - step),
-    ahead: () => seek(state.time + step),
+    back: () => seek(beside(-1)),
+    ahead: () => seek(beside(1)),
     fit: () => { playback.follow = get("follow").value = ""; playback.fit(); },
     "keys-button": () => {
       get("keys").hidden = !get("keys").hidden;
@@ -194,9 +204,9 @@ function showRuns(runs) {
     const pan = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
     const keys = {
       " ": () => play(!state.playing),
-      ArrowLeft: () => seek(state.time - (event.shiftKey ? step : 1)),
-      ArrowRight: () => seek(state.time + (event.shiftKey ? step : 1)),
-      Home: () => seek(0),
+      ArrowLeft: () => seek(event.shiftKey ? beside(-1) : state.time - 1),
+      ArrowRight: () => seek(event.shiftKey ? beside(1) : state.time + 1),
+      Home: () => seek(start),
       End: () => seek(end),
       "+": () => playback.zoom(1.25),
       "-": () => playback.zoom(0.8),
@@ -297,27 +307,28 @@ function headline(run, number) {
     : !run.verdicts.length ? ["", "reached its end"]
       : fails ? ["bad", `${fails} of ${run.verdicts.length} verdicts ${fails === 1 ? "fails" : "fail"}`] : ["good", "all expectations hold"];
   const changes = run.provenance.changes.length ? `, changed by ${run.provenance.changes.join(" ")}` : "";
+  const drive = run.provenance.recording ? ", a recorded drive" : "";
   const line = element("li", {}, [
-    number ? `${number}: ` : "", element("strong", {}, run.name), changes, ", ", element("span", { class: kind }, word),
-    run.status === "running" || run.status === "part" ? "" : ` after ${figure(run.end)} s`, `, seed ${run.provenance.seed ?? "unknown"}`,
+    number ? `${number}: ` : "", element("strong", {}, run.name), drive, changes, ", ", element("span", { class: kind }, word),
+    run.status === "running" || run.status === "part" ? "" : ` after ${figure(run.end)} s`, drive ? "" : `, seed ${run.provenance.seed ?? "unknown"}`,
   ]);
   if (run.failure) line.append(element("div", { class: "bad" }, run.failure.text));
   return line;
 }
 
-/** Mark on the time line when something happened. */
-function marks(place, runs, end, seek) {
+/** Mark on the time line when something happened, as far as the runs are shown. */
+function marks(place, runs, [start, end], seek) {
   const found = runs.flatMap((run) => [
     ...run.verdicts.filter((verdict) => !verdict.passed && verdict.moment !== null)
       .map((verdict) => [verdict.moment, "bad", `${verdict.robot} ${verdict.expectation}`]),
     ...run.events.map((event) => [event.time, "event", `${event.robot}: ${event.text}`]),
     ...run.messages.map((message) => [message.time, "", `${message.robot}: ${message.text}`]),
     ...(run.failure && run.failure.time !== null ? [[run.failure.time, "bad", run.failure.text]] : []),
-  ]);
+  ].filter(([time]) => isShown(run, time)));
   for (const [time, kind, text] of found.slice(0, MOST_MARKS)) {
     const title = `${inSeconds(time)}, ${text}`;
     const button = element("button", { class: kind, title, "aria-label": title });
-    button.style.left = `${end ? Math.min(100, (100 * time) / end) : 0}%`;
+    button.style.left = `${end > start ? Math.max(0, Math.min(100, (100 * (time - start)) / (end - start))) : 0}%`;
     button.addEventListener("click", () => seek(time));
     place.append(button);
   }

@@ -6,7 +6,8 @@ const MOST_LEFT_OUT = 5;
 async function prepareStudy(study) {
   study.columns = JSON.parse(new TextDecoder().decode(await unpacked(study.table)));
   for (const column of study.columns) {
-    column.isNumber = column.values.every((value) => value === null || typeof value === "number" || /^-?Infinity$/.test(value));
+    if (column.exact) column.exact = column.values.map(BigInt); // whole numbers, of which the others are rounded
+    column.isNumber = column.values.every((value) => value === null || typeof value === "number" || /^-?Infinity$/.test(value)) || Boolean(column.exact);
     if (column.isNumber) column.values = Float64Array.from(column.values, (value) => (value === null ? NaN : Number(value)));
     if (column.isNumber) column.range = spreadOf([column.values]);
   }
@@ -93,7 +94,7 @@ function showStudy(study, runs) {
   const across = [...values, ...figures, study.column("run")];
   const up = [...figures, ...values];
   const columnNamed = (id) => study.columns[Number(get(id).value)];
-  const differing = values.filter((column) => new Set(column.values).size > 1);
+  const differing = values.filter((column) => new Set(column.exact || column.values).size > 1);
   const varied = differing.find((column) => column.isNumber && !column.values.every((value) => Number.isInteger(value)))
     || differing.find((column) => !column.isNumber) || differing[0] || study.column("run");
   for (const [id, columns, first] of [["across", across, varied], ["up", up, figures[0] || values[0]]]) {
@@ -129,7 +130,7 @@ function showStudy(study, runs) {
     get("cases").append(element("h2", {}, "By case"), table(
       headings.map((heading, k) => [heading, number[k] ? "number" : ""]),
       cases.map((row) => element("tr", {}, row.map((text, k) => element("td", { class: number[k] ? "number" : "" },
-        number[k] && Number.isFinite(Number(text)) && text !== "" ? figure(Number(text), ranges[k]) : text)))),
+        number[k] && Number.isFinite(Number(text)) && text !== "" && !WHOLE.test(text) ? figure(Number(text), ranges[k]) : text)))),
     ));
   }
   showStudyOrigin(get("study-origin"), study);

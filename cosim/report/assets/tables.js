@@ -144,9 +144,9 @@ function showNotes(place, runs, seek) {
     ].sort((one, other) => one[0] - other[0]);
     if (!moments.length) continue;
     const rows = moments.map(([time, robot, text]) => {
-      const button = element("button", { class: "outcome" }, inSeconds(time));
-      button.addEventListener("click", () => seek(time));
-      return element("tr", {}, [element("td", {}, button), element("td", {}, robot), element("td", {}, text)]);
+      const when = element(isShown(run, time) ? "button" : "span", { class: "outcome" }, inSeconds(time));
+      if (isShown(run, time)) when.addEventListener("click", () => seek(time));
+      return element("tr", {}, [element("td", {}, when), element("td", {}, robot), element("td", {}, text)]);
     });
     place.append(element("h2", {}, `Events and messages${of}`), table([["time"], ["robot"], ["what happens"]], rows));
     if (run.messages_left_out) place.append(element("p", { class: "dim" }, `${run.messages_left_out} messages between are left out.`));
@@ -159,6 +159,7 @@ function showProvenance(place, runs) {
     const told = run.provenance;
     const rows = [
       ["scenario", told.file || run.name],
+      ["recording", told.recording],
       ["repeat it", told.command && element("code", {}, told.command)],
       ["parts", told.resumed],
       ["seed", told.seed],
@@ -170,7 +171,7 @@ function showProvenance(place, runs) {
     if (runs.length > 1) place.append(element("h3", {}, `${number + 1}: ${run.name}`));
     place.append(element("dl", {}, rows.flatMap(([name, text]) => [
       element("dt", {}, name), element("dd", {}, text instanceof Node ? text : String(text))])));
-    place.append(foldedXml("the scenario as it was run", run.scenario));
+    place.append(foldedXml(told.recording ? "the scenario by which the drive was judged" : "the scenario as it was run", run.scenario));
   });
 }
 
