@@ -293,7 +293,7 @@ def test_how_far_apart_the_paths_of_two_runs_are() -> None:
     assert apart(first, other) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": 1.0}]
     lost = Paths(time[:3], {"a": np.array([[0.0, 0.0], [0.5, 3.0], [np.nan, 1.0]])})
     assert apart(first, lost) == [{"robot": "a", "distance": 3.0, "time": 0.5, "end": None}]
-    later = Paths(time[2:], {"a": straight[2:] + [0.0, 2.0]})
+    later = Paths(time[2:], {"a": straight[2:] + np.array([0.0, 2.0])})
     assert apart(first, later) == [{"robot": "a", "distance": 2.0, "time": 1.0, "end": 2.0}]
     slower = Paths(time[:3:2], {"a": there[::2]})  # straight between its samples
     assert apart(first, slower) == [{"robot": "a", "distance": 1.0, "time": 1.0, "end": 1.0}]
