@@ -126,7 +126,7 @@ class Server:
         """End the server; viewers keep what they have."""
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join(3 * _LONGEST_CLOSE)
+        self._thread.join(5 * _LONGEST_CLOSE)
 
     # The thread ---------------------------------------------------------------------------------------------
 

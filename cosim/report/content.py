@@ -96,7 +96,7 @@ def content_of(result: Result, summary: Summary | None = None, *, share: int = 1
             for kind, own in zip(kinds, bands, strict=True)
             for band in own
         ],
-        "events": events_told(result, horizon if summary.status == PART else summary.end_time),
+        "events": events_told(result, _reached(summary, horizon)),
         "messages": [asdict(message) for message in summary.messages],
         "messages_left_out": summary.messages_left_out,
         "followers": [asdict(figures) for figures in summary.followers],
@@ -268,6 +268,14 @@ def _verdicts(summary: Summary, kinds: Sequence[Kind], bands: Sequence[Sequence[
 
 
 # Where it comes from ----------------------------------------------------------------------------------------
+
+
+def _reached(summary: Summary, horizon: float) -> float:
+    """Return up to when the run came [s], of which the result may have less."""
+    failure = summary.provenance.failure
+    if failure is not None:
+        return max(summary.end_time, failure.time)
+    return horizon if summary.status == PART else summary.end_time
 
 
 def _failure(summary: Summary) -> Json | None:

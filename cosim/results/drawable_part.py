@@ -36,7 +36,7 @@ def drawable(result: Result) -> Result:
 
 def drawable_parts(result: Result) -> dict[str, Part]:
     """Return, for each signal, a function that returns some samples of `drawable`: a long one is never made whole."""
-    ended_early = result.attrs["status"] == "incomplete"
+    ended_early = result.attrs["status"] != "completed"
     return {
         name: _of_path(signal, ended_early) if name in ("pose", "leader_pose") else _of_signal(signal, ended_early)
         for name, signal in result.data_vars.items()

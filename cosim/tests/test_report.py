@@ -166,6 +166,9 @@ def test_events_are_on_the_time_line(scenarios: Path) -> None:
     for samples, count in ((slice(0, 2), 0), (slice(0, 3), 3), (slice(4, 6), 3)):
         part = taken(result, samples, status="incomplete")
         assert len(content_of(part)["events"]) == count, "one that was not reached has not happened"
+    failure = json.dumps({"robot": "follower_1", "time": 0.06, "variable": "", "message": "it stopped"})
+    failed = taken(result, slice(0, 2), status="incomplete", failure=failure)
+    assert len(content_of(failed)["events"]) == 3, "the run came to it, its first samples did not"
     assert len(content_of(taken(result, slice(0, 2)))["events"]) == 3, "the run came to it, its first samples did not"
     assert content_of(taken(result, slice(0, 6), recording="drive.mcap"))["events"] == []
 

@@ -24,7 +24,7 @@ function showDifferences(place, runs, lead, seek) {
   for (const sentence of notCompared(runs)) place.append(element("p", { class: "dim" }, sentence));
   place.append(element("h3", {}, "Largest distance between the paths"));
   const apart = runs.slice(1).flatMap((run, k) => pathsApart(runs[0], run).map((one) => ({ ...one, number: k + 2 })));
-  if (!apart.length) place.append(element("p", { class: "dim" }, "The runs have no robot in common."));
+  if (!apart.length) place.append(element("p", { class: "dim" }, "The runs have no robot in common whose path is known at the same times."));
   else {
     const rows = apart.map(({ robot, number, distance, time, end }) => {
       const button = element("button", { class: "outcome", title: `show ${robot} at ${inSeconds(time)}` }, inSeconds(time));
@@ -32,7 +32,7 @@ function showDifferences(place, runs, lead, seek) {
       return element("tr", {}, [
         element("td", {}, robot), ...(runs.length > 2 ? [element("td", {}, `${number} against 1`)] : []),
         element("td", { class: "number" }, inUnit(distance, "m")), element("td", { class: "number" }, button),
-        element("td", { class: "number" }, inUnit(end, "m"))]);
+        element("td", { class: "number" }, end === null ? "unknown" : inUnit(end, "m"))]);
     });
     place.append(table([["robot"], ...(runs.length > 2 ? [["runs"]] : []), ["largest distance", "number"], ["at", "number"], ["at the end", "number"]], rows));
   }

@@ -274,7 +274,8 @@ function aligned(courses) {
   const [first] = courses;
   const same = courses.every(({ run }) => {
     const times = run.times;
-    return times.length === first.run.times.length && times.every((time, i) => time === first.run.times[i]);
+    return times === first.run.times
+      || (times.length === first.run.times.length && times.every((time, i) => time === first.run.times[i]));
   });
   if (same) return [Array.from(first.run.times), ...values];
   return uPlot.join(courses.map((course, i) => [Array.from(course.run.times), values[i]]));

@@ -72,9 +72,15 @@ function showRuns(runs) {
   /** Return the time of the sample ahead (1) or before (-1), which is a step away unless samples are left out. */
   function beside(by) {
     const [ahead, now] = [by > 0, state.time];
-    const times = runs.map(({ motionTimes, sample_times: known }) => (!known ? now + by * runs[0].step
-      : ahead ? motionTimes.find((time) => time > now + 1e-9) : motionTimes.findLast((time) => time < now - 1e-9)));
-    const found = times.filter((time) => time !== undefined);
+    const nextOf = (run) => {
+      if (run.sample_times) {
+        const times = run.motionTimes;
+        return ahead ? times.find((time) => time > now + 1e-9) : times.findLast((time) => time < now - 1e-9);
+      }
+      const time = now + by * run.step;
+      return time <= run.end + 1e-9 ? time : ahead ? undefined : run.end;
+    };
+    const found = runs.map(nextOf).filter((time) => time !== undefined);
     return !found.length ? now : ahead ? Math.min(...found) : Math.max(...found);
   }
 
