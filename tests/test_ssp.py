@@ -150,6 +150,51 @@ def test_a_binding_becomes_a_linear_transformation(tmp_path: Path) -> None:
     assert cosim.run(read_scenario(written(back)).edited(horizon=0.1)).pose.shape[0] == 6
 
 
+def test_units_that_would_be_converted_wrongly_are_not_stated_and_other_solvers_are_told(tmp_path: Path) -> None:
+    """FMUs that say mm and count metres, two with other units of one name, and Model Exchange of a built-in plant."""
+    metres = "".join(f'<role name="{name}" variable="{name}" factor="1000"/>' for name in ("x", "y", "a"))
+    text = (ROOT / "scenarios" / "clmr_line.xml").read_text(encoding="utf-8")
+    first = '<plant id="clmr" model="car_like"'
+    text = text.replace(first, f'{first} interface="model_exchange" solver="runge_kutta_4" solver_step="20 ms"')
+    for number, factor in ((1, 1), (2, 1000)):
+        with (
+            zipfile.ZipFile(plants.build("car_like")) as built,
+            zipfile.ZipFile(tmp_path / f"{number}.fmu", "w") as fmu,
+        ):
+            for entry in built.namelist():
+                data = built.read(entry)
+                if entry == "modelDescription.xml":
+                    data = data.replace(b'="kg"', b'="lump"').replace(
+                        b'<BaseUnit kg="1"/>', b'<BaseUnit kg="1" factor="%d"/>' % factor
+                    )
+                    data = data.replace(b'="m"', b'="mm"').replace(
+                        b'<BaseUnit m="1"/>', b'<BaseUnit m="1" factor="1e-3"/>'
+                    )
+                fmu.writestr(entry, data)
+        follower = f'<follower id="follower_{number}" plant='
+        text = text.replace(f'{follower}"clmr"', f'{follower}"p{number}"').replace(
+            "  <plant ",
+            f'<plant id="p{number}" fmu="{number}.fmu"><binding vehicle="car_like">{metres}</binding>'
+            '<parameter name="m_c" value="30 kg"/></plant>  <plant ',
+            1,
+        )
+    (tmp_path / "units.xml").write_text(text, encoding="utf-8")
+    scenario = read_scenario(tmp_path / "units.xml").edited(horizon=0.1, expectations=False)
+    told = Exported(scenario, tmp_path)
+    assert any(
+        note.startswith("car_like is integrated by the solver of its Co-Simulation there") for note in told.notes
+    )
+    connections = {
+        (c.get("startElement"), c.get("endConnector")): (c.get("suppressUnitConversion"), len(c))
+        for c in _description(told.path).iterfind(".//{*}Connection")
+    }
+    assert connections["follower_1", "follower_1.x"] == ("true", 0)
+    assert connections["follower_3", "follower_3.x"] == (None, 0)
+    with zipfile.ZipFile(told.path) as archive:
+        sets = [etree.fromstring(archive.read(f"resources/follower_{number}.ssv")) for number in (1, 2)]
+    assert [of.find(".//{*}Parameter[@name='m_c']/{*}Real").get("unit") for of in sets] == ["lump", None]
+
+
 # The file ---------------------------------------------------------------------------------------------------
 
 

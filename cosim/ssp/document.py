@@ -102,8 +102,9 @@ def description(structure: Structure) -> bytes:
     for component in structure.components:
         _component(elements, component, structure.version)
     connections = _add(system, "ssd:Connections")
+    unit_of = {(of.name, connector.name): connector.unit for of in structure.components for connector in of.connectors}
     for connection in structure.connections:
-        _connection(connections, connection)
+        _connection(connections, connection, unit_of[connection.start] == unit_of[connection.end])
     if structure.units:
         _units(_add(root, "ssd:Units"), structure.used_units(), structure)
     experiment = _add(root, "ssd:DefaultExperiment", startTime="0", stopTime=repr(structure.stop))
@@ -154,13 +155,15 @@ def _connector(connectors: etree._Element, connector: Connector) -> None:
     _add(element, f"ssc:{connector.type}", **({"unit": connector.unit} if connector.unit else {}))
 
 
-def _connection(connections: etree._Element, connection: Connection) -> None:
+def _connection(connections: etree._Element, connection: Connection, same_unit: bool) -> None:
     (start, output), (end, into) = connection.start, connection.end
     element = _add(
         connections, "ssd:Connection", startElement=start, startConnector=output, endElement=end, endConnector=into
     )
-    if (connection.factor, connection.offset) != (1.0, 0.0):
-        element.set("suppressUnitConversion", "true")  # the factor holds the conversion
+    changes = (connection.factor, connection.offset) != (1.0, 0.0)
+    if changes or not same_unit:
+        element.set("suppressUnitConversion", "true")  # the factor holds the conversion, also where it is 1
+    if changes:
         factor, offset = repr(connection.factor), repr(connection.offset)
         _add(element, "ssc:LinearTransformation", factor=factor, offset=offset)
 

@@ -126,8 +126,7 @@ def system_of(scenario: Scenario, cleanup: ExitStack, *, late: bool = True, vers
     courses = list(_given_courses(placed, scenario))
     for plant in placed:
         component = plant.component(dict.fromkeys(_connected(plant, courses, teams)))
-        _define(parts, plant.robot, component)
-        parts.components.append(component)
+        parts.components.append(_with_units(parts, plant.robot, component))
     outputs = {plant.robot.name: plant.states for plant in placed}
     if setup.motion is not None:
         outputs[LEADER] = _leading(scenario, setup, parts)
@@ -209,6 +208,7 @@ def _plant(scenario: Scenario, robot: RobotSetup, parts: _Parts) -> PlantCompone
         plant = PlantComponent(robot, f"{RESOURCES}/{parts.plants[source.id]}.fmu", {}, scenario.horizon)
         fmu = content_of(source.fmu)
         _note_limits(plant, parts)
+    _note_interface(plant, parts)
     parts.content[plant.source] = fmu
     return plant
 
@@ -233,21 +233,43 @@ def _note_limits(plant: PlantComponent, parts: _Parts) -> None:
             f"libcosim sets no enumeration and no start value of an output, so that {name} keeps its own for "
             f"{', '.join(dict.fromkeys(unset))}; other masters take them from the parameter set"
         )
+
+
+def _note_interface(plant: PlantComponent, parts: _Parts) -> None:
+    """Tell in what other masters run an FMU otherwise than the scenario."""
+    robot, source = plant.robot, plant.robot.source
+    name = source.model or robot.fmu.path.name
     if robot.fmu.interface != CO_SIMULATION:
-        parts.note(f"{name} is integrated by its own solver there, as the scenario uses its Model Exchange")
-    if robot.source.late_outputs:
+        parts.note(
+            f"{name} is integrated by the solver of its Co-Simulation there, as an SSP for co-simulation states no "
+            "Model Exchange: the trajectories differ from those of the scenario"
+        )
+    elif source.tolerance is not None:
+        parts.note(
+            f"the tolerance of the plant {source.id!r} is not in an SSP: other masters give {name} one of theirs"
+        )
+    if source.late_outputs:
         parts.note(f'other masters read the outputs of {name} before its first step, which start="first_step" ignores')
 
 
-def _define(parts: _Parts, robot: RobotSetup, component: Component) -> None:
-    """Define the units that a component uses."""
+def _with_units(parts: _Parts, robot: RobotSetup, component: Component) -> Component:
+    """Define the units that a component uses; return it without those that another FMU defines otherwise."""
     description = robot.fmu.description
     by_name = {variable.name: variable for variable in description.modelVariables}
-    used = [*((c.name, c.unit) for c in component.connectors), *((p.name, p.unit) for p in component.parameters)]
-    for name, called in used:
-        if called and called not in parts.units:
-            unit = unit_of(description, by_name[name])
-            parts.units[called] = (unit.exponents, unit.factor)
+
+    def stated(one: Connector | Parameter) -> str:
+        if not one.unit:
+            return ""
+        unit = unit_of(description, by_name[one.name])
+        defined = unit.exponents, unit.factor
+        return one.unit if parts.units.setdefault(one.unit, defined) == defined else ""
+
+    connectors = tuple(replace(one, unit=stated(one)) for one in component.connectors)
+    return replace(
+        component,
+        connectors=connectors,
+        parameters=tuple(replace(one, unit=stated(one)) for one in component.parameters),
+    )
 
 
 # Teams ------------------------------------------------------------------------------------------------------
