@@ -144,7 +144,40 @@ def test_torques_from_a_table(tmp_path: Path) -> None:
     np.testing.assert_allclose(comparison.torque[:, 0], np.minimum(comparison.time[:-1], 1.0) * 20)
     assert not comparison.torque[:, 1].any()
     assert not comparison.states[0][:, 3].any()
-    assert comparison.torque_from == f"the table {table}"
+    assert comparison.torque_from == f"the table {table} (without tau_steer, which is 0)"
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("0,5,3\n2,6,3\n", ""),
+        ("-1,5,3\n1.98,6,3\n", ""),
+        ("0,5,3\n0.5,6,3\n", " (its last row, at 0.5 s, holds until the end)"),
+    ],
+)
+def test_a_table_that_ends_early_is_told(tmp_path: Path, rows: str, told: str) -> None:
+    table = tmp_path / "torques.csv"
+    rows = "".join(f"{row},7\n" for row in rows.splitlines())  # one more column, as a recorded run has
+    table.write_text("time [s],tau_drive [N.m],tau_steer [N.m],x [m]\n" + rows)
+    comparison = compare_plants("car_like", "car_like", torque=table, duration=2.0)
+    assert comparison.to_dict()["torque"]["from"] == f"the table {table}{told}"
+
+
+@pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        (
+            "time [s],tau_drive [N.m],tau_stear [N.m]\n0,5,3\n",
+            ".csv:1: error: the column 'tau_stear' is no command of a car_like vehicle: did you mean 'tau_steer'? ",
+        ),
+        ("time [s],tau_drive [N.m]\n100,5\n101,6\n", "begins at 100 s, after the drive begins, at 0 s"),
+        ("time [s],tau_drive [N.m]\n-2,5\n-1,6\n", "ends at -1 s, before the drive begins, at 0 s"),
+    ],
+)
+def test_a_table_that_does_not_drive_them_is_refused(compare, tmp_path: Path, table: str, sentence: str) -> None:
+    (tmp_path / "torques.csv").write_text(table)
+    _, warned = compare("car_like", "car_like", "--torque", tmp_path / "torques.csv", status=2)
+    assert sentence in warned
 
 
 def test_velocities_that_are_not_offered_are_not_compared(tmp_path: Path) -> None:
@@ -160,7 +193,7 @@ def test_a_tolerance_of_what_a_plant_does_not_offer_is_refused(compare, tmp_path
     _, warned = compare("car_like", silent, "--within", within, status=2)
     assert f"within {within}: plant B (silent.fmu) offers no v, so it would hold whatever they do" in warned
     compare("car_like", silent, "--within", "0", status=1)
-    compare("car_like", silent, "--within", "1 km", "--within", "1 mm/s", status=0)
+    compare(silent, silent, "--within", "1 cm", "--within", "1 mm/s", status=0)
 
 
 def test_what_an_fmu_logs_is_kept(tmp_path: Path) -> None:
@@ -286,11 +319,53 @@ def test_within(compare) -> None:
     wider = ("car_like", "car_like", "--parameter-b", "a=1.3 m")
     assert "never" in compare("car_like", "car_like", "--within", "1e-12 m")[0]
     compare("car_like", "car_like", "--within", "0")
-    compare(*wider, "--within", "10 m")
-    compare(*wider, "--within", "10 m", "--within", "0.1 deg/s", status=1)
-    compare(*wider, "--within", "psi=0.001 deg", "--within", "10 m", status=1)
+    compare(*wider, "--within", "0.5 m")
+    compare(*wider, "--within", "0.5 m", "--within", "0.1 deg/s", status=1)
+    compare(*wider, "--within", "psi=0.001 deg", "--within", "0.5 m", status=1)
     printed, _ = compare(*wider, "--within", "0", status=1)
     assert "results in" in printed
+
+
+NEITHER = "warning: neither plant moves by more than the tolerance in {}: this shows nothing, so they are not within it"
+
+
+def test_plants_that_do_not_move_prove_nothing(compare, tmp_path: Path) -> None:
+    still = make_fmu(tmp_path, behaviour="nothing")
+    printed, _ = compare(still, still, "--within", "1 mm", "--within", "0.1 deg", status=1)
+    assert NEITHER.format("x, y, psi, gamma") in printed
+    assert "warning: the torques move A at 0 m/s at most and turn it by 0 deg, far less than the 1 m/s" in printed
+    report = json.loads((tmp_path / "out" / "compare.json").read_text())
+    assert not report["within"]
+    assert len(report["warnings"]) == 2
+
+
+def test_plants_too_heavy_to_move_prove_nothing(compare) -> None:
+    heavy = ("car_like", "car_like", "--parameter", "m_c=1e15 kg", "--parameter-b", "a=2 m")
+    printed, _ = compare(*heavy, "--within", "1 mm", status=1)
+    assert NEITHER.format("x, y") in printed
+    assert "warning: the torques move A at " in printed
+    compare(*heavy, status=0)
+
+
+def test_a_role_in_which_a_does_not_move_is_told(compare, tmp_path: Path) -> None:
+    """Straight on, a heading is within any tolerance; x still counts."""
+    table = tmp_path / "torques.csv"
+    table.write_text("time [s],tau_drive [N.m]\n0,20\n2,20\n")
+    straight = ("car_like", "car_like", "--torque", table, "--pose", "gamma=0 deg", "--pose", "psi=0 deg")
+    printed, _ = compare(*straight, "--within", "1 mm", "--within", "0.1 deg")
+    told = (
+        "warning: A moves by no more than the tolerance in y, psi, gamma: a plant that stands still is within it, too"
+    )
+    assert told in printed
+    assert "warning" not in compare(*straight, "--within", "x=1 mm")[0]
+    printed, _ = compare(*straight, "--within", "psi=0.1 deg", status=1)
+    assert NEITHER.format("psi") in printed
+
+
+@pytest.mark.parametrize("duration", [0.2, 20.0])
+@pytest.mark.parametrize("model", ["car_like", "tractor_trailer", "differential_drive"])
+def test_plants_that_move_well_cause_no_warning(model: str, duration: float) -> None:
+    assert compare_plants(model, model, duration=duration).warnings == ()
 
 
 @pytest.mark.parametrize("behaviour", ["segfault", "exit", "error", "nan"])

@@ -27,7 +27,7 @@ BEYOND = 1
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Drive two plants, print and draw how far apart they are; return 1 if that is beyond ``--within``."""
+    """Drive two plants, print and draw how far apart they are; return 1 if they are not `within` a ``--within``."""
     a, b = (_plant(options, side) for side in "ab")
     folder = options.out or Path("runs") / f"{Path(a.fmu).stem}_and_{Path(b.fmu).stem}"
     duration, step = _quantity("--duration", options.duration, "s"), _quantity("--step", options.step, "s")
@@ -126,6 +126,8 @@ def _print(console: Console, comparison: PlantComparison) -> None:
             f"so a controller sees its motion {comparison.step:.12g} s later",
             soft_wrap=True,
         )
+    for warning in comparison.warnings:
+        console.print(f"[yellow]warning:[/] {safe(warning)}", soft_wrap=True)
     for message in comparison.messages:
         console.print(f"[yellow]note:[/] {safe(message)}", soft_wrap=True)
     if comparison.failures:

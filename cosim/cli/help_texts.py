@@ -33,7 +33,12 @@ _OF = {
     "judge": {0: "all expectations hold", 1: "an expectation failed, or could not be judged", 2: None},
     "check": {0: "the scenario can be run", 2: None},
     "inspect": {0: None, 1: "a self-test fails", 2: "bad input, such as an FMU without a reference experiment"},
-    "compare-plants": {0: None, 1: "the plants differ by more than --within allows", 2: None, 3: "a plant failed"},
+    "compare-plants": {
+        0: None,
+        1: "the plants differ by more than --within allows, or neither moves by more than that",
+        2: None,
+        3: "a plant failed",
+    },
 }
 """Exit statuses of each command; None stands for the words of `_STATUS`."""
 _OF_ALL = (70, 71)

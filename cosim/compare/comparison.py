@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import plants
-from cosim.compare.excitation import excitation, given
+from cosim.compare.excitation import excitation, given, missed
 from cosim.compare.lateness import one_step_late
 from cosim.errors import InputError, Location, SimulationError, nearest
 from cosim.fmu.parameters import ParameterValue, geometry, understand
@@ -84,6 +84,8 @@ class RoleDifference:
         Largest difference allowed; infinity if any is.
     first_beyond : float or None
         When it is first more than that [s]; None if never.
+    moves : bool
+        Whether a plant moves by more than the tolerance: if not, a small difference proves nothing.
     """
 
     role: Role
@@ -93,6 +95,7 @@ class RoleDifference:
     span: float
     tolerance: float
     first_beyond: float | None
+    moves: bool
 
 
 class PlantFacts(TypedDict):
@@ -138,6 +141,8 @@ class PlantComparison:
         Why a plant did not reach the end.
     messages : tuple of str
         The FMUs' messages.
+    warnings : tuple of str
+        Why small differences prove little, in words.
     """
 
     kind: Kind
@@ -151,6 +156,7 @@ class PlantComparison:
     roles: tuple[RoleDifference, ...]
     failures: tuple[SimulationError, ...]
     messages: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -160,8 +166,9 @@ class PlantComparison:
 
     @property
     def within(self) -> bool:
-        """Whether both reached the end and no difference is beyond its tolerance."""
-        return not self.failures and all(role.first_beyond is None for role in self.roles)
+        """Whether both reached the end, no difference is beyond its tolerance, and a plant moves beyond one."""
+        reached_and_close = not self.failures and all(role.first_beyond is None for role in self.roles)
+        return reached_and_close and any(role.moves for role in self.roles)
 
     @property
     def late(self) -> str:
@@ -215,6 +222,7 @@ class PlantComparison:
             "one_step_late": self.late or None,
             "failures": [str(failure) for failure in self.failures],
             "messages": list(self.messages),
+            "warnings": list(self.warnings),
         }
 
 
@@ -286,6 +294,9 @@ def compare_plants(
         for column, role in enumerate(kind.states):
             if role.unit == "rad":
                 difference[:, column] = np.remainder(difference[:, column] + math.pi, 2 * math.pi) - math.pi
+        states = (results[0].states, results[1].states)
+        roles = _differences(kind, difference, states, step, tolerances)
+        failures = tuple(result.failure for result in results if result.failure is not None)
         return PlantComparison(
             kind=kind,
             plants=(runs[0].about, runs[1].about),
@@ -293,11 +304,12 @@ def compare_plants(
             step=step,
             torque_from=said,
             torque=torques,
-            states=(results[0].states, results[1].states),
+            states=states,
             difference=difference,
-            roles=_differences(kind, difference, results[0].states, step, tolerances),
-            failures=tuple(result.failure for result in results if result.failure is not None),
+            roles=roles,
+            failures=failures,
             messages=tuple(message for result in results for message in result.messages),
+            warnings=() if failures else _warnings(roles, missed(kind, states[0], step) if torque is None else ""),
         )
 
 
@@ -470,7 +482,7 @@ def _fitting(text: str, value: str, roles: Sequence[Role]) -> dict[str, float]:
 def _differences(
     kind: Kind,
     difference: NDArray[np.float64],
-    first: NDArray[np.float64],
+    states: tuple[NDArray[np.float64], NDArray[np.float64]],
     step: float,
     tolerances: Mapping[str, float],
 ) -> tuple[RoleDifference, ...]:
@@ -480,6 +492,7 @@ def _differences(
         if not reached.any():
             continue
         course, tolerance = np.abs(difference[reached, column]), tolerances[role.name]
+        spans = [float(np.ptp(each[reached, column])) for each in states]
         beyond = np.flatnonzero(course > tolerance)
         found.append(
             RoleDifference(
@@ -487,9 +500,23 @@ def _differences(
                 largest=float(course.max()),
                 at=round(step * int(course.argmax()), 9),
                 rms=float(np.sqrt(np.mean(course**2))),
-                span=float(np.ptp(first[reached, column])),
+                span=spans[0],
                 tolerance=tolerance,
                 first_beyond=round(step * int(beyond[0]), 9) if len(beyond) else None,
+                moves=max(spans) > tolerance,
             )
         )
     return tuple(found)
+
+
+def _warnings(roles: Sequence[RoleDifference], missed: str) -> tuple[str, ...]:
+    """Return why small differences prove little."""
+    limited = [found for found in roles if math.isfinite(found.tolerance)]
+    if any(found.moves for found in limited):
+        idle = [found for found in limited if found.span <= found.tolerance and found.first_beyond is None]
+        said = "A moves by no more than the tolerance in {}: a plant that stands still is within it, too"
+    else:
+        idle = limited
+        said = "neither plant moves by more than the tolerance in {}: this shows nothing, so they are not within it"
+    told = [said.format(", ".join(found.role.name for found in idle))] if idle else []
+    return (missed, *told) if missed else tuple(told)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import InputError, Location
+from cosim.errors import InputError, Location, nearest
 from cosim.scenario.csv_table import read_table
-from cosim.vehicle.kind import Kind
+from cosim.vehicle.kind import Excitation, Kind
 from plants import arrays
 
 
@@ -20,10 +20,13 @@ def given(
 ) -> tuple[NDArray[np.float64], str]:
     """Return commands (ticks, commands) in their roles' units from a table or an array, and where they come from.
 
+    A command without a column is zero, and the last row of a table holds until the end; the text says both.
+
     Raises
     ------
     InputError
-        They have another shape, are not finite, or the table has no column for them.
+        They have another shape or are not finite; the table has no column for them, lacks one and has a column that is
+        no command, does not begin by 0 s, or ends before.
     """
     if not isinstance(torque, (str, Path)):
         values = np.array(torque, dtype=np.float64)
@@ -36,12 +39,27 @@ def given(
     names = [role.name for role in kind.command]
     if not any(name in table.columns for name in names):
         raise InputError(f"the table {torque} has none of the columns {' and '.join(names)}", where)
+    is_whole = all(name in table.columns for name in names)
+    for name in () if is_whole else table.columns:  # of a command that is missing, perhaps the name with an error
+        if name not in ("time", *names):
+            raise InputError(
+                f"the column {name!r} is no command of a {kind.name} vehicle: {nearest(name, names)} (the table is "
+                f"named in {where})",
+                Location(str(torque), 1),
+            )
+    first, last = float(table.time[0]), float(table.time[-1])
+    if not first <= 0.0 <= last:
+        gap = f"begins at {first:.12g} s, after" if first > 0 else f"ends at {last:.12g} s, before"
+        raise InputError(f"the table {torque} {gap} the drive begins, at 0 s: give it rows from 0 s on", where)
     times = step * np.arange(ticks, dtype=np.float64)
     values = np.zeros((ticks, len(names)))
     for column, role in enumerate(kind.command):
         if role.name in table.columns:
             values[:, column] = np.interp(times, table.time, table.column(role.name, role.unit, where))
-    return values, f"the table {torque}"
+    told = [f"without {name}, which is 0" for name in names if name not in table.columns]
+    if last < times[-1] - 1e-6 * step:
+        told.append(f"its last row, at {last:.12g} s, holds until the end")
+    return values, f"the table {torque}" + (f" ({'; '.join(told)})" if told else "")
 
 
 _FREQUENCIES = ((0.10, 0.23, 0.61), (0.13, 0.37, 0.89))
@@ -50,6 +68,8 @@ _PERIODS = (7.0, 5.0)
 """Of the steps in drive and steering [s]."""
 _SPEED, _BEND = 1.0, math.radians(25)
 """Aims of the commands: the largest speed [m/s], and the largest change of the turned angle [rad]."""
+_FAR = 0.1
+"""Part of an aim below which it is missed by far."""
 _ATTEMPTS = 6
 
 Run = Callable[[NDArray[np.float64]], NDArray[np.float64] | None]
@@ -80,8 +100,7 @@ def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tupl
         if states is None:
             scale = scale / 4
             continue
-        speed = np.abs(np.diff(states[:, :2], axis=0)).max() / step
-        bent = np.abs(own.turned(states) - own.turned(states)[0]).max()
+        speed, bent = _motion(own, states, step)
         wanted = np.array([_change(_SPEED, speed), _change(_BEND, bent)])
         if (np.abs(arrays.log(wanted)) < arrays.log(1.5)).all():
             break
@@ -89,6 +108,26 @@ def excitation(kind: Kind, run: Run, step: float, ticks: int, seed: int) -> tupl
     units = (kind.command[0].unit, kind.command[-1].unit)
     said = " and ".join(f"{value:.2g} {unit}" for value, unit in zip(scale, units, strict=True))
     return own.commands(shape * scale), f"steps and sines of {said} (seed {seed})"
+
+
+def missed(kind: Kind, states: NDArray[np.float64], step: float) -> str:
+    """Return a sentence if steps and sines moved a plant with these states far less than they should; else nothing."""
+    if kind.excitation is None:
+        return ""
+    speed, bent = _motion(kind.excitation, states, step)
+    if speed > _FAR * _SPEED and bent > _FAR * _BEND:
+        return ""
+    return (
+        f"the {kind.command_word}s move A at {speed:.2g} m/s at most and turn it by {math.degrees(bent):.2g} deg, far "
+        f"less than the {_SPEED:g} m/s and {math.degrees(_BEND):.3g} deg that a comparison should have: give others "
+        "with --torque TABLE.csv"
+    )
+
+
+def _motion(own: Excitation, states: NDArray[np.float64], step: float) -> tuple[float, float]:
+    """Return the largest speed [m/s], and the largest change of the turned angle [rad]."""
+    turned = own.turned(states)
+    return float(np.abs(np.diff(states[:, :2], axis=0)).max() / step), float(np.abs(turned - turned[0]).max())
 
 
 def _shape(times: NDArray[np.float64], seed: int) -> NDArray[np.float64]:

@@ -110,7 +110,8 @@ def _draw_commands(figure: Figure, place: SubplotSpec, comparison: PlantComparis
         axes.set_ylabel(f"{role.name} [{role.unit}]")
         axes.grid(alpha=0.3)
         if row == 0:
-            axes.set_title(f"{comparison.kind.command_word}s: {printable(comparison.torque_from)}", parse_math=False)
+            title = f"{comparison.kind.command_word}s: {printable(comparison.torque_from)}"
+            axes.set_title(title, parse_math=False, wrap=True)
         axes.tick_params(labelbottom=row == last)
     axes.set_xlabel("time [s]")
 
