@@ -362,12 +362,75 @@ def test_a_value_changed_to_another_unit_is_converted(line: Exported, tmp_path: 
     assert scenario.followers[0].pose.values["x"] == -7.5
 
 
+def _adding(name: str, value: str) -> str:
+    return f'<ssv:Parameter name="{name}"><ssv:Real {value}/></ssv:Parameter></ssv:Parameters>'
+
+
+def test_an_added_value_is_converted_to_the_unit_of_the_fmu(line: Exported, tmp_path: Path) -> None:
+    added = _adding("tau_d_y", 'value="2" unit="kN"')
+    path = _with(line, tmp_path / "a.ssp", "resources/follower_1.ssv", "</ssv:Parameters>", added)
+    imported = import_ssp(path, tmp_path / "a.xml")
+    with ExitStack() as cleanup:
+        robot = set_up(read_scenario(written(imported)), cleanup, {}).followers[0]
+    assert imported.notes == ()
+    assert robot.samples[0].tolist() == [2000.0]
+
+
+@pytest.mark.parametrize(("name", "has"), [("tau_d_y", "'N'"), ("m_c", "'kg'"), ("x", "'m'")])
+def test_an_added_value_of_another_quantity_is_refused(line: Exported, tmp_path: Path, name: str, has: str) -> None:
+    added = _adding(name, 'value="2" unit="rad"')
+    path = _with(line, tmp_path / "a.ssp", "resources/follower_1.ssv", "</ssv:Parameters>", added)
+    with pytest.raises(InputError, match=rf"'{name}' is in 'rad', and the FMU has it in {has}, which is another"):
+        import_ssp(path, tmp_path / "a.xml")
+
+
+UNITLESS = """<binding vehicle="car_like"><role name="x" variable="x" unit="m"/></binding>"""
+
+
+def test_a_value_of_a_binding_or_of_a_connected_input(tmp_path: Path) -> None:
+    """A binding states the unit that the FMU does not, the SSP what its units are; connected inputs keep their own."""
+    _rewritten(plants.build("car_like"), tmp_path / "car.fmu", rb'(<ScalarVariable name="x"[^>]*>\s*<Real) unit="m"')
+    text = SAME_NAMES.replace('fmu="car.fmu"/>', f'fmu="car.fmu">{UNITLESS}</plant>')
+    (tmp_path / "same_names.xml").write_text(text)
+    export_ssp(read_scenario(tmp_path / "same_names.xml"), tmp_path / "own.ssp")
+    torque, mass = _adding("tau_drive", 'value="3" unit="kN.m"'), _adding("m_c", 'value="50" unit="g"')
+    grams = '<ssv:Units><ssc:Unit name="g"><ssc:BaseUnit kg="1"/></ssc:Unit>'
+
+    def change(name: str, data: bytes) -> bytes:
+        if name != "resources/leader.ssv":
+            return data
+        text, count = re.subn(r'(name="x">\s*<ssv:Real value=")2.5"', r'\g<1>-500" unit="cm"', data.decode())
+        assert count == 1
+        text = text.replace("</ssv:Parameters>", torque).replace("</ssv:Parameters>", mass)
+        return text.replace("<ssv:Units>", grams).encode()
+
+    imported = import_ssp(_changed(tmp_path / "own.ssp", tmp_path / "changed.ssp", change), tmp_path / "changed.xml")
+    with ExitStack() as cleanup:
+        leader = set_up(read_scenario(written(imported)), cleanup, {}).leader
+    assert imported.notes == ("leader.tau_drive was changed, which the scenario cannot state: it keeps its own value",)
+    assert leader.pose[0] == -5.0
+    assert [(one.variable.name, one.value) for one in leader.parameters] == [("m_c", 50.0)]
+    assert leader.torque[[0, -1], 0].tolist() == [0.0, 8.0]
+
+
+def _rewritten(fmu: Path, into: Path, pattern: bytes) -> None:
+    """Write an FMU in whose description a pattern has become its first group."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(into, "w") as new:
+        for name in old.namelist():
+            data, count = (
+                re.subn(pattern, rb"\1", old.read(name)) if name == "modelDescription.xml" else (old.read(name), 1)
+            )
+            assert count == 1
+            new.writestr(name, data)
+
+
 @pytest.mark.parametrize(
     ("file", "pattern", "by", "why"),
     [
         ("follower_1.ssv", _POSE, r'\1<ssv:String value="here"/>', "'x' is 'here', where a number is needed"),
         ("follower_1.ssv", _POSE, r'\1<ssv:Real value="1.0" unit="kg"/>', "in 'm', which is another quantity"),
         ("pid.ssv", _GAIN, r'\1<ssv:Boolean value="true"/>', "'follower_2.k_d' is 'true', where a number is needed"),
+        ("pid.ssv", _GAIN, r'\1<ssv:Real value="1.0" unit="km"/>', "'follower_2.k_d' is in 'km'.*another quantity"),
         ("scenario.xml", "</title>", "\xe9</title>", r"scenario\.xml: is no text in UTF-8"),
         ("scenario.xml", 'model="car_like"', f'fmu="{"a" * 3000}"', ""),
     ],

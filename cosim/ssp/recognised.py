@@ -13,19 +13,16 @@ from xml.sax.saxutils import escape, quoteattr
 
 from cosim.errors import InputError, Location, printable
 from cosim.fmu.binding import BoundVariable, match, start_of
-from cosim.fmu.model_description import Variable
 from cosim.fmu.package import Package, open_package
-from cosim.fmu.units import unit_name, unit_of
 from cosim.master.robot_inputs import INPUT_TYPES
-from cosim.plant.spec import FLOAT_TYPES
 from cosim.scenario.grammar import NAMESPACE, matches
 from cosim.scenario.scenario import LEADER, OPEN
 from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.structure import Component, Parameter, Structure, Units
+from cosim.ssp.values import number_of, written
 from cosim.swap.proposal import Proposal, binding_xml, proposals
 from cosim.vehicle.kind import ADAPTIVE_PID, Kind
-from plants import UnitError, units
 
 _STEP, _HORIZON = 0.02, 60.0
 """Step and end of a run [s] where the SSP states none."""
@@ -211,11 +208,11 @@ def _values(robot: _Robot, package: Package, structure: Structure) -> Iterator[s
             owner = robot.component.name
             yield f"the parameter {name!r} of {owner} ({parameter.where}) is none of its FMU's, and is left out"
         elif variable.causality == "parameter" and not variable.dimensions:
-            robot.settings[name] = _written(parameter, variable, package, known)
+            robot.settings[name] = written(parameter, variable, description, known)
         elif variable.causality == "input" and name in connected:
             yield f"the input {name!r} of {robot.component.name} was connected in the SSP, and is left out"
         elif variable.causality == "input" and variable.type in INPUT_TYPES and not variable.dimensions:
-            robot.inputs[name] = _written(parameter, variable, package, known)
+            robot.inputs[name] = written(parameter, variable, description, known)
         else:
             yield f"the value of {name!r} of {robot.component.name} cannot be stated in a scenario, and is left out"
 
@@ -226,34 +223,8 @@ def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package,
     if parameter is None:
         start = start_of(number.variable)[number.element]
         return number.scale * start + number.offset
-    return number.scale * _number(parameter, number.variable, package, known) + number.offset
-
-
-def _number(parameter: Parameter, variable: Variable, package: Package, known: Units) -> float:
-    """Return the value of a parameter in the unit that its variable has in the FMU."""
-    try:
-        own = unit_of(package.description, variable)
-    except UnitError as error:
-        if parameter.unit in ("", unit_name(variable)):
-            return parameter.number
-        said = f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the unit that the FMU has is not known"
-        raise InputError(f"{said}: {error}", parameter.where) from None
-    return parameter.in_unit(unit_name(variable), own.exponents, own.factor, known)
-
-
-def _written(parameter: Parameter, variable: Variable, package: Package, known: Units) -> str:
-    """Return the value of a parameter as a scenario writes it: in the FMU's unit, or as it is."""
-    if variable.type not in FLOAT_TYPES or isinstance(parameter.value, bool | str):
-        return parameter.text
-    number = _number(parameter, variable, package, known)
-    try:
-        unit = unit_of(package.description, variable)
-    except UnitError:
-        return repr(number)
-    name = unit_name(variable)
-    if not units.is_unit(name):
-        number, name = number * unit.factor, str(unit)
-    return f"{number!r} {name}" if name != "1" else repr(number)
+    value = number_of(parameter, number.variable, package.description, known, number.unit)
+    return number.scale * value + number.offset
 
 
 # The text ---------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from cosim.errors import InputError, Location
+from plants import units
 
 NAMESPACES: Mapping[str, str] = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -33,6 +34,9 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 
 Units = Mapping[str, tuple[tuple[int, ...], float]]
 """Units by name: the exponents of the base units, in the order of `plants.units.BASE_UNITS`, and the factor."""
+
+_ROUNDED = 5e-4
+"""Relative difference of the factors of a unit that the SSP and the FMU define with digits of their own."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +114,13 @@ class Parameter:
         InputError
             It is no number, or in the unit of another quantity.
         """
-        if not self.unit or self.unit == name:
+        if not self.unit:
             return self.number
         own_exponents, own_factor = known[self.unit]
+        if self.unit == name and math.isclose(own_factor, factor, rel_tol=_ROUNDED):
+            angle = units.BASE_UNITS.index("rad")  # angles may be defined as pure numbers
+            if all(n == m for place, (n, m) in enumerate(zip(own_exponents, exponents, strict=True)) if place != angle):
+                return self.number
         if own_exponents != exponents:
             raise InputError(
                 f"<Parameter>: {self.name!r} is in {self.unit!r}, and the FMU has it in {name!r}, which is another "

@@ -12,6 +12,7 @@ import pytest
 
 import plants
 from cosim.errors import InputError
+from cosim.fmu.discrete_values import items
 from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from cosim.ssp.imported import Imported, import_ssp
@@ -136,6 +137,24 @@ def test_a_unit_that_the_fmu_leaves_open_takes_no_other_one(car: Path, tmp_path:
     path = system(tmp_path, open_unit, component("a", inner=with_set("s.ssv")), sets)
     with pytest.raises(InputError, match=r"'m_c' is in 'kg', and the unit that the FMU has is not known: .*stone"):
         import_ssp(path, tmp_path / "mine.xml")
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [('Integer value="2"', "front_wheel"), ('Enumeration value="rear_wheel"', "rear_wheel"), ('Integer value="7"', "")],
+)
+def test_an_enumeration_is_stated_by_the_name_of_its_item(value: str, name: str, car: Path, tmp_path: Path) -> None:
+    path = system(tmp_path, car, component("a", inner=with_set("s.ssv")) + component("b"))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("s.ssv", parameters({"drive": value}))
+    if not name:
+        with pytest.raises(InputError, match=r"'drive' is '7', which is none of its items: .*rear_wheel \("):
+            import_ssp(path, tmp_path / "mine.xml")
+        return
+    with ExitStack() as cleanup:
+        leader = set_up(read_scenario(written(import_ssp(path, tmp_path / "mine.xml"))), cleanup, {}).leader
+    (drive,) = leader.parameters
+    assert dict(items(drive.variable))[drive.value] == name
 
 
 def test_what_is_no_vehicle_is_named(car: Path, tmp_path: Path) -> None:
