@@ -338,6 +338,55 @@ def test_what_was_removed_or_added_is_told(line: Exported, tmp_path: Path) -> No
     assert note == "the component new with resources/follower_1.fmu was added since the export, and is left out"
 
 
+_TO_LAW = r'(endElement="pid" endConnector="follower_1.x")/>'
+
+
+@pytest.mark.parametrize(
+    ("pattern", "by", "note"),
+    [
+        (
+            'source="resources/follower_1.fmu"',
+            'source="resources/follower_2.fmu"',
+            "the component follower_1 has another FMU since the export, resources/follower_2.fmu: the scenario keeps",
+        ),
+        (
+            _TO_LAW,
+            r"\1><ssc:BooleanMappingTransformation/></ssd:Connection>",
+            "the connections were changed since the export",
+        ),
+        (_TO_LAW, r"\1><!-- said --><ssd:ConnectionGeometry pointsX='1' pointsY='2'/></ssd:Connection>", ""),
+        (
+            '(name="follower_1" [^>]*implementation=)"CoSimulation"',
+            r'\1"ModelExchange"',
+            "the component follower_1 was changed to Model Exchange since the export: the scenario keeps",
+        ),
+    ],
+)
+def test_another_fmu_or_a_changed_connection_is_told(
+    line: Exported, tmp_path: Path, pattern: str, by: str, note: str
+) -> None:
+    imported = import_ssp(_with(line, tmp_path / "a.ssp", "SystemStructure.ssd", pattern, by), tmp_path / "a.xml")
+    assert len(imported.notes) == bool(note)
+    assert "".join(imported.notes).startswith(note)
+
+
+def test_a_robot_with_another_file_as_its_fmu_is_told(tmp_path: Path) -> None:
+    """The file that it had is the one which the scenario in the SSP names."""
+    shutil.copy(plants.build("car_like"), tmp_path / "car.fmu")
+    (tmp_path / "same_names.xml").write_text(SAME_NAMES)
+    export_ssp(read_scenario(tmp_path / "same_names.xml"), tmp_path / "own.ssp")
+
+    def change(name: str, data: bytes) -> bytes:
+        if name != "SystemStructure.ssd":
+            return data
+        return re.sub(rb'(name="inputs"[^>]*source="resources/)plant_mine', rb"\1mine", data)
+
+    path = _changed(tmp_path / "own.ssp", tmp_path / "changed.ssp", change)
+    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    assert note.startswith("the component inputs has another FMU since the export, resources/mine.fmu: the scenario")
+    assert import_ssp(tmp_path / "own.ssp", tmp_path / "changed.xml").notes == ()
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 

@@ -67,11 +67,10 @@ def own_scenario(
     assert facts is not None
     shown = Path(f"{path}/{facts.scenario}")
     changed = {file for file in facts.sha256 if _sha256(directory / file) != facts.sha256[file]}
-    notes = list(_notes(structure, facts, changed))
     root = parse_document(_text(directory / facts.scenario, shown), shown).root
     found, known, more = _changes(path, structure, directory, changed)
-    notes += more
     strip_namespace(root)
+    notes = [*_notes(root, structure, facts, changed), *more]
     if root.get("name") != name:
         root.set("name", name)
     _experiment(root, structure)
@@ -110,7 +109,7 @@ def _text(file: Path, shown: Path) -> str:
         raise InputError(f"is no text in UTF-8: byte {error.start} is none of it", Location(str(shown))) from None
 
 
-def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
+def _notes(root: etree._Element, structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
     """Yield what was changed in the SSP and cannot be taken over."""
     if facts.scenario in changed:
         yield f"{facts.scenario} was changed since the export, and is taken as it is now"
@@ -125,8 +124,32 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
             )
     for component in structure.components:
         own = {f"{RESOURCES}/{component.name}.{ending}" for ending in ("ssv", "fmu")}  # its FMU may be others', too
-        if component.source not in facts.sha256 or not own & facts.sha256.keys():
+        if not own & facts.sha256.keys():
             yield f"the component {component.name} with {component.source} was added since the export, and is left out"
+            continue
+        before = _fmu_before(root, facts, component.name)
+        if component.source not in facts.sha256 or before not in ("", facts.sha256[component.source]):
+            yield (
+                f"the component {component.name} has another FMU since the export, {component.source}: the scenario "
+                "keeps its own plant or controller"
+            )
+        if component.implementation == "ModelExchange":
+            yield (
+                f"the component {component.name} was changed to Model Exchange since the export: the scenario keeps "
+                "its own interface"
+            )
+
+
+def _fmu_before(root: etree._Element, facts: Facts, component: str) -> str:
+    """Return the checksum of the FMU that a component was exported with; empty if it is not known any more.
+
+    Others than an FMU of its own are copies of files that the scenario names.
+    """
+    if own := facts.sha256.get(f"{RESOURCES}/{component}.fmu", ""):
+        return own
+    robot = root.find("leader") if component == LEADER else _one(root, "follower", "id", component)
+    plant = None if robot is None else _one(root, "plant", "id", robot.get("plant", ""))
+    return "" if plant is None else facts.sha256.get(f"{RESOURCES}/{plant.get('fmu')}", "")
 
 
 def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, Units, list[str]]:

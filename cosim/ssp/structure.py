@@ -32,6 +32,9 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 """The type of a component that is an FMU, which is also the type of one that states none."""
 
 
+IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
+"""The interfaces of an FMU that a component may ask for, the one of a component that states none first."""
+
 Units = Mapping[str, tuple[tuple[int, ...], float]]
 """Units by name: the exponents of the base units, in the order of `plants.units.BASE_UNITS`, and the factor."""
 
@@ -151,6 +154,8 @@ class Component:
         The path of the parameter set in the SSP; empty if it stands in the description.
     where : Location or None
         Its place in the file; None if it was not read.
+    implementation : str
+        The interface of the FMU that is to be used, one of `IMPLEMENTATIONS`.
     """
 
     name: str
@@ -160,6 +165,7 @@ class Component:
     parameters_source: str = ""
     description: str = ""
     where: Location | None = field(default=None, compare=False)
+    implementation: str = "CoSimulation"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -170,13 +176,20 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection from an output to an input: ``input = factor * output + offset``."""
+    """A connection from an output to an input: ``input = factor * output + offset``.
+
+    Attributes
+    ----------
+    more : tuple of str
+        What else is done with the value, as XML or in words; Formation writes nothing of this kind.
+    """
 
     start: tuple[str, str]
     end: tuple[str, str]
     factor: float = 1.0
     offset: float = 0.0
     where: Location | None = field(default=None, compare=False)
+    more: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -233,7 +246,7 @@ class Structure:
     @property
     def connected(self) -> str:
         """A checksum of its connections, whatever their order; an offset of -0.0 is one of 0.0."""
-        lines = sorted(repr((c.start, c.end, c.factor, c.offset + 0.0)) for c in self.connections)
+        lines = sorted(repr((c.start, c.end, c.factor, c.offset + 0.0, *c.more)) for c in self.connections)
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
     @cached_property
