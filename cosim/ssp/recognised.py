@@ -234,9 +234,10 @@ def _values(robot: _Robot, package: Package, structure: Structure) -> Iterator[s
     for name, connection in connections.items():
         start = ".".join(part for part in connection.start if part)
         told = f"the connection of {start} with {name!r} of {owner} is left out"
+        variable = by_name.get(name)
         if name not in given:
             yield told
-        elif name in by_name and by_name[name].causality == "parameter":
+        elif variable is not None and variable.causality == "parameter":
             yield f"{told}: it keeps the value that it has besides"
         else:
             del given[name]
