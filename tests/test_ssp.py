@@ -383,6 +383,55 @@ def test_what_was_removed_or_added_is_told(line: Exported, tmp_path: Path) -> No
     assert note == "the component new with resources/follower_1.fmu was added since the export, and is left out"
 
 
+_TO_LAW = r'(endElement="pid" endConnector="follower_1.x")/>'
+
+
+@pytest.mark.parametrize(
+    ("pattern", "by", "note"),
+    [
+        (
+            'source="resources/follower_1.fmu"',
+            'source="resources/follower_2.fmu"',
+            "the component follower_1 has another FMU since the export, resources/follower_2.fmu: the scenario keeps",
+        ),
+        (
+            _TO_LAW,
+            r"\1><ssc:BooleanMappingTransformation/></ssd:Connection>",
+            "the connections were changed since the export",
+        ),
+        (_TO_LAW, r"\1><!-- said --><ssd:ConnectionGeometry pointsX='1' pointsY='2'/></ssd:Connection>", ""),
+        (
+            '(name="follower_1" [^>]*implementation=)"CoSimulation"',
+            r'\1"ModelExchange"',
+            "the component follower_1 was changed to Model Exchange since the export: the scenario keeps",
+        ),
+    ],
+)
+def test_another_fmu_or_a_changed_connection_is_told(
+    line: Exported, tmp_path: Path, pattern: str, by: str, note: str
+) -> None:
+    imported = import_ssp(_with(line, tmp_path / "a.ssp", "SystemStructure.ssd", pattern, by), tmp_path / "a.xml")
+    assert len(imported.notes) == bool(note)
+    assert "".join(imported.notes).startswith(note)
+
+
+def test_a_robot_with_another_file_as_its_fmu_is_told(tmp_path: Path) -> None:
+    """The file that it had is the one which the scenario in the SSP names."""
+    shutil.copy(plants.build("car_like"), tmp_path / "car.fmu")
+    (tmp_path / "same_names.xml").write_text(SAME_NAMES)
+    export_ssp(read_scenario(tmp_path / "same_names.xml"), tmp_path / "own.ssp")
+
+    def change(name: str, data: bytes) -> bytes:
+        if name != "SystemStructure.ssd":
+            return data
+        return re.sub(rb'(name="inputs"[^>]*source="resources/)plant_mine', rb"\1mine", data)
+
+    path = _changed(tmp_path / "own.ssp", tmp_path / "changed.ssp", change)
+    (note,) = import_ssp(path, tmp_path / "changed.xml").notes
+    assert note.startswith("the component inputs has another FMU since the export, resources/mine.fmu: the scenario")
+    assert import_ssp(tmp_path / "own.ssp", tmp_path / "changed.xml").notes == ()
+
+
 _POSE = r'(name="x">\s*)<ssv:Real value="-5.0" unit="m"/>'
 _GAIN = r'(name="follower_2.k_d">\s*)<ssv:Real value="10.0"[^>]*/>'
 
@@ -407,12 +456,75 @@ def test_a_value_changed_to_another_unit_is_converted(line: Exported, tmp_path: 
     assert scenario.followers[0].pose.values["x"] == -7.5
 
 
+def _adding(name: str, value: str) -> str:
+    return f'<ssv:Parameter name="{name}"><ssv:Real {value}/></ssv:Parameter></ssv:Parameters>'
+
+
+def test_an_added_value_is_converted_to_the_unit_of_the_fmu(line: Exported, tmp_path: Path) -> None:
+    added = _adding("tau_d_y", 'value="2" unit="kN"')
+    path = _with(line, tmp_path / "a.ssp", "resources/follower_1.ssv", "</ssv:Parameters>", added)
+    imported = import_ssp(path, tmp_path / "a.xml")
+    with ExitStack() as cleanup:
+        robot = set_up(read_scenario(written(imported)), cleanup, {}).followers[0]
+    assert imported.notes == ()
+    assert robot.samples[0].tolist() == [2000.0]
+
+
+@pytest.mark.parametrize(("name", "has"), [("tau_d_y", "'N'"), ("m_c", "'kg'"), ("x", "'m'")])
+def test_an_added_value_of_another_quantity_is_refused(line: Exported, tmp_path: Path, name: str, has: str) -> None:
+    added = _adding(name, 'value="2" unit="rad"')
+    path = _with(line, tmp_path / "a.ssp", "resources/follower_1.ssv", "</ssv:Parameters>", added)
+    with pytest.raises(InputError, match=rf"'{name}' is in 'rad', and the FMU has it in {has}, which is another"):
+        import_ssp(path, tmp_path / "a.xml")
+
+
+UNITLESS = """<binding vehicle="car_like"><role name="x" variable="x" unit="m"/></binding>"""
+
+
+def test_a_value_of_a_binding_or_of_a_connected_input(tmp_path: Path) -> None:
+    """A binding states the unit that the FMU does not, the SSP what its units are; connected inputs keep their own."""
+    _rewritten(plants.build("car_like"), tmp_path / "car.fmu", rb'(<ScalarVariable name="x"[^>]*>\s*<Real) unit="m"')
+    text = SAME_NAMES.replace('fmu="car.fmu"/>', f'fmu="car.fmu">{UNITLESS}</plant>')
+    (tmp_path / "same_names.xml").write_text(text)
+    export_ssp(read_scenario(tmp_path / "same_names.xml"), tmp_path / "own.ssp")
+    torque, mass = _adding("tau_drive", 'value="3" unit="kN.m"'), _adding("m_c", 'value="50" unit="g"')
+    grams = '<ssv:Units><ssc:Unit name="g"><ssc:BaseUnit kg="1"/></ssc:Unit>'
+
+    def change(name: str, data: bytes) -> bytes:
+        if name != "resources/leader.ssv":
+            return data
+        text, count = re.subn(r'(name="x">\s*<ssv:Real value=")2.5"', r'\g<1>-500" unit="cm"', data.decode())
+        assert count == 1
+        text = text.replace("</ssv:Parameters>", torque).replace("</ssv:Parameters>", mass)
+        return text.replace("<ssv:Units>", grams).encode()
+
+    imported = import_ssp(_changed(tmp_path / "own.ssp", tmp_path / "changed.ssp", change), tmp_path / "changed.xml")
+    with ExitStack() as cleanup:
+        leader = set_up(read_scenario(written(imported)), cleanup, {}).leader
+    assert imported.notes == ("leader.tau_drive was changed, which the scenario cannot state: it keeps its own value",)
+    assert leader.pose[0] == -5.0
+    assert [(one.variable.name, one.value) for one in leader.parameters] == [("m_c", 50.0)]
+    assert leader.torque[[0, -1], 0].tolist() == [0.0, 8.0]
+
+
+def _rewritten(fmu: Path, into: Path, pattern: bytes) -> None:
+    """Write an FMU in whose description a pattern has become its first group."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(into, "w") as new:
+        for name in old.namelist():
+            data, count = (
+                re.subn(pattern, rb"\1", old.read(name)) if name == "modelDescription.xml" else (old.read(name), 1)
+            )
+            assert count == 1
+            new.writestr(name, data)
+
+
 @pytest.mark.parametrize(
     ("file", "pattern", "by", "why"),
     [
         ("follower_1.ssv", _POSE, r'\1<ssv:String value="here"/>', "'x' is 'here', where a number is needed"),
         ("follower_1.ssv", _POSE, r'\1<ssv:Real value="1.0" unit="kg"/>', "in 'm', which is another quantity"),
         ("pid.ssv", _GAIN, r'\1<ssv:Boolean value="true"/>', "'follower_2.k_d' is 'true', where a number is needed"),
+        ("pid.ssv", _GAIN, r'\1<ssv:Real value="1.0" unit="km"/>', "'follower_2.k_d' is in 'km'.*another quantity"),
         ("scenario.xml", "</title>", "\xe9</title>", r"scenario\.xml: is no text in UTF-8"),
         ("scenario.xml", 'model="car_like"', f'fmu="{"a" * 3000}"', ""),
     ],

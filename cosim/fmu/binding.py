@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cosim.errors import InputError, Location, nearest
 from cosim.fmu.model_description import NEGATED, ModelDescription, Variable
@@ -35,12 +35,15 @@ class BoundVariable:
         The variable that holds it.
     element : int
         Index of its element, from 0 in row-major order; 0 for a scalar.
+    unit : plants.units.Unit
+        The unit of the number, as the binding or the FMU states it; that of a pure number for an enumeration.
     """
 
     variable: Variable
     element: int
     scale: float
     offset: float
+    unit: units.Unit = field(default_factory=units.Unit)
 
 
 @dataclass(frozen=True)
@@ -354,7 +357,7 @@ def _read_as(
         times = f" times {source.factor}" if source.factor else ""
         raise UnitError(f"offers a unit that does not fit: {variable.name!r} is in {own}{times}, not in {wanted}")
     scale = number * read.factor / wanted.factor
-    return BoundVariable(variable, element, scale, offset)
+    return BoundVariable(variable, element, scale, offset, own)
 
 
 def may_be_started(description: ModelDescription, variable: Variable) -> bool:

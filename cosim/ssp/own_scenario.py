@@ -6,9 +6,8 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from lxml import etree
 
 from cosim.errors import InputError, Location, listed
 from cosim.fmu.binding import BoundVariable
+from cosim.fmu.model_description import Variable
 from cosim.master.robot import RobotSetup
 from cosim.master.setup import set_up
 from cosim.plant.spec import WHOLE
@@ -30,11 +30,13 @@ from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
 from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
+from cosim.ssp.values import number_of, with_unit, written
 from cosim.team_fmu.law_in_host import pairs
 from cosim.vehicle.kind import Role
+from plants import units
 
-_Changes = dict[str, dict[str, Parameter]]
-"""Parameters that have another value than was written, by component and name."""
+_Changes = dict[str, list[tuple[Parameter, Parameter | None]]]
+"""Parameters that have another value than was written, by component, each with the one that was written."""
 _Gains = dict[tuple[str, bool], list[float]]
 """The entries of a robot's gains by name, and whether an SSP counts them: ``K_p[1]``."""
 _ENTRY = re.compile(r"(.*)\.([^.\[\]]+)(?:\[([0-9]{1,9})\])?")
@@ -65,11 +67,10 @@ def own_scenario(
     assert facts is not None
     shown = Path(f"{path}/{facts.scenario}")
     changed = {file for file in facts.sha256 if _sha256(directory / file) != facts.sha256[file]}
-    notes = list(_notes(structure, facts, changed))
     root = parse_document(_text(directory / facts.scenario, shown), shown).root
-    found, more = _changes(path, structure, directory, changed)
-    notes += more
+    found, known, more = _changes(path, structure, directory, changed)
     strip_namespace(root)
+    notes = [*_notes(root, structure, facts, changed), *more]
     if root.get("name") != name:
         root.set("name", name)
     _experiment(root, structure)
@@ -81,7 +82,8 @@ def own_scenario(
             follower.id: {(name, np.ndim(value) > 0): np.atleast_1d(value).tolist() for name, value in pairs(own)}
             for follower, own in zip(scenario.followers, setup.gains, strict=True)
         }
-        notes += list(_apply(root, found, robots, gains))
+        connected = {connection.end for connection in structure.connections}
+        notes += list(_apply(root, found, robots, gains, known, connected))
     files: dict[str, bytes] = {}
     for element, attribute in paths_in(root):
         place = directory / RESOURCES / element.get(attribute, "")
@@ -107,7 +109,7 @@ def _text(file: Path, shown: Path) -> str:
         raise InputError(f"is no text in UTF-8: byte {error.start} is none of it", Location(str(shown))) from None
 
 
-def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
+def _notes(root: etree._Element, structure: Structure, facts: Facts, changed: set[str]) -> Iterator[str]:
     """Yield what was changed in the SSP and cannot be taken over."""
     if facts.scenario in changed:
         yield f"{facts.scenario} was changed since the export, and is taken as it is now"
@@ -122,21 +124,46 @@ def _notes(structure: Structure, facts: Facts, changed: set[str]) -> Iterator[st
             )
     for component in structure.components:
         own = {f"{RESOURCES}/{component.name}.{ending}" for ending in ("ssv", "fmu")}  # its FMU may be others', too
-        if component.source not in facts.sha256 or not own & facts.sha256.keys():
+        if not own & facts.sha256.keys():
             yield f"the component {component.name} with {component.source} was added since the export, and is left out"
+            continue
+        before = _fmu_before(root, facts, component.name)
+        if component.source not in facts.sha256 or before not in ("", facts.sha256[component.source]):
+            yield (
+                f"the component {component.name} has another FMU since the export, {component.source}: the scenario "
+                "keeps its own plant or controller"
+            )
+        if component.implementation == "ModelExchange":
+            yield (
+                f"the component {component.name} was changed to Model Exchange since the export: the scenario keeps "
+                "its own interface"
+            )
 
 
-def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, list[str]]:
-    """Return the parameters that were changed, by component and in the units that they had, and notes."""
+def _fmu_before(root: etree._Element, facts: Facts, component: str) -> str:
+    """Return the checksum of the FMU that a component was exported with; empty if it is not known any more.
+
+    Others than an FMU of its own are copies of files that the scenario names.
+    """
+    if own := facts.sha256.get(f"{RESOURCES}/{component}.fmu", ""):
+        return own
+    robot = root.find("leader") if component == LEADER else _one(root, "follower", "id", component)
+    plant = None if robot is None else _one(root, "plant", "id", robot.get("plant", ""))
+    return "" if plant is None else facts.sha256.get(f"{RESOURCES}/{plant.get('fmu')}", "")
+
+
+def _changes(path: Path, structure: Structure, directory: Path, changed: set[str]) -> tuple[_Changes, Units, list[str]]:
+    """Return the parameters that were changed, by component, the units of the SSP, and notes."""
     if ALL_PARAMETERS in changed or not (directory / ALL_PARAMETERS).is_file():
         what = "was changed since the export" if (directory / ALL_PARAMETERS).is_file() else "is missing"
-        return {}, [
+        note = (
             f"{ALL_PARAMETERS} {what}, so that no changed value is recognised: restore it, and change the sets of the "
             "components only"
-        ]
-    written, units = parameters_of(path, directory, ALL_PARAMETERS)
-    before = {parameter.name: parameter for parameter in written}
-    known = {**units, **structure.units}
+        )
+        return {}, {}, [note]
+    exported, units_then = parameters_of(path, directory, ALL_PARAMETERS)
+    before = {parameter.name: parameter for parameter in exported}
+    known = {**units_then, **structure.units}
     found: _Changes = {}
     gone = dict.fromkeys(before)
     for component in structure.components:
@@ -144,18 +171,10 @@ def _changes(path: Path, structure: Structure, directory: Path, changed: set[str
             gone.pop(f"{component.name}.{parameter.name}", None)
             old = before.get(f"{component.name}.{parameter.name}")
             if old is None or (old.value, old.unit) != (parameter.value, parameter.unit):
-                found.setdefault(component.name, {})[parameter.name] = _as_before(parameter, old, known)
+                found.setdefault(component.name, []).append((parameter, old))
     own = listed([*gone])
     removed = f"values were removed from the SSP, which the scenario cannot state: it keeps its own of {own}"
-    return found, [removed] if gone else []
-
-
-def _as_before(parameter: Parameter, old: Parameter | None, known: Units) -> Parameter:
-    """Return a changed parameter in the unit that it had."""
-    if old is None or old.type != "Real":
-        return parameter
-    value = parameter.in_unit(old.unit, *known[old.unit], known) if old.unit else parameter.number
-    return replace(parameter, type=old.type, value=value, unit=old.unit)
+    return found, known, [removed] if gone else []
 
 
 def _experiment(root: etree._Element, structure: Structure) -> None:
@@ -173,21 +192,30 @@ def _experiment(root: etree._Element, structure: Structure) -> None:
 
 
 def _apply(
-    root: etree._Element, found: _Changes, robots: Mapping[str, RobotSetup], gains: Mapping[str, _Gains]
+    root: etree._Element,
+    found: _Changes,
+    robots: Mapping[str, RobotSetup],
+    gains: Mapping[str, _Gains],
+    known: Units,
+    connected: Collection[tuple[str, str]],
 ) -> Iterator[str]:
     """Put changed values into the scenario; yield what does not fit there."""
     for name, parameters in found.items():
         element = root.find("leader") if name == LEADER else _one(root, "follower", "id", name)
-        for parameter in parameters.values():
+        for parameter, old in parameters:
             if element is None or name not in robots:
-                stated = _is_gain(root, gains, parameter)
+                stated = old is not None and _is_gain(root, gains, parameter, old, known)
+            elif (name, parameter.name) in connected:  # another component gives its value, from the start
+                stated = False
             else:
-                stated = _of_robot(element, robots[name], parameter)
+                stated = _of_robot(element, robots[name], parameter, known)
             if not stated:
                 yield f"{name}.{parameter.name} was changed, which the scenario cannot state: it keeps its own value"
 
 
-def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Parameter) -> bool:
+def _is_gain(
+    root: etree._Element, gains: Mapping[str, _Gains], parameter: Parameter, old: Parameter, known: Units
+) -> bool:
     """Put a changed entry of a gain into the scenario, with the others of this gain; return whether it is one."""
     match = _ENTRY.fullmatch(parameter.name)
     robot, name, index = match.groups() if match else ("", "", None)
@@ -195,63 +223,93 @@ def _is_gain(root: etree._Element, gains: Mapping[str, _Gains], parameter: Param
     at = int(index or 1) - 1
     if follower is None or not 0 <= at < len(entries):
         return False
-    entries[at] = parameter.number  # in SI units, which a scenario leaves out
+    exponents, factor = known[old.unit] if old.unit else (units.Unit().exponents, 1.0)
+    entries[at] = parameter.in_unit(
+        old.unit or "1", exponents, factor, known
+    )  # in SI units, which a scenario leaves out
     if not all(map(math.isfinite, entries)):  # a scenario can state none that is not
         return False
     _named(follower, "gain", name, " ".join(map(repr, entries)))
     return True
 
 
-def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter) -> bool:
+def _of_robot(element: etree._Element, robot: RobotSetup, parameter: Parameter, known: Units) -> bool:
     """Put a changed value of a robot into the scenario; return whether that can state it."""
+    variable = robot.fmu.description.by_name.get(parameter.name)
+    if variable is None or variable.dimensions:
+        return False
     for bound in robot.fmu.binding.of(robot.kind.pose):
         assert bound is not None
         assert bound.initial is not None
         if bound.initial.variable.name == parameter.name:
-            _child(element, "pose").set(bound.role.name, _in_role(parameter, bound.role, bound.initial))
+            _child(element, "pose").set(bound.role.name, _in_role(robot, parameter, bound.role, bound.initial, known))
             return True
     for column, bound in enumerate(robot.fmu.binding.of(robot.kind.command)):
         if bound is not None and bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-            if robot.name != LEADER:  # its controller gives it
+            values = robot.torque[:, column]
+            if robot.name != LEADER or np.any(values != values[0]):  # its controller gives it, or a course over time
                 return False
             child = _child(element, robot.kind.command_word)
             text = child.get(bound.role.name)
             stated = 0.0 if text is None else quantity(text, bound.role.unit)
-            signals = float(robot.torque[0, column]) - stated  # which add to it
-            child.set(bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals))
+            signals = float(values[0]) - stated  # which add to it
+            child.set(bound.role.name, _in_role(robot, parameter, bound.role, bound.played_by, known, signals))
             return True
     if parameter.name in robot.fmu.inputs and parameter.name not in {one.variable.name for one in robot.parameters}:
-        insert(element, [_input(robot, parameter)])
+        found = _input(robot, parameter, variable, known)
+        if found is None:
+            return False
+        insert(element, [found])
+    elif variable.causality in ("input", "parameter"):
+        text = written(parameter, variable, robot.fmu.description, known, _bound_unit(robot, variable))
+        _named(element, "parameter", parameter.name, text)
     else:
-        _named(element, "parameter", parameter.name, _written(parameter))
+        return False
     return True
 
 
-def _input(robot: RobotSetup, parameter: Parameter) -> etree._Element:
-    """Return a constant by which an input has a changed value; it adds to the signals that the scenario has of it."""
+def _input(robot: RobotSetup, parameter: Parameter, variable: Variable, known: Units) -> etree._Element | None:
+    """Return a constant by which an input has a changed value; it adds to the signals that the scenario has of it.
+
+    None if these change over time.
+    """
+    description, roles = robot.fmu.description, robot.fmu.binding.bound
     disturbances = [bound for bound in robot.fmu.binding.of(robot.kind.disturbance) if bound is not None]
-    before = [*zip(robot.inputs, robot.samples[0].tolist(), strict=True), *((bound, 0.0) for bound in disturbances)]
-    name, text = parameter.name, _written(parameter)
-    for bound, signals in before:
+    before = [*zip(robot.inputs, robot.samples.T, strict=True), *((bound, np.zeros(1)) for bound in disturbances)]
+    name, text = parameter.name, ""
+    for bound, values in before:
         if bound.played_by is not None and bound.played_by.variable.name == parameter.name:
-            name, text = bound.role.name, _in_role(parameter, bound.role, bound.played_by, signals)
+            if np.any(values != values[0]):
+                return None
+            less = float(values[0])
+            if roles.get(bound.role.name) == bound:
+                name, text = bound.role.name, _in_role(robot, parameter, bound.role, bound.played_by, known, less)
+            else:  # the samples are in the FMU's unit
+                text = with_unit(number_of(parameter, variable, description, known, None) - less, variable, description)
             break
     for held in robot.held:
         if held.variable.name == name and held.variable.type in WHOLE:  # signals of these are added up
-            text = str(int(parameter.value) - int(held.value))
+            text = str(int(parameter.number) - int(held.value))
     found = etree.Element("input", name=name)
-    etree.SubElement(found, "constant", value=text)
+    etree.SubElement(found, "constant", value=text or written(parameter, variable, description, known))
     return found
 
 
-def _in_role(parameter: Parameter, role: Role, number: BoundVariable, less: float = 0.0) -> str:
+def _bound_unit(robot: RobotSetup, variable: Variable) -> units.Unit | None:
+    """Return the unit that a variable has by the role that it plays; None if it plays none."""
+    for bound in robot.fmu.binding.bound.values():
+        if bound.played_by is not None and bound.played_by.variable.identity == variable.identity:
+            return bound.played_by.unit
+    return None
+
+
+def _in_role(
+    robot: RobotSetup, parameter: Parameter, role: Role, number: BoundVariable, known: Units, less: float = 0.0
+) -> str:
     """Return the value of a parameter, less another one, as that of the role which it plays."""
-    value = parameter.number * number.scale + number.offset - less
+    own = number_of(parameter, number.variable, robot.fmu.description, known, number.unit)
+    value = own * number.scale + number.offset - less
     return f"{value!r} {role.unit}" if role.unit != "1" else repr(value)
-
-
-def _written(parameter: Parameter) -> str:
-    return f"{parameter.text} {parameter.unit}" if parameter.unit not in ("", "1") else parameter.text
 
 
 def _one(parent: etree._Element, tag: str, attribute: str, value: str) -> etree._Element | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
@@ -20,6 +21,7 @@ from cosim.ssp.document import OSP, OWN
 from cosim.ssp.structure import (
     DESCRIPTION,
     FMU_TYPE,
+    IMPLEMENTATIONS,
     NAMESPACES,
     VERSIONS,
     Component,
@@ -140,6 +142,9 @@ class _Reader:
             raise self._error(element, "has no name")
         if (kind := element.get("type") or FMU_TYPE) != FMU_TYPE:
             raise self._error(element, f"is of type {kind!r}; only FMUs are read, {FMU_TYPE}")
+        if (implementation := element.get("implementation", IMPLEMENTATIONS[0])) not in IMPLEMENTATIONS:
+            said = f"has implementation={implementation!r}; read are {', '.join(IMPLEMENTATIONS)}"
+            raise self._error(element, said)
         source = self._source(element, "FMU")
         parameters, files = [], []
         for binding in element.iterfind(f"{_tag('ssd:ParameterBindings')}/{_tag('ssd:ParameterBinding')}"):
@@ -158,6 +163,7 @@ class _Reader:
             parameters_source=files[0] if len(files) == 1 else "",
             description=element.get("description", ""),
             where=self._places[element],
+            implementation=implementation,
         )
 
     def _connector(self, element: etree._Element, known: _Units) -> Connector:
@@ -252,22 +258,8 @@ class _Reader:
                     )
                 place = max(fitting, key=lambda n: len(components[n].name))
                 found = components[place]
-                own = Parameter(
-                    parameter.name[len(found.name) + 1 :],
-                    parameter.type,
-                    parameter.value,
-                    parameter.unit,
-                    parameter.where,
-                )
-                components[place] = Component(
-                    found.name,
-                    found.source,
-                    found.connectors,
-                    tuple(_last([*found.parameters, own])),
-                    found.parameters_source,
-                    found.description,
-                    found.where,
-                )
+                own = replace(parameter, name=parameter.name[len(found.name) + 1 :])
+                components[place] = replace(found, parameters=tuple(_last([*found.parameters, own])))
 
     # Units
 
@@ -310,12 +302,17 @@ class _Reader:
             factor = 1.0 if linear is None else self._number(linear, "factor", 1.0)
             if linear is not None and factor == 0.0:
                 raise self._error(linear, 'has factor="0", by which nothing is connected: leave the connection out')
+            offset = 0.0 if linear is None else self._number(linear, "offset", 0.0)
+            more = [etree.tostring(child, method="c14n", with_tail=False).decode() for child in _transformed(element)]
+            if (factor, offset) != (1.0, 0.0) and element.get("suppressUnitConversion") not in ("true", "1"):
+                more.append("its unit is converted")
             yield Connection(
                 (start, element.get("startConnector", "")),
                 (end, element.get("endConnector", "")),
                 factor,
-                0.0 if linear is None else self._number(linear, "offset", 0.0),
+                offset,
                 self._places[element],
+                tuple(more),
             )
 
     def _facts(self, root: etree._Element) -> Facts | None:
@@ -366,6 +363,13 @@ class _Reader:
 def _last(parameters: list[Parameter]) -> list[Parameter]:
     """Return one parameter for each name: the last, which takes precedence."""
     return list({parameter.name: parameter for parameter in parameters}.values())
+
+
+def _transformed(connection: etree._Element) -> Iterator[etree._Element]:
+    """Yield what a connection does with its value, besides a linear transformation."""
+    for child in connection.iterchildren("*"):
+        if _local(child) not in ("LinearTransformation", "ConnectionGeometry", "Annotations"):
+            yield child
 
 
 def _tag(name: str) -> str:

@@ -13,19 +13,18 @@ from xml.sax.saxutils import escape, quoteattr
 
 from cosim.errors import InputError, Location, printable
 from cosim.fmu.binding import BoundVariable, match, start_of
-from cosim.fmu.model_description import Variable
+from cosim.fmu.interfaces import choose_interface
 from cosim.fmu.package import Package, open_package
-from cosim.fmu.units import unit_name, unit_of
 from cosim.master.robot_inputs import INPUT_TYPES
-from cosim.plant.spec import FLOAT_TYPES
+from cosim.plant.spec import CO_SIMULATION, MODEL_EXCHANGE
 from cosim.scenario.grammar import NAMESPACE, matches
-from cosim.scenario.scenario import LEADER, OPEN
+from cosim.scenario.scenario import DEFAULT_SOLVER, LEADER, OPEN
 from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.structure import Component, Parameter, Structure, Units
+from cosim.ssp.values import number_of, written
 from cosim.swap.proposal import Proposal, binding_xml, proposals
 from cosim.vehicle.kind import ADAPTIVE_PID, Kind
-from plants import UnitError, units
 
 _STEP, _HORIZON = 0.02, 60.0
 """Step and end of a run [s] where the SSP states none."""
@@ -63,11 +62,12 @@ class _Robot:
 
 @dataclass
 class _Plant:
-    """A plant of the scenario: an FMU of the SSP."""
+    """A plant of the scenario: an FMU of the SSP, with the interface that a component asks for."""
 
     id: str
     file: str
     binding: str = ""
+    interface: str = ""
 
 
 def recognised_scenario(
@@ -94,7 +94,7 @@ def recognised_scenario(
         No component is recognised as a vehicle, or one is no FMU.
     """
     packages: dict[str, Package] = {}
-    plants: dict[str, _Plant] = {}
+    plants: dict[tuple[str, str], _Plant] = {}
     files: dict[str, bytes] = {}
     robots: list[_Robot] = []
     others: list[str] = []
@@ -111,11 +111,18 @@ def recognised_scenario(
             missing = ", ".join(role.name for role in proposal.missing)
             reasons.append(f"{component.name} lacks {missing}" if missing else f"{component.name}: {proposal.refusal}")
             continue
-        if component.source not in plants:
-            plants[component.source] = _plant(component, proposal, package, directory, folder, plants, files)
-            binding = plants[component.source].binding
-            to_do += [f"fill in {s.role.name} in {binding}: {' '.join(s.open)}" for s in proposal.open]
-        robots.append(_Robot(component, proposal, _id(component.name, robots), plants[component.source].id))
+        interface = _interface(component, package)
+        plant = plants.get((component.source, interface))
+        if plant is None:
+            plant = _plant(component, proposal, interface, directory, folder, plants, files)
+            plants[component.source, interface] = plant
+            to_do += [f"fill in {s.role.name} in {plant.binding}: {' '.join(s.open)}" for s in proposal.open]
+            if interface:
+                to_do.append(
+                    f"the plant {plant.id} has Model Exchange, as in the SSP, which names no solver: state solver and "
+                    f"solver_step or tolerance if {DEFAULT_SOLVER} with the step of the run does not suit it"
+                )
+        robots.append(_Robot(component, proposal, _id(component.name, robots), plant.id))
     if not robots:
         raise InputError(
             f"no component is recognised as a vehicle ({'; '.join(reasons) or 'there is none'}); formation inspect "
@@ -147,20 +154,36 @@ def recognised_scenario(
     return Found(text.encode(), files, (), tuple(to_do), is_open)
 
 
+def _interface(component: Component, package: Package) -> str:
+    """Return the interface that a plant must state, so that it is the one of the component; empty for none.
+
+    Raises
+    ------
+    InputError
+        The FMU does not offer it.
+    """
+    wanted = {"ModelExchange": MODEL_EXCHANGE, "CoSimulation": CO_SIMULATION}.get(component.implementation, "")
+    chosen = choose_interface(package, wanted, component.where) if wanted else ""
+    return chosen if chosen == MODEL_EXCHANGE else ""
+
+
 def _plant(
     component: Component,
     proposal: Proposal,
-    package: Package,
+    interface: str,
     directory: Path,
     folder: str,
-    before: Mapping[str, _Plant],
+    before: Mapping[tuple[str, str], _Plant],
     files: dict[str, bytes],
 ) -> _Plant:
     stem = re.sub(r"[^A-Za-z0-9_\-]", "_", Path(component.source).stem).strip("_-") or "plant"
     taken = {plant.id for plant in before.values()}
     while stem in taken or not matches("name", stem):
         stem += "_2" if matches("name", stem) else "p"
-    plant = _Plant(stem, f"{folder}/{stem}.fmu")
+    for (source, _), other in before.items():
+        if source == component.source:  # with the other interface
+            return _Plant(stem, other.file, other.binding, interface)
+    plant = _Plant(stem, f"{folder}/{stem}.fmu", interface=interface)
     files[plant.file] = (directory / component.source).read_bytes()
     if not proposal.needs_no_binding:
         plant.binding = f"{folder}/{stem}.binding.xml"
@@ -182,10 +205,8 @@ def _id(name: str, before: Sequence[_Robot]) -> str:
 
 def _values(robot: _Robot, package: Package, structure: Structure) -> Iterator[str]:
     """Fill in pose, commands, parameters and inputs of a robot; yield what cannot be taken over."""
-    description, known = package.description, structure.units
-    connected = {
-        name for component, name in (one.end for one in structure.connections) if component == robot.component.name
-    }
+    description, known, owner = package.description, structure.units, robot.component.name
+    connections = {one.end[1]: one for one in structure.connections if one.end[0] == owner}
     declared = [source for source in robot.proposal.binding.roles if OPEN not in (source.variable, source.unit)]
     bound, _ = match(robot.kind, description, [s for s in declared if OPEN not in (s.factor, s.initial, s.value)])
     given = {parameter.name: parameter for parameter in robot.component.parameters}
@@ -194,30 +215,43 @@ def _values(robot: _Robot, package: Package, structure: Structure) -> Iterator[s
         number = bound[role.name].initial if role.name in bound else None
         if number is None:
             robot.pose[role.name] = 0.0
-            yield f"the initial {role.name} of {robot.component.name} is not known, and stands as 0"
+            yield f"the initial {role.name} of {owner} is not known, and stands as 0"
         else:
             robot.pose[role.name] = _taken(number, given, package, known)
     for role in robot.kind.command:
         number = bound[role.name].played_by if role.name in bound else None
-        if number is not None and number.variable.name in given:
+        if number is None:
+            continue
+        name = number.variable.name
+        if name in connections and name not in given:  # the law is in the place of what commands it
+            del connections[name]
+        elif name in given and name not in connections:
             robot.command[role.name] = _taken(number, given, package, known)
     for role in robot.kind.disturbance:
         number = bound[role.name].played_by if role.name in bound else None
-        if number is not None and number.variable.name in given and number.variable.name not in connected:
+        if number is not None and number.variable.name in given and number.variable.name not in connections:
             robot.inputs[role.name] = f"{_taken(number, given, package, known)!r} {role.unit}"
+    for name, connection in connections.items():
+        start = ".".join(part for part in connection.start if part)
+        told = f"the connection of {start} with {name!r} of {owner} is left out"
+        variable = by_name.get(name)
+        if name not in given:
+            yield told
+        elif variable is not None and variable.causality == "parameter":
+            yield f"{told}: it keeps the value that it has besides"
+        else:
+            del given[name]
+            yield f"{told}, and so is the value that it starts with"
     for name, parameter in given.items():
         variable = by_name.get(name)
         if variable is None:
-            owner = robot.component.name
             yield f"the parameter {name!r} of {owner} ({parameter.where}) is none of its FMU's, and is left out"
         elif variable.causality == "parameter" and not variable.dimensions:
-            robot.settings[name] = _written(parameter, variable, package, known)
-        elif variable.causality == "input" and name in connected:
-            yield f"the input {name!r} of {robot.component.name} was connected in the SSP, and is left out"
+            robot.settings[name] = written(parameter, variable, description, known)
         elif variable.causality == "input" and variable.type in INPUT_TYPES and not variable.dimensions:
-            robot.inputs[name] = _written(parameter, variable, package, known)
+            robot.inputs[name] = written(parameter, variable, description, known)
         else:
-            yield f"the value of {name!r} of {robot.component.name} cannot be stated in a scenario, and is left out"
+            yield f"the value of {name!r} of {owner} cannot be stated in a scenario, and is left out"
 
 
 def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package, known: Units) -> float:
@@ -226,34 +260,8 @@ def _taken(number: BoundVariable, given: dict[str, Parameter], package: Package,
     if parameter is None:
         start = start_of(number.variable)[number.element]
         return number.scale * start + number.offset
-    return number.scale * _number(parameter, number.variable, package, known) + number.offset
-
-
-def _number(parameter: Parameter, variable: Variable, package: Package, known: Units) -> float:
-    """Return the value of a parameter in the unit that its variable has in the FMU."""
-    try:
-        own = unit_of(package.description, variable)
-    except UnitError as error:
-        if parameter.unit in ("", unit_name(variable)):
-            return parameter.number
-        said = f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the unit that the FMU has is not known"
-        raise InputError(f"{said}: {error}", parameter.where) from None
-    return parameter.in_unit(unit_name(variable), own.exponents, own.factor, known)
-
-
-def _written(parameter: Parameter, variable: Variable, package: Package, known: Units) -> str:
-    """Return the value of a parameter as a scenario writes it: in the FMU's unit, or as it is."""
-    if variable.type not in FLOAT_TYPES or isinstance(parameter.value, bool | str):
-        return parameter.text
-    number = _number(parameter, variable, package, known)
-    try:
-        unit = unit_of(package.description, variable)
-    except UnitError:
-        return repr(number)
-    name = unit_name(variable)
-    if not units.is_unit(name):
-        number, name = number * unit.factor, str(unit)
-    return f"{number!r} {name}" if name != "1" else repr(number)
+    value = number_of(parameter, number.variable, package.description, known, number.unit)
+    return number.scale * value + number.offset
 
 
 # The text ---------------------------------------------------------------------------------------------------
@@ -293,7 +301,8 @@ def _text(
     ]
     for plant in plants:
         binding = f" binding={quoteattr(plant.binding)}" if plant.binding else ""
-        lines.append(f"  <plant id={quoteattr(plant.id)} fmu={quoteattr(plant.file)}{binding}/>")
+        interface = f" interface={quoteattr(plant.interface)}" if plant.interface else ""
+        lines.append(f"  <plant id={quoteattr(plant.id)} fmu={quoteattr(plant.file)}{binding}{interface}/>")
     lines += [
         "",
         "  <!-- To do: the control law and its gains; formation list names the laws. -->",

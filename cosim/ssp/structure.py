@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from cosim.errors import InputError, Location
+from plants import units
 
 NAMESPACES: Mapping[str, str] = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -31,8 +32,14 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 """The type of a component that is an FMU, which is also the type of one that states none."""
 
 
+IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
+"""The interfaces of an FMU that a component may ask for, the one of a component that states none first."""
+
 Units = Mapping[str, tuple[tuple[int, ...], float]]
 """Units by name: the exponents of the base units, in the order of `plants.units.BASE_UNITS`, and the factor."""
+
+_ROUNDED = 5e-4
+"""Relative difference of the factors of a unit that the SSP and the FMU define with digits of their own."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +117,13 @@ class Parameter:
         InputError
             It is no number, or in the unit of another quantity.
         """
-        if not self.unit or self.unit == name:
+        if not self.unit:
             return self.number
         own_exponents, own_factor = known[self.unit]
+        if self.unit == name and math.isclose(own_factor, factor, rel_tol=_ROUNDED):
+            angle = units.BASE_UNITS.index("rad")  # angles may be defined as pure numbers
+            if all(n == m for place, (n, m) in enumerate(zip(own_exponents, exponents, strict=True)) if place != angle):
+                return self.number
         if own_exponents != exponents:
             raise InputError(
                 f"<Parameter>: {self.name!r} is in {self.unit!r}, and the FMU has it in {name!r}, which is another "
@@ -143,6 +154,8 @@ class Component:
         The path of the parameter set in the SSP; empty if it stands in the description.
     where : Location or None
         Its place in the file; None if it was not read.
+    implementation : str
+        The interface of the FMU that is to be used, one of `IMPLEMENTATIONS`.
     """
 
     name: str
@@ -152,6 +165,7 @@ class Component:
     parameters_source: str = ""
     description: str = ""
     where: Location | None = field(default=None, compare=False)
+    implementation: str = "CoSimulation"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -162,13 +176,20 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection from an output to an input: ``input = factor * output + offset``."""
+    """A connection from an output to an input: ``input = factor * output + offset``.
+
+    Attributes
+    ----------
+    more : tuple of str
+        What else is done with the value, as XML or in words; Formation writes nothing of this kind.
+    """
 
     start: tuple[str, str]
     end: tuple[str, str]
     factor: float = 1.0
     offset: float = 0.0
     where: Location | None = field(default=None, compare=False)
+    more: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -225,7 +246,7 @@ class Structure:
     @property
     def connected(self) -> str:
         """A checksum of its connections, whatever their order; an offset of -0.0 is one of 0.0."""
-        lines = sorted(repr((c.start, c.end, c.factor, c.offset + 0.0)) for c in self.connections)
+        lines = sorted(repr((c.start, c.end, c.factor, c.offset + 0.0, *c.more)) for c in self.connections)
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
     @cached_property

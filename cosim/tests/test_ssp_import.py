@@ -12,6 +12,7 @@ import pytest
 
 import plants
 from cosim.errors import InputError
+from cosim.fmu.discrete_values import items
 from cosim.master.setup import set_up
 from cosim.scenario.reader import read_scenario
 from cosim.ssp.imported import Imported, import_ssp
@@ -119,8 +120,57 @@ def test_values_of_inputs_and_outputs_are_taken_over_or_told(car: Path, tmp_path
         bound.role.name: values.tolist() for bound, values in zip(follower.inputs, follower.samples[0], strict=True)
     }
     assert inputs == {"tau_d_y": 20.0}
-    assert "the input 'tau_d_x' of b was connected in the SSP, and is left out" in imported.to_do
+    told = "the connection of a.x with 'tau_d_x' of b is left out, and so is the value that it starts with"
+    assert told in imported.to_do
     assert "the value of 'v' of b cannot be stated in a scenario, and is left out" in imported.to_do
+
+
+def test_connections_between_vehicles_are_told_one_by_one(car: Path, tmp_path: Path) -> None:
+    """But not those of commands, in whose place the law is."""
+    ends = (("x", "b", "tau_d_x"), ("v", "b", "m_c"), ("y", "b", "tau_drive"), ("psi", "a", "tau_steer"))
+    connections = "".join(
+        f'<ssd:Connection startElement="a" startConnector="{start}" endElement="{end}" endConnector="{name}"/>'
+        for start, end, name in ends
+    )
+    rest = f"<ssd:Connections>{connections}</ssd:Connections>"
+    sets = {"s.ssv": parameters({"m_c": 'Real value="40"'}), "a.ssv": parameters({"tau_steer": 'Real value="2"'})}
+    elements = component("a", inner=with_set("a.ssv")) + component("b", inner=with_set("s.ssv"))
+    imported = import_ssp(system(tmp_path, car, elements, sets, rest), tmp_path / "mine.xml")
+    assert [sentence for sentence in imported.to_do if "connection" in sentence] == [
+        "the connection of a.psi with 'tau_steer' of a is left out, and so is the value that it starts with",
+        "the connection of a.x with 'tau_d_x' of b is left out",
+        "the connection of a.v with 'm_c' of b is left out: it keeps the value that it has besides",
+    ]
+    with ExitStack() as cleanup:
+        setup = set_up(read_scenario(written(imported)), cleanup, {})
+    assert setup.leader.torque[0].tolist() == [0.0, 0.0]
+    assert [one.value for one in setup.followers[0].parameters] == [40.0]
+
+
+def test_a_component_has_the_interface_that_it_asks_for(car: Path, tmp_path: Path) -> None:
+    elements = [component(name, more=f'implementation="{how}"') for name, how in HOW.items()]
+    imported = import_ssp(system(tmp_path, car, "".join(elements)), tmp_path / "mine.xml")
+    assert [name for name in imported.files if name.suffix == ".fmu"] == [tmp_path / "mine_files" / "car.fmu"]
+    assert len([sentence for sentence in imported.to_do if "has Model Exchange" in sentence]) == 1
+    with ExitStack() as cleanup:
+        setup = set_up(read_scenario(written(imported)), cleanup, {})
+    used = {robot.name: robot.fmu.interface for robot in (setup.leader, *setup.followers)}
+    assert used == {"leader": "co_simulation", "b": "model_exchange", "c": "co_simulation", "d": "model_exchange"}
+    alone = tmp_path / "alone.fmu"
+    with zipfile.ZipFile(car) as old, zipfile.ZipFile(alone, "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == "modelDescription.xml":
+                data, count = re.subn(rb"<ModelExchange[^>]*?(/>|>.*?</ModelExchange>)", b"", data, flags=re.DOTALL)
+                assert count == 1
+            new.writestr(name, data)
+    for fmu, how, why in ((alone, "ModelExchange", "does not offer model_exchange"), (car, "Other", "read are any, ")):
+        path = system(tmp_path, fmu, component("a", more=f'implementation="{how}"'))
+        with pytest.raises(InputError, match=why):
+            import_ssp(path, tmp_path / "mine.xml")
+
+
+HOW = {"leader": "any", "b": "ModelExchange", "c": "CoSimulation", "d": "ModelExchange"}
 
 
 def test_a_unit_that_the_fmu_leaves_open_takes_no_other_one(car: Path, tmp_path: Path) -> None:
@@ -136,6 +186,24 @@ def test_a_unit_that_the_fmu_leaves_open_takes_no_other_one(car: Path, tmp_path:
     path = system(tmp_path, open_unit, component("a", inner=with_set("s.ssv")), sets)
     with pytest.raises(InputError, match=r"'m_c' is in 'kg', and the unit that the FMU has is not known: .*stone"):
         import_ssp(path, tmp_path / "mine.xml")
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [('Integer value="2"', "front_wheel"), ('Enumeration value="rear_wheel"', "rear_wheel"), ('Integer value="7"', "")],
+)
+def test_an_enumeration_is_stated_by_the_name_of_its_item(value: str, name: str, car: Path, tmp_path: Path) -> None:
+    path = system(tmp_path, car, component("a", inner=with_set("s.ssv")) + component("b"))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("s.ssv", parameters({"drive": value}))
+    if not name:
+        with pytest.raises(InputError, match=r"'drive' is '7', which is none of its items: .*rear_wheel \("):
+            import_ssp(path, tmp_path / "mine.xml")
+        return
+    with ExitStack() as cleanup:
+        leader = set_up(read_scenario(written(import_ssp(path, tmp_path / "mine.xml"))), cleanup, {}).leader
+    (drive,) = leader.parameters
+    assert items(drive.variable)[int(drive.value)] == name
 
 
 def test_what_is_no_vehicle_is_named(car: Path, tmp_path: Path) -> None:
