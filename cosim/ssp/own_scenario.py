@@ -224,9 +224,8 @@ def _is_gain(
     if follower is None or not 0 <= at < len(entries):
         return False
     exponents, factor = known[old.unit] if old.unit else (units.Unit().exponents, 1.0)
-    entries[at] = parameter.in_unit(
-        old.unit or "1", exponents, factor, known
-    )  # in SI units, which a scenario leaves out
+    # in SI units, which a scenario leaves out
+    entries[at] = parameter.in_unit(old.unit or "1", exponents, factor, known)
     if not all(map(math.isfinite, entries)):  # a scenario can state none that is not
         return False
     _named(follower, "gain", name, " ".join(map(repr, entries)))
