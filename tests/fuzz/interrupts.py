@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import gc
 import os
 import random
@@ -43,7 +44,10 @@ def interrupts_case(seed: int, folder: Path, _: tuple[bytes, ...]) -> None:
 
 
 def _run(plants: str, folder: Path, line: int, struck: list[str]) -> int:
-    """Run with Ctrl-C before a line, none if it is zero, and tell where; return how many lines there were."""
+    """Run with Ctrl-C before a line or the next one that a signal can strike, and tell where; before none if it is 0.
+
+    Return how many lines there were.
+    """
     lines, process = 0, os.getpid()  # a process that is forked for the run goes on undisturbed
 
     def trace(frame: FrameType, event: str, _: Any) -> Callable[..., Any] | None:
@@ -52,7 +56,7 @@ def _run(plants: str, folder: Path, line: int, struck: list[str]) -> int:
             return None
         if event == "line":
             lines += 1
-            if lines == line:
+            if 0 < line <= lines and not _ends_handling(frame):
                 sys.settrace(None)
                 struck.extend(_stack(frame))
                 signal.raise_signal(signal.SIGINT)
@@ -70,6 +74,15 @@ def _run(plants: str, folder: Path, line: int, struck: list[str]) -> int:
 
 def _watched(file: str) -> bool:
     return any(room in file for room in _ROOMS) or file.endswith(_LIBRARIES)
+
+
+def _ends_handling(frame: FrameType) -> bool:
+    """Return whether a line, such as ``return False`` of an ``except``, begins with the end of handling an exception.
+
+    No signal strikes there: Python looks for them at calls and jumps back. If a trace function raises there, Python
+    3.11 to 3.13 keep the handled exception for ever, with all frames that it has passed.
+    """
+    return dis.opname[frame.f_code.co_code[frame.f_lasti]] == "POP_EXCEPT"
 
 
 def _stack(frame: FrameType | None) -> list[str]:
