@@ -84,12 +84,14 @@ def end(root: int, mark: str, pipe: int | None = None) -> None:
 
 def end_descendants(root: int) -> bool:
     """End everything that a living process has started and what follows from it; return whether there was anything."""
-    some = False
+    some, ended = False, set[int]()
     for _ in range(_ROUNDS if _LINUX else 0):
-        living = [process for process in _descendants(root) if _state(process) not in ("Z", "")]
-        if not living:
+        found = _descendants(root)
+        living = [process for process in found if _state(process) not in ("Z", "")]
+        before, ended = ended, {*found} - {*living}
+        if not living and ended <= before:  # else one that ended during the search has left behind what it had started
             break
-        some = True
+        some = some or bool(living)
         for process in living:
             _signal(process, signal.SIGKILL)
         time.sleep(0.001)

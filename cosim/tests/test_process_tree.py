@@ -91,6 +91,16 @@ def test_without_its_environment(start: Start) -> None:
     assert not lives(left)
 
 
+def test_what_is_left_behind_during_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second process ends after the children of the first one were listed: the third becomes one of these."""
+    ended, searches = {2}, iter([[2], *[[2, 3]] * 3])
+    monkeypatch.setattr(process_tree, "_descendants", lambda root: next(searches))
+    monkeypatch.setattr(process_tree, "_state", lambda process: "Z" if process in ended else "S")
+    monkeypatch.setattr(process_tree, "_signal", lambda process, number: ended.add(process))
+    assert process_tree.end_descendants(1)
+    assert ended == {2, 3}
+
+
 def test_of_a_process_that_has_ended(start: Start) -> None:
     process, mark, left = start("process_tree.adopt()\nif daemon(): time.sleep(1000)\nos._exit(3)")
     deadline = time.monotonic() + 30

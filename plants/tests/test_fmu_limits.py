@@ -84,10 +84,9 @@ def test_limits_in_model_exchange(new: Callable, car: Fmu) -> None:
         instance.complete_step()
 
 
-def test_an_importer_is_told_of_limits_in_model_exchange(car: Fmu) -> None:
+def test_an_importer_is_told_of_limits_in_model_exchange(car: Fmu, capsys: pytest.CaptureFixture[str]) -> None:
     """FMI 3.0 has importers that complete no step unless the description asks for it."""
-    told: list[bytes] = []
-    end = fmpy.simulate_fmu(
+    end = fmpy.simulate_fmu(  # which prints messages: FMPy would keep a logger of ours beyond its end
         car.path,
         fmi_type="ModelExchange",
         solver="Euler",
@@ -95,11 +94,10 @@ def test_an_importer_is_told_of_limits_in_model_exchange(car: Fmu) -> None:
         output=["gamma"],
         stop_time=0.1,
         step_size=0.02,
-        logger=lambda *of: told.append(of[-1]),
         debug_logging=True,
     )
     assert end["gamma"][-1] > 1.571
-    assert len([message for message in told if b"above its limit of 1.57" in message]) == 1
+    assert capsys.readouterr().out.count("above its limit of 1.57") == 1
 
 
 def test_messages_are_escaped(fmus: Callable, fmi: str) -> None:
