@@ -18,7 +18,23 @@ _EXACT = 1e-9
 _ANGLE = units.BASE_UNITS.index("rad")
 
 
-class UnitContradiction(Picklable, UnitError):
+class UndecidedUnit(Picklable, UnitError):
+    """What an FMU says of a variable's unit leaves a choice, which a binding makes.
+
+    Attributes
+    ----------
+    unit : plants.units.Unit
+        The unit as it probably is, without an offset.
+    question, choice : str
+        What is to be decided, and the attributes of a binding that decide it.
+    """
+
+    unit: units.Unit
+    question: str
+    choice: str
+
+
+class UnitContradiction(UndecidedUnit):
     """A unit's name contradicts its definition in the FMU.
 
     Parameters
@@ -36,14 +52,13 @@ class UnitContradiction(Picklable, UnitError):
             f"{name!r}, whose name contradicts its definition: by the name, 1 {name} is {by_name.factor:.6g} "
             f"{by_name}, by the definition {by_definition.factor:.6g} {by_name}"
         )
-        factor = "" if by_definition.factor == 1 else f' factor="{by_definition.factor!r}"'
         self.unit = by_name
         self.question = f"{variable!r} is in {contradiction}"
-        self.choice = f'unit="{name}" or unit="{by_name}"{factor}'
+        self.choice = f'unit="{name}" or {_with_factor(by_name, by_definition)}'
         super().__init__(f"has {variable!r} in {contradiction}. A binding decides: {self.choice}")
 
 
-class UnitWithOffset(Picklable, UnitError):
+class UnitWithOffset(UndecidedUnit):
     """A unit counts from elsewhere than its base unit, as degC does.
 
     Parameters
@@ -60,13 +75,17 @@ class UnitWithOffset(Picklable, UnitError):
 
     def __init__(self, variable: str, name: str, unit: units.Unit, offset: float) -> None:
         self.unit, counted = unit, units.Unit(unit.exponents)
-        stated = f'unit="{counted}"' + ("" if unit.factor == 1 else f' factor="{unit.factor!r}"')
-        if units.is_unit(name) and units.parse(name) == unit:
-            stated = f'unit="{name}"'
+        is_known = units.is_unit(name) and units.parse(name) == unit
+        stated = f'unit="{name}"' if is_known else _with_factor(counted, unit)
         of = f"an offset of {offset:.6g} {counted}"
         self.question = f"{variable!r} is in {name}, with {of}"
         self.choice = f'{stated} offset="{offset!r} {counted}"'
         super().__init__(f"has {variable!r} in {name}, with {of}: a binding states both, {self.choice}")
+
+
+def _with_factor(base: units.Unit, unit: units.Unit) -> str:
+    """Return the attributes of a binding that state a unit by that of its base units and a factor."""
+    return f'unit="{base}"' + ("" if unit.factor == 1 else f' factor="{unit.factor!r}"')
 
 
 def unit_name(variable: Variable) -> str:
@@ -115,7 +134,7 @@ def unit_of_values(description: ModelDescription, variable: Variable, values: It
     """
     try:
         return unit_of(description, variable) if unit_name(variable) else units.parse("1")
-    except (UnitContradiction, UnitWithOffset) as error:
+    except UndecidedUnit as error:
         if all(split(value)[1] == "1" for value in values):
             return units.parse("1")
         raise UnitError(f"{error.question}: give the bare number, as the FMU counts") from None

@@ -123,19 +123,11 @@ class Feed:
         ticks = scenario.ticks + 1
         self._every = math.ceil(ticks / max(MOST_NUMBERS // width, _FEWEST))
         self._rows = np.empty((-(-ticks // self._every), width), np.float64)
-        none_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
-        ahead = {"events": events_told(first, scenario.horizon)}
+        not_yet: Json = {name: [] for name in ("followers", "distance", "notes", "verdicts")}
+        not_yet["events"] = events_told(first, scenario.horizon)
         self.head = in_json(
             kind="begin",
-            run={
-                **content_of(first),
-                **courses,
-                **none_yet,
-                **ahead,
-                "status": "running",
-                "failure": None,
-                "numbers": "",
-            },
+            run={**content_of(first), **courses, **not_yet, "status": "running", "failure": None, "numbers": ""},
             every=self._every,
             rows=len(self._rows) + 1,
             columns=width,

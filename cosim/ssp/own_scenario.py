@@ -29,7 +29,7 @@ from cosim.ssp.document import ALL_PARAMETERS
 from cosim.ssp.experiment import experiment
 from cosim.ssp.found import Found
 from cosim.ssp.reading import parameters_of
-from cosim.ssp.structure import RESOURCES, Facts, Parameter, Structure, Units
+from cosim.ssp.structure import PURE_NUMBER, RESOURCES, Facts, Parameter, Structure, Units
 from cosim.ssp.values import number_of, with_unit, written
 from cosim.team_fmu.law_in_host import pairs
 from cosim.vehicle.kind import Role
@@ -223,7 +223,7 @@ def _is_gain(
     at = int(index or 1) - 1
     if follower is None or not 0 <= at < len(entries):
         return False
-    exponents, factor = known[old.unit] if old.unit else (units.Unit().exponents, 1.0)
+    exponents, factor = known[old.unit] if old.unit else PURE_NUMBER
     # in SI units, which a scenario leaves out
     entries[at] = parameter.in_unit(old.unit or "1", exponents, factor, known)
     if not all(map(math.isfinite, entries)):  # a scenario can state none that is not

@@ -38,6 +38,9 @@ IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 Units = Mapping[str, tuple[tuple[int, ...], float]]
 """Units by name: the exponents of the base units, in the order of `plants.units.BASE_UNITS`, and the factor."""
 
+PURE_NUMBER = (units.Unit().exponents, 1.0)
+"""The unit of a number without one, as `Units` has it."""
+
 _ROUNDED = 5e-4
 """Relative difference of the factors of a unit that the SSP and the FMU define with digits of their own."""
 

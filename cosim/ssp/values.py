@@ -7,7 +7,7 @@ from cosim.fmu.discrete_values import items
 from cosim.fmu.model_description import ModelDescription, Variable
 from cosim.fmu.units import unit_name, unit_of
 from cosim.plant.spec import FLOAT_TYPES
-from cosim.ssp.structure import Parameter, Units
+from cosim.ssp.structure import PURE_NUMBER, Parameter, Units
 from plants import UnitError, units
 
 
@@ -34,7 +34,7 @@ def number_of(
     try:
         own = bound or unit_of(description, variable)
     except UnitError as error:
-        if parameter.unit in ("", name) or (not name and known[parameter.unit] == (units.Unit().exponents, 1.0)):
+        if parameter.unit in ("", name) or (not name and known[parameter.unit] == PURE_NUMBER):
             return parameter.number
         said = f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the unit that the FMU has is not known"
         raise InputError(f"{said}: {error}", parameter.where) from None
@@ -69,7 +69,7 @@ def written(
     """
     if variable.type in FLOAT_TYPES:
         return with_unit(number_of(parameter, variable, description, known, bound), variable, description)
-    if parameter.unit and known[parameter.unit] != (units.Unit().exponents, 1.0):
+    if parameter.unit and known[parameter.unit] != PURE_NUMBER:
         raise InputError(
             f"<Parameter>: {parameter.name!r} is in {parameter.unit!r}, and the FMU has it as {variable.type}, which "
             "has no unit",

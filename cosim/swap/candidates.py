@@ -14,7 +14,7 @@ from typing import NamedTuple
 from cosim.fmu.alike import KEPT, without_numbers
 from cosim.fmu.binding import NUMBER_TYPES, shape_of
 from cosim.fmu.model_description import ModelDescription, SimpleType, Variable
-from cosim.fmu.units import UnitContradiction, UnitWithOffset, unit_name, unit_of
+from cosim.fmu.units import UndecidedUnit, unit_name, unit_of
 from cosim.scenario.scenario import OPEN
 from cosim.swap.naming import in_english, parts_of, without_start, words_of
 from cosim.swap.translations import unit_at_the_end
@@ -315,7 +315,7 @@ def reading(description: ModelDescription, number: Number, role: Role) -> Readin
         return Reading(unit=OPEN, open=f"the FMU states no unit of {variable.name!r}: state it ({like})")
     try:
         own = unit_of(description, variable)
-    except (UnitContradiction, UnitWithOffset) as error:
+    except UndecidedUnit as error:
         if error.unit.exponents != wanted.exponents:
             return None
         return Reading(unit=OPEN, open=f"{error.question}: state {error.choice}")
