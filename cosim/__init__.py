@@ -183,6 +183,7 @@ def study(
     from cosim.studies.kept_results import keep_results
     from cosim.studies.read_keep import keeping
     from cosim.studies.reader import read_study
+    from cosim.studies.store import Store
     from cosim.studies.table import as_result
 
     if keep and out is None:
@@ -190,9 +191,12 @@ def study(
     read = keeping(read_study(path, changes), keep, "keep")
     with TemporaryDirectory(prefix="formation-study-") as nowhere:
         folder = writable_folder(Path(nowhere if out is None else out) / read.name, "out")
-        outcome = conduct(read, folder, workers=workers, executor=executor, scheduler=scheduler, runs=runs)
-        if out is not None:
-            keep_results(outcome, folder, workers)
+        with Store(folder, read.name) as store:
+            outcome = conduct(
+                read, folder, store=store, workers=workers, executor=executor, scheduler=scheduler, runs=runs
+            )
+            if out is not None:
+                keep_results(outcome, folder, workers)
         return as_result(outcome).dataset
 
 

@@ -308,6 +308,27 @@ def test_a_study_may_end_early_with_the_same_run_on_any_number_of_workers(tmp_pa
 # The command ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing is locked there")
+def test_no_other_study_begins_while_files_are_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_study(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    command = ["study", "study.xml", "--workers", "1", "--no-report"]
+    others = []
+
+    def meanwhile(*_: object) -> dict[str, bytes]:
+        others.append((main([*command, "--no-figure"]), capsys.readouterr().err))
+        return {}
+
+    monkeypatch.setattr("cosim.cli.studying._pictures", meanwhile)
+    assert main(command) == 0
+    ((status, told),) = others
+    assert status == 2
+    assert "rows.jsonl is in use by another command: wait until it ends" in " ".join(told.split())
+    assert (tmp_path / "runs/small/summary.json").is_file()
+
+
 def test_the_command_with_two_workers_gives_the_same_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

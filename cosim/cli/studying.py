@@ -33,7 +33,7 @@ from cosim.studies.read_keep import keeping
 from cosim.studies.reader import read_study
 from cosim.studies.reproduce import as_variant
 from cosim.studies.row import BROKEN, FAILED, PASSED, Row
-from cosim.studies.store import FILE
+from cosim.studies.store import FILE, Store
 from cosim.studies.study import Study, Tune
 from cosim.studies.summary import Spread, as_json, counts, remarkable, spreads
 from cosim.studies.table import as_csv, as_result
@@ -77,10 +77,17 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     told.name = read.name
     where = options.out / read.name
     folder = writable_folder(where, "--out").absolute()
+    with Store(folder, read.name) as store:  # open until all files are written: no other study sets some aside
+        return _with_files(read, where, folder, store, options)
+
+
+def _with_files(read: Study, where: Path, folder: Path, store: Store, options: argparse.Namespace) -> StudyOutcome:
+    """Conduct a study, write its files, and print what came of it; the folder is absolute, and as the user named it."""
     with _going_on(where / FILE), _progress(read) as progress:
         outcome = conduct(
             read,
             folder,
+            store=store,
             workers=options.workers,
             scheduler=options.scheduler,
             runs=options.runs,

@@ -141,6 +141,7 @@ def conduct(
     study: Study,
     folder: Path,
     *,
+    store: Store | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
     scheduler: str | None = None,
@@ -157,6 +158,8 @@ def conduct(
         The study.
     folder
         Where its rows are kept; it exists.
+    store
+        Its rows, of a caller who keeps other commands off the folder beyond this call.
     workers, executor, scheduler
         Who makes the runs; see `cosim.studies.crew.crew_of`.
     runs
@@ -173,7 +176,9 @@ def conduct(
     KeyboardInterrupt
         The user pressed Ctrl-C; the rows so far are kept.
     """
-    with Store(folder, study.name) as store, ExitStack() as ending:
+    with ExitStack() as ending:
+        if store is None:
+            store = ending.enter_context(Store(folder, study.name))
         set_aside(folder)  # also if the study is refused
         plan, keys, requirements = check_study(study)
         crew = ending.enter_context(crew_of(workers, executor, scheduler))
