@@ -187,7 +187,7 @@ def constant(values: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
 @lru_cache(1024)
 def _constant(numbers: bytes, shape: tuple[int, ...], samples: int) -> NDArray[np.float64]:
     values = np.frombuffer(bytearray(numbers)).reshape(shape)
-    return np.lib.stride_tricks.as_strided(values, (samples, *shape), (0, *values.strides))
+    return np.lib.stride_tricks.as_strided(values, (samples, *shape), (0, *values.strides), writeable=False)
 
 
 def is_constant(course: NDArray[np.float64]) -> bool:

@@ -4,8 +4,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import cosim
 from cosim.cli import main
 
 from .commands import failed
@@ -108,6 +110,33 @@ def test_a_law_that_cannot_be_started(law, fails, old: str, new: str, marked: st
     printed = fails(2)
     assert sentence in printed
     assert printed.strip().endswith(f", at {place}")
+
+
+def test_a_law_that_writes_to_what_it_gets_changes_nothing(law, scenarios: Path, tmp_path: Path) -> None:
+    """Neither what is recorded and judged, nor what another law gets."""
+    text = (scenarios / "clmr_line.xml").read_text(encoding="utf-8")
+    begin, end = text.index("<controller"), text.index("</controller>") + len("</controller>")
+    mine = 'name="mine" package="my-law" version="==1.0"'
+    both = "".join(
+        f'<controller id="{name}" {mine}><gain name="K" value="{gain}"/></controller>'
+        for name, gain in (("writes", 2), ("pid", 1))
+    )
+    text = text[:begin] + both + text[end:].replace('controller="pid"', 'controller="writes"', 2)
+    scenario = tmp_path / "mine.xml"
+    scenario.write_text(text, encoding="utf-8")
+    results = []
+    for write in ("pass", "leader.pose[0] += 100; leader.velocity[:] = 1e3; desired.q[:] = 1e3; pose[:] = 1e3"):
+        step = f"""
+        command = desired.q * leader.velocity[0] + leader.pose[0]
+        if self.robot_gains[0].K == 2:
+            {write}
+        return command
+"""
+        law("\n        return torques(pose)\n", step, "on_step")
+        sys.modules.pop("my_law", None)
+        results.append(cosim.run(scenario, horizon=0.2, expectations=False))
+    for name in ("range_error", "bearing_error", "torque", "pose", "leader_pose"):
+        np.testing.assert_array_equal(results[1][name], results[0][name], err_msg=name)
 
 
 def test_gains_that_fail(law, scenarios: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError, Location, nearest
 from cosim.scenario.csv_table import read_table
+from cosim.signals.interpolation import interpolated
 from cosim.vehicle.kind import Excitation, Kind
 from plants import arrays
 
@@ -55,7 +56,7 @@ def given(
     values = np.zeros((ticks, len(names)))
     for column, role in enumerate(kind.command):
         if role.name in table.columns:
-            values[:, column] = np.interp(times, table.time, table.column(role.name, role.unit, where))
+            values[:, column] = interpolated(times, table.time, table.column(role.name, role.unit, where))
     told = [f"without {name}, which is 0" for name in names if name not in table.columns]
     if last < times[-1] - 1e-6 * step:
         told.append(f"its last row, at {last:.12g} s, holds until the end")

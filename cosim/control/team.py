@@ -121,8 +121,8 @@ class Team(ABC):
 
         Poses and velocities (N, entries) belong to all followers, the desired places to this team. Poses are
         those measured; a law that needs velocities is given the true ones, and no other law any. The leader is its pose
-        and pseudo-velocities, one after the other in an array of this tick's own, and its accelerations where they are
-        known.
+        and pseudo-velocities, one after the other, and its accelerations where they are known. Others read
+        these arrays, too: a law gets copies.
         """
 
     @abstractmethod

@@ -9,6 +9,7 @@ from cosim.errors import FormationError
 from cosim.master.setup import Setup
 from cosim.master.supervised import whole_run
 from cosim.results.result import Result
+from cosim.unforeseen import lack_of
 
 _Key: TypeAlias = tuple[Path, tuple[Path, ...], str, tuple[str, ...]]
 _KEPT = 2
@@ -39,6 +40,8 @@ def run_other(setup: Setup, path: Path) -> Result:
             with whole_run(other, prepared) as simulation:
                 result: Result | FormationError = simulation.run_to_end()
         except FormationError as error:
+            if lack_of(error):  # the next run may have what it needs
+                raise
             result = error
         _results[key] = result
         while len(_results) > _KEPT:

@@ -262,15 +262,18 @@ class Ticks:
 
     def _act(self, override: Mapping[int, Floats]) -> None:
         """Let the commands act, some of this tick alone: those of the controllers may be held longer."""
-        command, leader = self._now.command, self._external[self.tick, 0]
-        held = command.copy(), leader.copy()
+        command, held = self._now.command, self._now.command.copy()
         for row, own in override.items():
             name = self._names[row]
             self.given[name] = (self.given.get(name, (self.tick,))[0], self.tick)
-            (command[row - 1] if row else leader)[:] = own
+            if row > 0:
+                command[row - 1] = own
         self._do(Part.ACT, self.tick)
-        if override:
-            command[:], leader[:] = held
+        command[:] = held
+        if 0 in override:
+            self._now.torque[0] = override[0]
+            for values, place in self._records:
+                place[self.tick] = values
 
     def _do(self, parts: Part, tick: int) -> None:
         """Run parts of a tick."""

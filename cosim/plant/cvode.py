@@ -135,8 +135,8 @@ class CvodePlant:
         for _ in range(_MAX_PARTS):
             if end - time <= close:
                 return
-            until = min(end, self._instance.next_event)
-            event = until == self._instance.next_event
+            event = self._instance.next_event <= end + close  # rounding may have put the end before it
+            until = self._instance.next_event if event else end
             if until - time > close:
                 state_event, time = self._solver.advance(time, until)
                 event = state_event or time >= self._instance.next_event

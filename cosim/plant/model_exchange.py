@@ -78,13 +78,17 @@ def integrate(
         parts = 0
         while now < end:
             parts += 1
-            until = end
-            if row["next_event"] < end - _SMALLEST_PART * solver_step:
+            until, close = end, _SMALLEST_PART * solver_step
+            if row["next_event"] < end - close:
                 until = max(row["next_event"], now)
+            elif row["next_event"] < end + close:  # rounding may have put the end before it
+                until = max(row["next_event"], end)
             if until > now:
-                status = _solver_step(row, work, now, until - now)
-                if status > WARNING:
-                    return DERIVE, status
+                status = _solver_step(row, work, now, until)
+            else:  # the FMU may be at a time which rounding puts before this one
+                status = _at_time(row["set_time"], (row["component"], now))
+            if status > WARNING:
+                return DERIVE, status
             now = until
             what, status = _after_step(row, scratch, work, now)
             if what != FINE:
@@ -95,14 +99,15 @@ def integrate(
 
 
 @compiled
-def _solver_step(row: np.void, work: NDArray[np.float64], now: float, step: float) -> int:
-    """Take a step of the method and leave the plant at its end."""
+def _solver_step(row: np.void, work: NDArray[np.float64], now: float, end: float) -> int:
+    """Take a step of the method and leave the plant at its end, which may be the time of an event: to the bit."""
+    step = end - now
     nx, first, place = row["states"], row["first"], row["work"]
     stage, slope, total = first + nx, first + 2 * nx, first + 3 * nx
     stages = 1 if row["method"] == _EULER else 4
     for s in range(stages):
         if s > 0:
-            status = _at_time(row["set_time"], (row["component"], now + _STAGE_TIME[s] * step))
+            status = _at_time(row["set_time"], (row["component"], end if s == 3 else now + _STAGE_TIME[s] * step))
             if status > WARNING:
                 return status
             for i in range(nx):
@@ -119,7 +124,7 @@ def _solver_step(row: np.void, work: NDArray[np.float64], now: float, step: floa
             work[total + i] = weighted if s == 0 else work[total + i] + weighted
     for i in range(nx):
         work[first + i] += step * work[total + i]
-    status = _at_time(row["set_time"], (row["component"], now + step))
+    status = _at_time(row["set_time"], (row["component"], end))
     if status > WARNING or nx == 0:
         return status
     return _vector(row["set_states"], (row["component"], place, nx))

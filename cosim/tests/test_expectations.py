@@ -1,24 +1,28 @@
 """Expectations, against results made by hand whose figures are known, and against runs."""
 
+import errno
 import json
 import math
 import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from cosim.cli import main, run
-from cosim.errors import Failure, InputError, Location, SimulationError
+from cosim.errors import Failure, InputError, Location, OutputError, SimulationError
 from cosim.kinds_by_element import kinds_in
-from cosim.master import setup, simulation
+from cosim.master import other_runs, setup, simulation
 from cosim.master.other_runs import run_other
 from cosim.master.prepared import Prepared
 from cosim.master.segment import Segment
@@ -676,6 +680,26 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Counter[Path]]:
         count("set up", place, "set_up", lambda scenario: scenario.path)
     count("run", Simulation, "run_to_end", lambda simulation: simulation.scenario.path)
     return found
+
+
+def test_a_run_to_compare_with_is_made_again_if_the_machine_lacked_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = Path("other.xml")
+    other = SimpleNamespace(path=path, untrusted=(), text="<scenario/>")
+    setup = SimpleNamespace(others={path: SimpleNamespace(scenario=other, setup=None, content=("of this test",))})
+    full = OutputError("no room")
+    full.__cause__ = OSError(errno.ENOSPC, "no space left on device")
+    outcomes = [full, SimulationError("car", 1.0, "the FMU has failed"), "never reached"]
+
+    @contextmanager
+    def run(*_: object) -> Iterator[SimpleNamespace]:
+        yield SimpleNamespace(run_to_end=Mock(side_effect=[outcomes.pop(0)]))
+
+    monkeypatch.setattr(other_runs, "whole_run", run)
+    with pytest.raises(OutputError, match="no room"):
+        run_other(cast(Any, setup), path)
+    for _ in range(2):
+        with pytest.raises(SimulationError, match="has failed"):
+            run_other(cast(Any, setup), path)
 
 
 def test_every_kind_on_a_run(tmp_path: Path, counts: dict[str, Counter[Path]]) -> None:

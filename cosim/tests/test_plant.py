@@ -251,7 +251,7 @@ SOLVERS = ("euler", "runge_kutta_4", "cvode")
 
 @pytest.mark.parametrize("fmi", FMI)
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("when", [1.0, 1.013, 0.02, 1e-12])
+@pytest.mark.parametrize("when", [1.0, 1.013, 0.02, 1e-12, 0.14, 0.2, 7 * STEP])
 def test_a_time_event_is_hit(make: Make, fmi: str, solver: str, when: float) -> None:
     """It brakes to standstill, from which it accelerates again; the speed is linear, so that each method is exact."""
     fmu = make(fmi=fmi, time_event=True, when=when, **MODEL)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from cosim.errors import Failure, InputError, RunInterrupted, SimulationError
+from cosim.master.loop import Part
 from cosim.master.mock_fleet import MockFleet, Motion
 from cosim.master.observer import Observer, Watched
 from cosim.master.simulation import Simulation
+from cosim.master.ticks import Ticks
 from cosim.scenario.reader import read_scenario
 from cosim.scenario.scenario import Scenario
 from cosim.tests.driving import FailsAt
@@ -55,6 +57,22 @@ def test_a_torque_of_ones_own_for_one_tick(simulation: Simulation) -> None:
     leader = simulation.result().leader_torque.values
     assert leader[1].tolist() == [1.0, 0.5]
     assert leader[2].tolist() == leader[0].tolist()
+
+
+def test_a_torque_of_the_leader_reaches_no_other_run(short_line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also not one that goes on, in another thread, while this torque acts."""
+    with Simulation(short_line) as driven, Simulation(short_line) as other:
+        do = Ticks._do
+
+        def meanwhile(ticks: Ticks, parts: Part, tick: int) -> None:
+            do(ticks, parts, tick)
+            if ticks is driven._ticks and parts == Part.ACT:
+                other.step()
+
+        monkeypatch.setattr(Ticks, "_do", meanwhile)
+        driven.step({"leader": (50.0, 1.0)})
+        assert driven.result().leader_torque.values.tolist() == [[50.0, 1.0]]
+        assert other.result().leader_torque.values.tolist() == [[8.0, 0.0]]
 
 
 def test_what_the_others_do_does_not_depend_on_it(short_line: Scenario) -> None:

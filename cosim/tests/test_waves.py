@@ -11,6 +11,7 @@ from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import children_of
 from cosim.scenario.scenario import InputSource, WaveSource
+from cosim.signals.interpolation import interpolated
 from cosim.signals.waves import WAVES, add_samples
 from cosim.signals.waves.random import MIN_CUTOFF
 from plants import units
@@ -79,6 +80,22 @@ def test_table_is_interpolated_and_kept_beyond_its_ends(tmp_path: Path) -> None:
     course = samples(wave("table", "", file=str(path), column="wind"))
     assert course[:26].tolist() == [1000.0] * 26
     assert course[[50, 60, 75, 99]] == pytest.approx([2000, 400, -2000, -2000])
+
+
+@pytest.mark.parametrize("rows", [1, 2, 50])
+def test_a_table_has_the_numbers_of_numpy(rows: int) -> None:
+    random = np.random.default_rng(rows)
+    for _ in range(50):
+        known = np.cumsum(random.uniform(1e-9, 1.0, rows) ** random.integers(1, 9))
+        values = random.normal(size=rows) * 10.0 ** random.integers(-8, 8)
+        beside = [np.nextafter(known, np.inf), np.nextafter(known, -np.inf)]
+        times = np.concatenate([random.uniform(known[0] - 1, known[-1] + 1, 100), known, *beside])
+        np.testing.assert_allclose(interpolated(times, known, values), np.interp(times, known, values), rtol=1e-12)
+
+
+def test_a_table_jumps_within_the_smallest_of_times() -> None:
+    known, values = np.array([0.0, 5e-324, 1.0]), np.array([0.0, 1.0, 2.0])
+    assert interpolated(np.array([0.0, 5e-324, 0.5, 1.0]), known, values).tolist() == [0.0, 1.0, 1.5, 2.0]
 
 
 def test_signals_add_up() -> None:

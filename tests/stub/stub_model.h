@@ -543,7 +543,7 @@ static inline void indicators(const Stub *s, double value[2])
 
 static inline bool time_event_due(const Stub *s)
 {
-    return s->time_event && !s->car.braked && s->car.time >= s->car.when - EPSILON;
+    return s->time_event && !s->car.braked && s->car.time >= s->car.when - (s->model_exchange ? 0.0 : EPSILON);
 }
 
 static inline bool step_event_due(const Stub *s)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.scenario.csv_table import Table, read_table
 from cosim.scenario.scenario import WaveSource
+from cosim.signals.interpolation import interpolated
 from cosim.signals.waves.wave import Sampling, Wave
 
 
@@ -34,4 +35,4 @@ class Tabled(Wave):
         if self._course is None:
             table, column = self.table()
             self._course = table.time, table.column(column, sampling.unit, self.written.where)
-        return np.interp(sampling.times, *self._course)
+        return interpolated(sampling.times, *self._course)
