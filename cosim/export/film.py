@@ -94,7 +94,7 @@ def film_of(result: Result, options: Options) -> Film:
             f"that makes {frames} frames, more than {MOST_FRAMES}: choose more speed, less fps or a shorter part"
         )
     moments = np.append(start + np.arange(frames) * (speed / options.fps), stop)
-    samples = np.clip(np.round((moments - time[0]) / float(result.attrs["step"])).astype(int), 0, len(time) - 1)
+    samples = np.round(np.interp(moments, time, np.arange(len(time)))).astype(int)  # the nearest ones
     return Film(samples if samples[-1] > samples[-2] else samples[:-1], speed, options.fps, options.size)
 
 

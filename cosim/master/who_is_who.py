@@ -143,7 +143,9 @@ def _messages(messages: Sequence[RobotMessage]) -> Coordinates:
         "message_time": Variable(
             ("message",), times, {"units": "s", "long_name": "communication point of the message"}
         ),
-        "message_count": Variable(("message",), counts, {"long_name": "how many times the message came in succession"}),
+        "message_count": Variable(
+            ("message",), counts, {"units": "1", "long_name": "how many times the message came in succession"}
+        ),
     }
     for name, (about, fact) in _MESSAGE.items():
         found[name] = texts("message", [fact(entry) for entry in messages], about)

@@ -205,8 +205,9 @@ def _sampled(
 
 
 def _pose_entry(setup: Setup, number: Number) -> float | None:
-    """Return the initial value of an entry of a pose that is an angle; None if it is none."""
-    if number.signal not in DERIVED_FROM or number.unit != "rad":
+    """Return the initial value of an entry of a pose, a measured one too, that is an angle; None if it is none."""
+    poses = {variable.name for variable in setup.result_variables if "pose_component" in variable.dims}
+    if number.signal not in poses or number.unit != "rad":
         return None
     robot = (setup.leader, *setup.followers)[number.row]
     return robot.pose[[role.name for role in robot.kind.pose].index(number.component)]

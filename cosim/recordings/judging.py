@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -52,8 +52,9 @@ def _together(reasons: Sequence[str]) -> str:
 
 
 def _concerned(kind: Kind, setup: Setup, result: Result) -> list[str]:
-    """Return the robots whose signals it is judged by."""
-    owners = [setup.signals[name].robots for name in kind.signals(setup.signals)]
+    """Return the robots on whom there is a verdict."""
+    names = [own.signal for own in list(_subjects(kind))[:1]] or kind.signals(setup.signals)
+    owners = [setup.signals[name].robots for name in names]
     if all(robots == (LEADER,) for robots in owners):
         return [LEADER]
     return [robot for robot in kind.followers(result) if any(robot in robots for robots in owners)]
@@ -62,27 +63,31 @@ def _concerned(kind: Kind, setup: Setup, result: Result) -> list[str]:
 def _lacking(kind: Kind, setup: Setup, result: Result, robot: str) -> str:
     """Return what the recording lacks of a robot, in words; empty if nothing that is needed."""
     samples = kind.deciding(result)
-    for name in sorted(kind.signals(setup.signals)):
-        known = setup.signals[name]
-        owner = LEADER if known.robots == (LEADER,) else robot
-        if owner not in known.robots:
-            continue
-        for whose in _whose(kind, name, owner):
-            if why := _missing(kind, setup, result, name, whose, samples):
-                return why
-    return ""
+    reasons = (
+        _missing(kind, setup, result, name, whose, components, samples)
+        for (name, whose), components in _needed(kind, setup, robot).items()
+    )
+    return next(filter(None, reasons), "")
 
 
-def _whose(kind: Kind, name: str, robot: str) -> tuple[str, ...]:
-    """Return whose signal it is: the robot's, and that of another follower that is subtracted."""
-    others = [one.robot for one in _subjects(kind) if one.robot and one.signal == name]
-    return (robot, *others)
+def _needed(kind: Kind, setup: Setup, robot: str) -> dict[tuple[str, str], set[str]]:
+    """Return whose signals a verdict on a robot needs, and which components; all of them if none is named."""
+    subjects = list(_subjects(kind)) or [Subject(name) for name in sorted(kind.signals(setup.signals))]
+    needed: dict[tuple[str, str], set[str]] = {}
+    for one in subjects:
+        having = setup.signals[one.signal].robots
+        whose = LEADER if having == (LEADER,) else one.robot or robot
+        if whose in having:
+            needed.setdefault((one.signal, whose), set()).update(filter(None, [one.component]))
+    return needed
 
 
-def _missing(kind: Kind, setup: Setup, result: Result, name: str, robot: str, samples: slice) -> str:
+def _missing(
+    kind: Kind, setup: Setup, result: Result, name: str, robot: str, components: Collection[str], samples: slice
+) -> str:
     if name not in result:
         return f"the recording has no {name} of {robot}"
-    for component, course in _courses(kind, setup, result, name, robot).items():
+    for component, course in _courses(kind, setup, result, name, robot, components).items():
         absent = np.isnan(course)
         if not absent[samples].any():
             continue
@@ -97,7 +102,9 @@ def _missing(kind: Kind, setup: Setup, result: Result, name: str, robot: str, sa
     return ""
 
 
-def _courses(kind: Kind, setup: Setup, result: Result, name: str, robot: str) -> Mapping[str, Floats]:
+def _courses(
+    kind: Kind, setup: Setup, result: Result, name: str, robot: str, components: Collection[str]
+) -> Mapping[str, Floats]:
     """Return the numbers of a signal that are needed, by the component's name."""
     values = result[name].values if robot == LEADER else result.of_robot(name, robot)
     if values.ndim == 1:
@@ -107,9 +114,8 @@ def _courses(kind: Kind, setup: Setup, result: Result, name: str, robot: str) ->
     chosen = list(range(len(labels))) if own is None else list(own)
     if kind.of_places:
         chosen = chosen[:2]
-    named = [one.component for one in _subjects(kind) if one.signal == name and one.component in labels]
-    if named:
-        chosen = sorted({labels.index(component) for component in named})
+    if components:
+        chosen = sorted(labels.index(component) for component in components)
     return {labels[column]: values[:, column] for column in chosen}
 
 

@@ -61,7 +61,8 @@ def coordinates_of(outlines: Mapping[str, Outline | None]) -> Coordinates:
     }
     for name, (about, fact, otherwise) in _ABOUT.items():
         table = [[*map(fact, row), *[otherwise] * (parts - len(row))] for row in rows]
-        found[name] = Variable(_PART, np.array(table), {"long_name": about})
+        unit = {} if isinstance(otherwise, str) else {"units": "1"}
+        found[name] = Variable(_PART, np.array(table), unit | {"long_name": about})
     at = np.full((len(rows), parts, 2), np.nan)
     most = max(len(part.corners) for row in rows for part in row)
     corners = np.full((len(rows), parts, most, 2), np.nan)

@@ -57,6 +57,13 @@ def test_frames_follow_speed_and_span(mixed: Result) -> None:
     assert 8 < len(usual.samples) / usual.fps < 16
 
 
+def test_frames_of_a_result_that_lacks_samples_are_at_their_times(mixed: Result) -> None:
+    time = mixed["time"].values
+    thinned = mixed.within(np.r_[0:20, 20 : len(time) : 10])
+    film = film_of(thinned, Options(speed=1.0, fps=5.0))
+    assert thinned["time"].values[film.samples].tolist() == pytest.approx(np.arange(0.0, 2.1, 0.2).tolist())
+
+
 def test_desired_places_are_those_of_the_errors(mixed: Result) -> None:
     desired, leader = desired_points(mixed), mixed["leader_pose"].values[:, np.newaxis, :2]
     assert np.hypot(*np.moveaxis(leader - desired, -1, 0)) == pytest.approx(mixed["desired_range"].values)

@@ -22,6 +22,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
+from lxml.etree import fromstring
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -382,6 +383,56 @@ def test_a_singularity_is_judged_by_what_is_recorded_of_those_who_are_named(
         assert {one.robot: one.judged for one in found} == {robot: robot != other for robot in run.robots}
         only = judged(replace(line, expectations=(replace(regular, robots=(named,)),)), team, rest, no_other)
         assert [(one.robot, one.judged, one.passed) for one in only] == [(named, True, True)]
+
+
+def expecting(line: Scenario, expected: str) -> Scenario:
+    """Return the scenario with one expectation alone."""
+
+    def only(root: Any) -> None:
+        (place,) = root.findall("{*}expect")
+        place[:] = [fromstring(expected.replace(" ", f' xmlns="{NAMESPACE}" ', 1))]
+
+    return line.edited([only])
+
+
+def test_the_leader_less_a_follower_is_judged_by_these_two(run: Result, line: Scenario, tmp_path: Path) -> None:
+    cosim.export_result(run.dataset, tmp_path / "whole.csv")
+    rows = [row.split(",") for row in (tmp_path / "whole.csv").read_text().splitlines()]
+    of_others = [i for i, name in enumerate(rows[0]) if re.match(r"follower_[234]\.velocity", name)]
+    own = rows[0].index("follower_1.velocity.v [m/s]")
+    scenario = expecting(
+        line,
+        '<peak signal="leader_velocity" component="v" minus="velocity" minus_component="v" minus_robot="follower_1" '
+        'below="10 m/s" fails="as is known"/>',
+    )
+    for row in rows[1:]:
+        row[:] = ["" if i in of_others else cell for i, cell in enumerate(row)]
+        (tmp_path / "part.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    (verdict,) = cosim.summary_of(cosim.judge_recording(tmp_path / "part.csv", scenario)).verdicts
+    assert (verdict.robot, verdict.judged, verdict.margin > 0) == ("leader", True, True)
+    for row in rows[21:]:
+        row[own] = ""
+    (tmp_path / "gap.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    (verdict,) = cosim.summary_of(cosim.judge_recording(tmp_path / "gap.csv", scenario)).verdicts
+    assert (verdict.robot, verdict.judged, verdict.known_failure) == ("leader", False, "")
+    assert "v of the velocity of follower_1 at " in verdict.detail
+
+
+def test_a_measured_heading_turns_the_shortest_way(run: Result, line: Scenario, tmp_path: Path) -> None:
+    """As the true one does, though both jump by a turn between two samples."""
+    cosim.export_result(run.dataset, tmp_path / "whole.csv")
+    names, *rows = ([*row.split(",")] for row in (tmp_path / "whole.csv").read_text().splitlines())
+    true, seen = (names.index(f"follower_1.{name}.psi [rad]") for name in ("pose", "measured_pose"))
+    for number, row in enumerate(rows):
+        heading = 3.0 + 0.01 * number  # beyond half a turn from 15 on
+        row[true] = row[seen] = repr(math.remainder(heading, math.tau))
+    (tmp_path / "part.csv").write_text("\n".join(map(",".join, [names, *rows[::3]])) + "\n")
+    scenario = expecting(line, '<peak signal="measured_pose" component="psi" minus="pose" below="1 mrad"/>')
+    judged = cosim.judge_recording(tmp_path / "part.csv", scenario)
+    of_one = (judged[name].sel(robot="follower_1", pose_component="psi") for name in ("pose", "measured_pose"))
+    pose, measured = (course.values[:49] for course in of_one)
+    np.testing.assert_array_equal(measured, pose)
+    np.testing.assert_allclose(np.diff(measured), 0.01, atol=1e-9)
 
 
 def no_other(path: Path) -> Result:
