@@ -6,6 +6,7 @@ With isolate="no" an FMU that crashes, exits or hangs does so to the harness, as
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -129,6 +130,7 @@ FAILS = {
     "fatal_strict": "Fatal",
     "pending": "Pending",
     "illegal": "17",
+    "minus": "-1",
 }
 """Behaviours, and how the status is told."""
 
@@ -136,7 +138,14 @@ FAILS = {
 @pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
 @pytest.mark.parametrize(
     ("behaviour", "fmi"),
-    [("error", "1.0"), ("fatal_strict", "3.0"), ("pending", "2.0"), ("illegal", "2.0")],
+    [
+        ("error", "1.0"),
+        ("fatal_strict", "3.0"),
+        ("pending", "2.0"),
+        ("illegal", "2.0"),
+        ("minus", "2.0"),
+        ("minus", "3.0"),
+    ],
 )
 def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour: str, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour=behaviour, fmi=fmi)
@@ -447,6 +456,21 @@ def test_a_parameter_that_is_refused_in_the_course_of_a_run(make: Make, tmp_path
             sentence = r"the plant bad\.fmu refuses when = -1\.0: the time when = -1 s is negative"
             with pytest.raises(cosim.SimulationError, match=rf"follower_1 at t = 0\.2 s: {sentence}"):
                 cosim.run(path)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=["supervised", "isolated"])
+@pytest.mark.parametrize(("at", "behaviour"), [("0.2", "segfault"), ("0", "segfault"), ("0.2", "hang")])
+def test_a_change_of_parameters_that_ends_the_process(
+    make: Make, tmp_path: Path, nothing_left: None, mode: str, at: str, behaviour: str
+) -> None:
+    """What was recorded up to then is kept, and time and occasion are told."""
+    event = f'<event at="{at} s" robots="follower_1"><parameter name="when" value="9 s"/></event>'
+    fmu = make(behaviour=behaviour, place="change")
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{fmu}" {mode} time_limit="1 s"/>', more=event)
+    sentence = rf"follower_1 at t = {re.escape(at)} s: the plant bad\.fmu did not change its parameters"
+    with pytest.raises(cosim.SimulationError, match=sentence) as caught:
+        cosim.run(path)
+    assert caught.value.recorded.sizes["time"] == round(float(at) / 0.02) + 1
 
 
 # How many processes there are --------------------------------------------------------------------------------

@@ -1,7 +1,6 @@
 """No FMU runs with another FMU's code, nor with the memory of another run, in any order."""
 
 import json
-import math
 import shutil
 import subprocess
 import sys
@@ -181,9 +180,9 @@ def test_an_fmu_that_is_one_binary_needs_no_process_of_its_own(tmp_path: Path) -
     assert json.loads(cosim.run(path).attrs["plants"])["car"]["process"] == where
 
 
-@pytest.mark.parametrize(("stated", "limit"), [("", math.inf), ('time_limit="7 s"', 7.0)])
-def test_it_may_take_as_long_as_in_the_harness(tmp_path: Path, stated: str, limit: float) -> None:
-    """Nobody has asked for a process, and so for no limit."""
+@pytest.mark.parametrize(("stated", "limit"), [("", 60.0), ('time_limit="7 s"', 7.0)])
+def test_it_may_take_as_long_as_in_a_supervised_process(tmp_path: Path, stated: str, limit: float) -> None:
+    """Nobody has asked for a process, and so for no limit that others do not have."""
     fmu = make_fmu(tmp_path)
     with zipfile.ZipFile(fmu, "a") as archive:
         archive.writestr("resources/lib/model.jar", b"")

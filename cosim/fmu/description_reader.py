@@ -32,6 +32,7 @@ _TYPES_1_AND_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
 OPTIONAL = frozenset(
     (
         "initial",
+        "fixed",
         "start",
         "unit",
         "displayUnit",
@@ -105,6 +106,9 @@ def description_of(root: etree._Element, stated: Set[str] = OPTIONAL) -> ModelDe
         states = int(root.attrib["numberOfContinuousStates"])
     elif major == 3:
         states, indicators = _elements(structure.derivatives), _elements(structure.event_indicators)
+    for what, number in (("continuous states", states), ("event indicators", indicators)):
+        if number < 0:
+            raise ValueError(f"the number of {what} is {number}")
     experiment = root.find("DefaultExperiment")
     return ModelDescription(
         fmiVersion=version,
@@ -202,7 +206,7 @@ def _types(root: etree._Element, major: int) -> dict[str | None, SimpleType | No
     """Return the types that variables may declare, by name; no type of no name."""
     types: dict[str | None, SimpleType | None] = {None: None}
     for element in root.iterfind("TypeDefinitions/*"):
-        said = element if major == 3 else element[0]
+        [said, *_] = [element] if major == 3 else element.iterchildren("*")
         items = [
             Item(item.get("name"), str(number) if major == 1 else item.get("value"))
             for number, item in enumerate(said.iterfind("Item"), start=1)
@@ -239,12 +243,14 @@ def _variables_1_and_2(
                 causality = "local"
             if get("alias") == NEGATED:
                 causality = NEGATED
+            if "fixed" in stated and get_value("fixed") == "false":  # its start value is a guess
+                initial = "approx"
         elif initial is None and (initial := _INITIAL.get((variability, causality), "")) == "":
             raise _illegal(element, causality, variability)
         declared = get_value("declaredType") if "declaredType" in stated else None
         variable = Variable(
             name,
-            int(get("valueReference", "")),
+            _reference(get("valueReference", "")),
             kind,
             causality,
             variability,
@@ -278,6 +284,14 @@ def _variables_1_and_2(
     return found, _Structure(unknowns("Outputs"), unknowns("Derivatives"), [], unknowns("InitialUnknowns"), [])
 
 
+def _reference(text: str) -> int:
+    """Return a value reference, which FMI passes as an unsigned number of 32 bits."""
+    reference = int(text)
+    if not 0 <= reference < 1 << 32:
+        raise ValueError(f"the value reference {text} is not within 0 to {(1 << 32) - 1}")
+    return reference
+
+
 def _variables_3(
     root: etree._Element, types: dict[str | None, SimpleType | None], stated: Set[str]
 ) -> tuple[list[Variable], _Structure]:
@@ -301,7 +315,7 @@ def _variables_3(
         declared = get("declaredType") if "declaredType" in stated else None
         variable = Variable(
             name,
-            int(get("valueReference", "")),
+            _reference(get("valueReference", "")),
             kind,
             causality,
             variability,

@@ -43,8 +43,8 @@ class AnyFleet(Protocol):
     def settle(self, tick: int, step: float, found: int) -> None:
         """Keep the messages of a step of `compiled` code, and raise its failures."""
 
-    def change(self, index: int, values: Sequence[Value], time: float) -> None:
-        """Give parameters of a plant other values."""
+    def change(self, index: int, values: Sequence[Value], tick: int, step: float) -> None:
+        """Give parameters of a plant other values, once the tick is recorded."""
 
     def saved(self, time: float) -> FleetState:
         """Return the state of all plants at a communication point [s]."""

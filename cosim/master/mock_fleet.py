@@ -65,9 +65,9 @@ class MockFleet:
     def settle(self, tick: int, step: float, found: int) -> None:
         """Do nothing: no step is compiled."""
 
-    def change(self, index: int, values: Sequence[Value], time: float) -> None:
+    def change(self, index: int, values: Sequence[Value], tick: int, step: float) -> None:
         """Take note of parameters that change."""
-        self.changes.append((time, self._names[index], values))
+        self.changes.append((tick * step, self._names[index], values))
 
     def saved(self, time: float) -> FleetState:
         """Return nothing but the messages: the motion is a function."""

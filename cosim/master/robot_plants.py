@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -180,13 +179,11 @@ def why_own_process(fmu: Fmu) -> str:
 
 
 def _time_limit(fmu: Fmu, source: PlantSource) -> float:
-    """Return the time limit of the scenario; else a default, but none for an FMU that only brings code."""
+    """Return the time limit of the scenario; else a shorter one where a process was asked for, or declared."""
     if source.time_limit is not None:
         return source.time_limit
     declared = source.isolated or fmu.about_interface.canBeInstantiatedOnlyOncePerProcess
-    if declared:
-        return TIME_LIMIT
-    return SUPERVISED_TIME_LIMIT if source.contained and not why_own_process(fmu) else math.inf
+    return TIME_LIMIT if declared else SUPERVISED_TIME_LIMIT
 
 
 def _exchanged(

@@ -247,16 +247,17 @@ class SupervisedRun(Closing):
                 self._nonsense = True
                 self._kill()
         self._recorder.recorded = min(self._tick + 1, self.scenario.ticks + 1)
+        time = max(self._tick, 0) * self.scenario.step  # before the first step none has been recorded
         if signals.received:
-            return interruption(self._tick * self.scenario.step)
+            return interruption(time)
         index = int(self._activity.current[0])
         if 0 <= index < len(self._fleet.members):
             spec = self._fleet.members[index].spec
-            robot, what = spec.robot, f"the plant {spec.file} did not complete the step"
+            robot, what = spec.robot, f"the plant {spec.file} {self._activity.undone}"
         else:
             files = dict.fromkeys(member.spec.file for member in self._fleet.members)
             robot, what = "a plant", f"the process that runs {', '.join(files)} has ended"
-        return Failure(robot, self._tick * self.scenario.step, "", f"{what}{self._how()}{self._last_words()}")
+        return Failure(robot, time, "", f"{what}{self._how()}{self._last_words()}")
 
     def _check_known(self, kind: Told, body: dict[str, Any]) -> None:
         """Raise what nobody foresaw in the process."""
@@ -267,7 +268,7 @@ class SupervisedRun(Closing):
 
     @property
     def _tick(self) -> int:
-        """The tick at which the plants were stepped last; it is recorded if they were stepped."""
+        """The tick at which the plants were stepped or changed last; it is recorded if they were."""
         now, step = self._activity.clock.tolist()
         return round(now / self.scenario.step) if step > 0.0 else self._first - 1
 
@@ -452,7 +453,7 @@ class _Elsewhere:
     def settle(self, tick: int, step: float, found: int) -> None:
         raise NotImplementedError("the plants are in another process")
 
-    def change(self, index: int, values: Sequence[Value], time: float) -> None:
+    def change(self, index: int, values: Sequence[Value], tick: int, step: float) -> None:
         raise NotImplementedError("the plants are in another process")
 
     def saved(self, time: float) -> FleetState:

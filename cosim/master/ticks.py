@@ -136,7 +136,7 @@ class Ticks:
         watch(tick)
         if tick < self._scenario.ticks:
             for row, robot in self._changes.get(tick, ()):
-                self._fleet.change(row, [parameter.as_value for parameter in robot.changes[tick]], tick * step)
+                self._fleet.change(row, [parameter.as_value for parameter in robot.changes[tick]], tick, step)
             self._do(Part.GIVE, tick)
             self._fleet.step(tick, step, self._wiring.given)
             self._do(Part.LEAD, tick)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,20 @@ _SLOT = 4 + MAX_LENGTH + MAX_CATEGORY + 32
 """Bytes of a message and its length."""
 
 
+class Doing(IntEnum):
+    """What a plant's FMU is called for: a step or its start, other parameters, its state."""
+
+    STEP, CHANGE, SAVE = range(3)
+
+
+UNDONE = {
+    Doing.STEP: "did not complete the step",
+    Doing.CHANGE: "did not change its parameters",
+    Doing.SAVE: "did not save its state",
+}
+"""The words of what an FMU has not done that has ended its process meanwhile; the plant is the subject."""
+
+
 class Activity(NamedTuple):
     """What a fleet is about.
 
@@ -26,6 +41,8 @@ class Activity(NamedTuple):
         Communication point and step [s]; the step is zero at the start.
     current : ndarray of int
         The plant whose FMU is called here at the moment; -1 for none.
+    doing : ndarray of int
+        What for, a `Doing`.
     pending : ndarray of int
         Number of messages that its FMUs have logged since they were last asked; see `Log.pending`.
     said : ndarray of uint8
@@ -36,18 +53,24 @@ class Activity(NamedTuple):
 
     clock: NDArray[np.float64]
     current: NDArray[np.int64]
+    doing: NDArray[np.int64]
     pending: NDArray[np.int64]
     said: NDArray[np.uint8]
     logged: NDArray[np.int64]
 
     @contextmanager
-    def of(self, plant: int) -> Iterator[None]:
-        """State that a plant's FMU is called in the block."""
-        self.current[0] = plant
+    def of(self, plant: int, doing: Doing = Doing.STEP) -> Iterator[None]:
+        """State that a plant's FMU is called in the block, and what for."""
+        self.doing[0], self.current[0] = doing, plant
         try:
             yield
         finally:
-            self.current[0] = -1
+            self.doing[0], self.current[0] = Doing.STEP, -1
+
+    @property
+    def undone(self) -> str:
+        """What the FMU that is called has not done, in words."""
+        return UNDONE.get(int(self.doing[0]), UNDONE[Doing.STEP])  # type: ignore[call-overload, no-any-return]
 
     @property
     def last_words(self) -> list[str]:
@@ -83,6 +106,7 @@ def activity(take: Callable[[tuple[int, ...], DTypeLike], NDArray[Any]] = shared
     """Return that of a fleet that has not begun, in arrays that a function makes."""
     made = Activity(
         take((2,), np.float64),
+        take((1,), np.int64),
         take((1,), np.int64),
         take((1,), np.int64),
         take((KEPT_AT_ONCE, _SLOT), np.uint8),

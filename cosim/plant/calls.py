@@ -19,7 +19,7 @@ _CTYPES = {
 }
 
 
-def c_function(*kinds: str) -> Callable[[int, tuple[Any, ...]], int]:
+def c_function(*kinds: str, unsigned: bool = False) -> Callable[[int, tuple[Any, ...]], int]:
     """Return a function ``call(address, arguments)`` that calls a C function which returns an int.
 
     Addresses are passed as 64-bit integers, as all platforms that FMPy supports pass them like pointers, and a C bool
@@ -29,9 +29,11 @@ def c_function(*kinds: str) -> Callable[[int, tuple[Any, ...]], int]:
     ----------
     kinds
         The kinds of its arguments: ``pointer``, ``size``, ``double`` or ``int``; values of just these types are passed.
+    unsigned
+        Whether the int is taken without a sign: of FMI's statuses, one below zero is then none of success.
     """
     if not COMPILED:
-        prototype = ctypes.CFUNCTYPE(ctypes.c_int, *(_CTYPES[kind] for kind in kinds))
+        prototype = ctypes.CFUNCTYPE(ctypes.c_uint if unsigned else ctypes.c_int, *(_CTYPES[kind] for kind in kinds))
 
         @cache
         def function(address: int) -> Callable[..., int]:
@@ -52,6 +54,6 @@ def c_function(*kinds: str) -> Callable[[int, tuple[Any, ...]], int]:
             pointer = builder.inttoptr(values[0], function.as_pointer())
             return builder.call(pointer, [builder.extract_value(values[1], i) for i in range(len(kinds))])
 
-        return types.int32(types.int64, arguments), generate
+        return (types.uint32 if unsigned else types.int32)(types.int64, arguments), generate
 
     return call  # type: ignore[return-value]

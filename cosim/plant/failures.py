@@ -47,6 +47,6 @@ class NoInstance(PlantError):
 
 def failure(what: int, status: int, said: str) -> str:
     """Return the words of a failure, with the status of the FMI call and the FMU's messages."""
-    name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+    name = STATUS[status] if status < len(STATUS) else str(status if status < 1 << 31 else status - (1 << 32))
     text = FAILURES[what] + (f" (status {name})" if status > WARNING else "")
     return f"{text}: {said}" if said else text

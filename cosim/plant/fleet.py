@@ -264,21 +264,22 @@ class Fleet:
             out[done] = self._state
             done += 1
 
-    def change(self, index: int, values: Sequence[Value], time: float) -> None:
-        """Give parameters of a plant other values at a communication point [s].
+    def change(self, index: int, values: Sequence[Value], tick: int, step: float) -> None:
+        """Give parameters of a plant other values at a communication point, which is recorded.
 
         Raises
         ------
         SimulationError
             The FMU refuses a value: its own messages.
         """
+        self._clock[:] = tick * step, step  # for whoever looks on
         try:
             if self.members[index].isolated:
                 self._elsewhere.change(index, values)
             else:
                 self._local.change(index, values)
         except PlantError as error:
-            raise SimulationError(*self._failures({index: str(error)}, time)) from None
+            raise SimulationError(*self._failures({index: str(error)}, tick * step)) from None
 
     def saved(self, time: float) -> FleetState:
         """Return the state of all plants at a communication point [s], with what they have logged so far.

@@ -430,7 +430,7 @@ class Instance:
         numbers = (self.spec.states, self.spec.event_indicators)
         if self._version == 3:
             numbers = (self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators())
-        if max(numbers) > _MAX_STATES:
+        if min(numbers) < 0 or max(numbers) > _MAX_STATES:
             raise PlantError(f"it reports {numbers[0]} continuous states and {numbers[1]} event indicators")
         return numbers
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import Picklable
-from cosim.plant.activity import Activity
+from cosim.plant.activity import Activity, Doing
 from cosim.plant.failures import FINE, PlantError
 from cosim.plant.fleet_step import FleetArrays, advance_all
 from cosim.plant.instance import Instance
@@ -125,7 +125,7 @@ class LocalPlants:
             The FMU refuses a value.
         """
         plant = self.stepwise.get(index) or self._instances[index]
-        with self._activity.of(index):
+        with self._activity.of(index, Doing.CHANGE):
             plant.change(values)
         if isinstance(plant, Instance):
             self.rows.rows["next_event"][index] = plant.next_event
@@ -139,7 +139,7 @@ class LocalPlants:
             The FMU does not return it.
         """
         row, inputs, outputs = self.rows.rows[index], self.rows.inputs_of(index), self.rows.outputs_of(index)
-        with self._activity.of(index):
+        with self._activity.of(index, Doing.SAVE):
             if (plant := self.stepwise.get(index)) is not None:
                 return plant.saved(inputs, outputs)
             fmu = self._instances[index].saved()

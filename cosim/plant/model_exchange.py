@@ -39,14 +39,14 @@ _SMALLEST_PART = 1e-9
 _STAGE_TIME = (0.0, 0.5, 0.5, 1.0)
 _STAGE_WEIGHT = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 
-_plain = c_function("pointer")
-_at_time = c_function("pointer", "double")
-_vector = c_function("pointer", "pointer", "size")
-_completed_1 = c_function("pointer", "pointer")
-_completed = c_function("pointer", "int", "pointer", "pointer")
-_update_3 = c_function("pointer", "pointer", "pointer", "pointer", "pointer", "pointer", "pointer")
-_update_2 = c_function("pointer", "pointer")
-_update_1 = c_function("pointer", "int", "pointer")
+_plain = c_function("pointer", unsigned=True)
+_at_time = c_function("pointer", "double", unsigned=True)
+_vector = c_function("pointer", "pointer", "size", unsigned=True)
+_completed_1 = c_function("pointer", "pointer", unsigned=True)
+_completed = c_function("pointer", "int", "pointer", "pointer", unsigned=True)
+_update_3 = c_function("pointer", "pointer", "pointer", "pointer", "pointer", "pointer", "pointer", unsigned=True)
+_update_2 = c_function("pointer", "pointer", unsigned=True)
+_update_1 = c_function("pointer", "int", "pointer", unsigned=True)
 
 
 def work_size(states: int, indicators: int) -> int:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import printable
+from cosim.plant.activity import UNDONE, Doing
 from cosim.plant.bells import BELL, BY_PIPE, STEP, Heard, board, board_size, core_now, fill, sleep_until, watch
 from cosim.plant.companion import Companion
 from cosim.plant.failures import NoInstance, PlantError
@@ -199,7 +200,7 @@ class PlantProcess(Companion):
             The FMU refuses a value, or the process ended.
         """
         self._ask(Request.CHANGE, [index, [asdict(value) for value in values]])
-        self._receive("did not change its parameters")
+        self._receive(UNDONE[Doing.CHANGE])
 
     def saved(self, index: int) -> PlantState:
         """Return the state of a plant at a communication point.
@@ -209,7 +210,7 @@ class PlantProcess(Companion):
         PlantError
             The FMU does not return it, or the process ended.
         """
-        failed = "did not save its state"
+        failed = UNDONE[Doing.SAVE]
         self._ask(Request.SAVE, [index])
         told = self._receive(failed)
         with self.sense(failed):

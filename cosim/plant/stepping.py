@@ -45,10 +45,10 @@ ROW = np.dtype(
     ]
 )
 
-_exchange = c_function("pointer", "pointer", "size", "pointer")
-_exchange_3 = c_function("pointer", "pointer", "size", "pointer", "size")
-_do_step = c_function("pointer", "double", "double", "int")
-_do_step_3 = c_function("pointer", "double", "double", "int", "pointer", "pointer", "pointer", "pointer")
+_exchange = c_function("pointer", "pointer", "size", "pointer", unsigned=True)
+_exchange_3 = c_function("pointer", "pointer", "size", "pointer", "size", unsigned=True)
+_do_step = c_function("pointer", "double", "double", "int", unsigned=True)
+_do_step_3 = c_function("pointer", "double", "double", "int", "pointer", "pointer", "pointer", "pointer", unsigned=True)
 
 _SMALLEST_PART = 1e-9
 """Part of a communication step; a rest below it after an early return counts as done."""

@@ -211,3 +211,54 @@ def test_value_references_before_fmi_3_are_counted_by_base_type() -> None:
     read = description_of(etree.fromstring(text.encode(), PARSER))
     identity = {variable.name: variable.identity for variable in read.modelVariables}
     assert identity["gear"] == identity["direction"] != identity["note"]
+
+
+@pytest.mark.parametrize(
+    ("fmi", "old", "new", "sentence"),
+    [
+        (
+            "2.0",
+            'numberOfEventIndicators="2"',
+            'numberOfEventIndicators="-12"',
+            "the number of event indicators is -12",
+        ),
+        (
+            "1.0",
+            'numberOfContinuousStates="6"',
+            'numberOfContinuousStates="-6"',
+            "the number of continuous states is -6",
+        ),
+        ("2.0", 'valueReference="2"', 'valueReference="-1"', "the value reference -1 is not within 0 to 4294967295"),
+        ("3.0", 'valueReference="2"', 'valueReference="4294967298"', "the value reference 4294967298 is not within"),
+    ],
+)
+def test_numbers_that_c_does_not_take(fmi: str, old: str, new: str, sentence: str) -> None:
+    text = description(Options(fmi=fmi, interface="model_exchange", end_stop=0.3))
+    assert old in text
+    with pytest.raises(ValueError, match=sentence):
+        description_of(etree.fromstring(text.replace(old, new).encode(), PARSER))
+
+
+@pytest.mark.parametrize("fmi", ["1.0", "2.0"])
+def test_a_comment_within_a_type_changes_nothing(fmi: str) -> None:
+    tag, kind = ("Type", "RealType") if fmi == "1.0" else ("SimpleType", "Real")
+    inner = f'<{kind} unit="m" min="1" max="2"/>'
+    of = f'<fmiModelDescription fmiVersion="{fmi}" numberOfContinuousStates="0" modelIdentifier="a"><TypeDefinitions>'
+    rest = """</TypeDefinitions><ModelVariables>
+  <ScalarVariable name="a" valueReference="1"><Real declaredType="Length"/></ScalarVariable>
+</ModelVariables></fmiModelDescription>"""
+    (variable,) = description_of(
+        etree.fromstring(f'{of}<{tag} name="Length"><!-- in m -->{inner}</{tag}>{rest}', PARSER)
+    ).modelVariables
+    assert variable.declaredType is not None
+    assert (variable.declaredType.unit, variable.declaredType.min, variable.declaredType.max) == ("m", "1", "2")
+
+
+def test_a_start_value_of_fmi_1_may_be_a_guess() -> None:
+    text = """<fmiModelDescription fmiVersion="1.0" numberOfContinuousStates="0" modelIdentifier="a"><ModelVariables>
+  <ScalarVariable name="a" valueReference="1"><Real start="1" fixed="false"/></ScalarVariable>
+  <ScalarVariable name="b" valueReference="2"><Real start="1" fixed="true"/></ScalarVariable>
+  <ScalarVariable name="c" valueReference="3"><Real start="1"/></ScalarVariable>
+</ModelVariables></fmiModelDescription>"""
+    found = description_of(etree.fromstring(text, PARSER)).modelVariables
+    assert [variable.initial for variable in found] == ["approx", None, None]

@@ -147,7 +147,7 @@ fmi1Status FMI(fmiDoStep)(fmi1Component c, fmi1Real time, fmi1Real h, fmi1Boolea
     REQUIRE("fmiDoStep", 1 << STEP_MODE);
     (void)new_step;
     const Status status = begin_step(s, time, h);
-    if (status >= DISCARD) return (fmi1Status)status;
+    if ((unsigned)status >= DISCARD) return (fmi1Status)status;
     if (s->car.terminated) {
         say(s, DISCARD, "it asks for the end of the simulation at t = %g s", time);
         return fmi1Discard;

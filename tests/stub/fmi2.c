@@ -290,7 +290,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real h, fmi2Boolean no
     REQUIRE(1 << STEP_MODE);
     (void)no_set_before;
     const Status status = begin_step(s, time, h);
-    if (status >= DISCARD) return (fmi2Status)status;
+    if ((unsigned)status >= DISCARD) return (fmi2Status)status;
     if (s->car.terminated) {
         say(s, DISCARD, "it asks for the end of the simulation at t = %g s", time);
         return fmi2Discard;

@@ -546,7 +546,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 h, fmi3Boole
     (void)no_set_before;
     *last_successful_time = time;
     const Status status = begin_step(s, time, h);
-    if (status >= DISCARD) return (fmi3Status)status;
+    if ((unsigned)status >= DISCARD) return (fmi3Status)status;
     if (car->terminated) {
         *terminate = true;
         return (fmi3Status)status;

@@ -52,7 +52,7 @@ enum {
     FILLER = 1000    /* and all above: parameters that do nothing */
 };
 
-typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING, ILLEGAL = 17 } Status;
+typedef enum { MINUS = -1, OK, WARNING, DISCARD, ERROR, FATAL, PENDING, ILLEGAL = 17 } Status;
 
 typedef enum { CREATED, INITIALIZATION, STEP_MODE, EVENT_MODE, CONTINUOUS_TIME, TERMINATED } Mode;
 
@@ -273,7 +273,7 @@ static inline Status act(Stub *s, const char *place)
 {
     static const struct { const char *name; Status status; } returned[] = {
         {"warning", WARNING}, {"discard", DISCARD}, {"error", ERROR}, {"silent", ERROR}, {"fatal", FATAL},
-        {"fatal_strict", FATAL}, {"pending", PENDING}, {"illegal", ILLEGAL},
+        {"fatal_strict", FATAL}, {"pending", PENDING}, {"illegal", ILLEGAL}, {"minus", MINUS},
     };
     Car *const car = &s->car;
     if (s->nothing || strcmp(s->place, place) != 0) return OK;
@@ -741,6 +741,7 @@ static inline Status set_real(Stub *s, unsigned reference, const double *value)
             return ERROR;
         }
         car->when = *value;
+        return before ? OK : act(s, "change");
     } else if (before && reference < STATES && (!s->start_parameters || reference >= V)) {
         car->state[reference] = taken(s, (int)reference, *value);
     } else if (before && reference == POSE && !s->start_parameters) {
