@@ -775,6 +775,16 @@ def test_two_commands_in_one_folder(left: Path, built_in: Path, capsys: pytest.C
     assert load(left / "result.nc").sizes["time"] == 25
 
 
+def test_what_a_killed_writer_has_left_goes_with_the_next_command(tmp_path: Path) -> None:
+    folder = tmp_path / FOLDER
+    folder.mkdir()
+    (folder / ".0000000007.checkpoint.partial").write_bytes(b"half")
+    with HeldFolder(folder):
+        assert [path.name for path in folder.iterdir()] == ["lock"]
+        (folder / ".0000000008.checkpoint.partial").write_bytes(b"half")
+    assert not folder.exists()
+
+
 def test_a_full_disk_costs_no_run(
     built_in: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,6 +24,8 @@ from cosim.errors import InputError, OutputError
 from cosim.storage import forget, write_all
 
 MAGIC = b"formation checkpoint 1\n"
+PARTIAL = ".partial"
+"""How the name of a file ends that is being written."""
 _FAMILY = b"formation checkpoint "
 _MOST_FACTS = 256 * 1024**2
 _TYPES = ("<f8", "<i8", "<u8", "|u1")
@@ -42,7 +44,7 @@ def write_checkpoint(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, 
     """
     listed = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
     about = json.dumps({**facts, "arrays": listed}).encode()
-    partial = path.with_name(f".{path.name}.partial")
+    partial = path.with_name(f".{path.name}{PARTIAL}")
     try:
         try:
             with partial.open("wb", buffering=0) as file:

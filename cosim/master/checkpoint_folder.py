@@ -11,6 +11,7 @@ from cosim.closing import Closing
 from cosim.errors import InputError, OutputError
 from cosim.file_lock import lock
 from cosim.master.checkpoint import Checkpoint
+from cosim.master.checkpoint_file import PARTIAL
 
 FOLDER = "checkpoints"
 """Its name in the folder of a run."""
@@ -101,11 +102,19 @@ class HeldFolder(Closing):
         except BaseException:
             self._file.close()
             raise
+        self._clear()
 
     def close(self) -> None:
         """Let other commands write to it."""
+        self._clear()
         if not ticks_in(self.path):
             with suppress(OSError):
                 (self.path / _LOCK).unlink()
                 self.path.rmdir()
         self._file.close()
+
+    def _clear(self) -> None:
+        """Remove what a process has left that was killed while it wrote a checkpoint."""
+        for path in self.path.glob(f".*.checkpoint{PARTIAL}"):
+            with suppress(OSError):
+                path.unlink()

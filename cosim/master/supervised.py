@@ -332,13 +332,14 @@ class SupervisedRun(Closing):
                 return None
             look()
             self._watch()
-            if select.select([self._tells], [], [], _LOOK)[0]:
+            ended = self._status is not None or not _lives(self._pid)  # then its last words are in the pipe
+            if select.select([self._tells], [], [], 0.0 if ended else _LOOK)[0]:
                 part = os.read(self._tells, 65536)
                 self._buffer += part
                 if not part:
                     self._kill()
                     return None
-            elif self._status is not None or not _lives(self._pid):  # and what it has left behind holds the pipe
+            elif ended:  # and what it has left behind holds the pipe
                 self._kill()
                 return None
 
